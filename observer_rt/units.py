@@ -1,0 +1,13 @@
+"""Factors between SI (inside) and the units of screens, plots, buses and CSV files.
+
+`value_si = value_shown * FACTOR`.
+"""
+
+MEGAPASCAL = 1e6  # Pa
+MILLIMETRE = 1e-3  # m
+MICROMETRE = 1e-6  # m
+MILLISECOND = 1e-3  # s
+MICROSECOND = 1e-6  # s
+MM3_PER_MS = 1e-6  # m3/s
+CUBIC_MILLIMETRE = 1e-9  # m3
+MILLIGRAM = 1e-6  # kg

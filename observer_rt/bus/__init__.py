@@ -1,0 +1,1 @@
+"""CAN: databases, compiled codec, end-to-end protection, alignment, links."""

@@ -1,0 +1,1 @@
+"""Package data: nominal injector, example bench, bus databases."""

@@ -1,0 +1,1 @@
+"""The estimation engine: predictor, sensitivities, information, minimiser. Pure."""

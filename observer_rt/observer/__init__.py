@@ -1,0 +1,1 @@
+"""The observer pair, its network, its learning and the published rate. Pure."""

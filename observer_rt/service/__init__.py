@@ -1,0 +1,1 @@
+"""The daemon: core on frames, loop, states, persistence."""

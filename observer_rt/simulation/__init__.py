@@ -1,0 +1,1 @@
+"""Simulated injections: needle motion and recordings of healthy or worn injectors."""

@@ -1,0 +1,69 @@
+"""The normalised coefficients of (25), from physical parameters."""
+
+import math
+from typing import NamedTuple
+
+from observer_rt.model.laws import seat_area
+from observer_rt.model.parameters import InjectorParameters, LineOutflow
+
+TRANSITION_PRESSURE = 0.5e6  # Pa, below which the orifice laws turn linear
+
+
+class Coefficients(NamedTuple):
+    """What the compiled right-hand side needs; rates in 1/s for states normalised by (24).
+
+    The line is drained by `a2_nozzle` q_H + `a2_seat` q_S: one of them is 0 (`line_outflow`).
+    """
+
+    a1: float  # line inflow
+    a2_nozzle: float  # line drained by the nozzle flow, the paper's a2
+    a2_seat: float  # line drained by the seat flow, the mass-conserving form
+    a3: float  # line inertia
+    a4: float  # line friction
+    a5: float  # sac filled through the seat
+    a6: float  # sac drained through the nozzle
+    transition: float  # of the orifice laws, in units of p_0
+    nozzle_flow: float  # Q_H = nozzle_flow * root(x3), m3/s
+    pressure_scale: float  # p_0, Pa
+    flow_scale: float  # Q_0, m3/s
+    area_scale: float  # A_0, m2
+    chamber_pressure: float  # p_C, Pa
+    seat_diameter: float  # d_S, m
+    half_cone_angle: float  # rad
+    density: float  # rho_C, kg/m3, turns injected volume into mass
+
+
+def coefficients(parameters: InjectorParameters) -> Coefficients:
+    """Coefficients a1..a6 of (25) and the scalings of (24) for an injector."""
+    fluid, line, seat, nozzle = parameters.fluid, parameters.line, parameters.seat, parameters.nozzle
+    p_0, q_0, area_0 = parameters.scaling.pressure, parameters.scaling.flow, parameters.scaling.area
+    line_stiffness = fluid.bulk_modulus_line / line.volume / p_0  # K_L/(V_L p_0), 1/m3
+    sac_stiffness = fluid.bulk_modulus_sac / nozzle.sac_volume / p_0  # K_C/(V_S p_0), 1/m3
+    velocity = math.sqrt(2 * p_0 / fluid.density_nozzle)  # of a jet at p_0, m/s
+    nozzle_flow = nozzle.flow_coefficient * nozzle.area * velocity
+    seat_flow = seat.flow_coefficient * area_0 * velocity
+    drained_by_nozzle = parameters.line_outflow is LineOutflow.NOZZLE
+    return Coefficients(
+        a1=line_stiffness * q_0,
+        a2_nozzle=line_stiffness * nozzle_flow if drained_by_nozzle else 0.0,
+        a2_seat=0.0 if drained_by_nozzle else line_stiffness * seat_flow,
+        a3=line.area * p_0 / (fluid.density_line * line.length * q_0),
+        a4=line.loss_factor * q_0 / (2 * line.area * line.length),
+        a5=sac_stiffness * seat_flow,
+        a6=sac_stiffness * nozzle_flow,
+        transition=TRANSITION_PRESSURE / p_0,
+        nozzle_flow=nozzle_flow,
+        pressure_scale=p_0,
+        flow_scale=q_0,
+        area_scale=area_0,
+        chamber_pressure=parameters.chamber.pressure,
+        seat_diameter=seat.diameter,
+        half_cone_angle=math.radians(seat.cone_angle / 2),
+        density=fluid.density_nozzle,
+    )
+
+
+def full_lift_area(parameters: InjectorParameters) -> float:
+    """Seat area A_S at the needle's stop [m2]."""
+    seat = parameters.seat
+    return float(seat_area(seat.max_lift, seat.diameter, math.radians(seat.cone_angle / 2)))

@@ -1,0 +1,69 @@
+"""Classical Runge-Kutta of fourth order, with inputs linear between samples."""
+
+from numba import njit
+
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.network import Network
+from observer_rt.model.right_hand_side import right_hand_side
+
+
+@njit(cache=True, nogil=True)
+def between(u_start: tuple[float, float], u_end: tuple[float, float], share: float) -> tuple[float, float]:
+    """Inputs at a share (0..1) of the way between two samples."""
+    return u_start[0] + share * (u_end[0] - u_start[0]), u_start[1] + share * (u_end[1] - u_start[1])
+
+
+@njit(cache=True, nogil=True)
+def along(
+    x: tuple[float, float, float], step: float, rate: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """x + step * rate."""
+    return x[0] + step * rate[0], x[1] + step * rate[1], x[2] + step * rate[2]
+
+
+@njit(cache=True, nogil=True)
+def runge_kutta_step(
+    x: tuple[float, float, float],
+    u_start: tuple[float, float],
+    u_mid: tuple[float, float],
+    u_end: tuple[float, float],
+    step: float,
+    c: Coefficients,
+    network: Network,
+) -> tuple[float, float, float]:
+    """One RK4 step of length `step` [s]; fourth order for inputs sampled at its start, middle and end."""
+    k1 = right_hand_side(x, u_start, c, network)
+    k2 = right_hand_side(along(x, 0.5 * step, k1), u_mid, c, network)
+    k3 = right_hand_side(along(x, 0.5 * step, k2), u_mid, c, network)
+    k4 = right_hand_side(along(x, step, k3), u_end, c, network)
+    sixth = step / 6.0
+    return (
+        x[0] + sixth * (k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0]),
+        x[1] + sixth * (k1[1] + 2.0 * (k2[1] + k3[1]) + k4[1]),
+        x[2] + sixth * (k1[2] + 2.0 * (k2[2] + k3[2]) + k4[2]),
+    )
+
+
+@njit(cache=True, nogil=True)
+def advance(
+    x: tuple[float, float, float],
+    u_start: tuple[float, float],
+    u_end: tuple[float, float],
+    interval: float,
+    substeps: int,
+    c: Coefficients,
+    network: Network,
+) -> tuple[float, float, float]:
+    """State one sample interval [s] later, in `substeps` RK4 steps, inputs linear from u_start to u_end."""
+    step = interval / substeps
+    for i in range(substeps):
+        x = runge_kutta_step(
+            x,
+            between(u_start, u_end, i / substeps),
+            between(u_start, u_end, (i + 0.5) / substeps),
+            between(u_start, u_end, (i + 1.0) / substeps),
+            step,
+            c,
+            network,
+        )
+    return x

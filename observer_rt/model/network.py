@@ -1,0 +1,69 @@
+"""The network part of phi: N = W tanh(V z) + b, the relative change of nozzle and seat flow."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+HIDDEN = 5  # q, hidden neurons
+ARGUMENTS = 6  # z = [x1 x2 x3 u1 u2 1]
+OUTPUTS = 2  # N_H (nozzle), N_S (seat)
+
+# Rows of the hidden layer: three look at the sac pressure, two at the seat area, each where it bends most
+# over the working range. They stay fixed: training V gains nothing.
+_HIDDEN_LAYER = (
+    (0.0, 0.0, 2.5, 0.0, 0.0, -0.75),
+    (0.0, 0.0, 2.5, 0.0, 0.0, -2.25),
+    (0.0, 0.0, 10.0, 0.0, 0.0, -1.0),
+    (0.0, 0.0, 0.0, 0.0, 4.0, -1.0),
+    (0.0, 0.0, 0.0, 0.0, 4.0, -3.2),
+)
+
+
+class Network(NamedTuple):
+    """Weights of (7): `hidden` V (q, 6), `output` W (2, q), `bias` b (2,)."""
+
+    hidden: NDArray[np.float64]
+    output: NDArray[np.float64]
+    bias: NDArray[np.float64]
+
+
+def zero_network() -> Network:
+    """The network at start: q = 5 hidden neurons, zero output."""
+    return Network(np.array(_HIDDEN_LAYER), np.zeros((OUTPUTS, HIDDEN)), np.zeros(OUTPUTS))
+
+
+def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
+    """No hidden neurons: flows changed by the constant factors 1 + v_H and 1 + v_S of (27)."""
+    return Network(np.zeros((0, ARGUMENTS)), np.zeros((OUTPUTS, 0)), np.array([nozzle, seat]))
+
+
+@njit(cache=True, nogil=True)
+def activation(
+    x: tuple[float, float, float], u: tuple[float, float], hidden: NDArray[np.float64], neuron: int
+) -> float:
+    """Output sigma_i = tanh(v_i z) of one hidden neuron (9)."""
+    return math.tanh(
+        hidden[neuron, 0] * x[0]
+        + hidden[neuron, 1] * x[1]
+        + hidden[neuron, 2] * x[2]
+        + hidden[neuron, 3] * u[0]
+        + hidden[neuron, 4] * u[1]
+        + hidden[neuron, 5]
+    )
+
+
+@njit(cache=True, nogil=True)
+def flow_changes(
+    x: tuple[float, float, float], u: tuple[float, float], network: Network
+) -> tuple[float, float]:
+    """(N_H, N_S) = W tanh(V z) + b (7), with z = [x u 1]; relative changes of Q_H and Q_S."""
+    nozzle = network.bias[0]
+    seat = network.bias[1]
+    for neuron in range(network.hidden.shape[0]):
+        sigma = activation(x, u, network.hidden, neuron)
+        nozzle += network.output[0, neuron] * sigma
+        seat += network.output[1, neuron] * sigma
+    return nozzle, seat

@@ -1,0 +1,99 @@
+"""The parameters of an injector, as in `injector.toml`: SI units, validated, immutable."""
+
+import math
+from enum import StrEnum
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class LineOutflow(StrEnum):
+    """Which flow drains the line in (20): the paper's Q_H, or Q_S as mass conservation says."""
+
+    NOZZLE = "nozzle"
+    SEAT = "seat"
+
+
+class LineModel(StrEnum):
+    """How the feed line is modelled; one lump is (19)-(20)."""
+
+    LUMP = "lump"
+
+
+class Fluid(_Section):
+    density_line: Positive  # rho_L, kg/m3
+    density_nozzle: Positive  # rho_C, kg/m3
+    bulk_modulus_line: Positive  # K_L, Pa
+    bulk_modulus_sac: Positive  # K_C, Pa
+    vapour_pressure: NonNegative  # p_v, Pa
+
+
+class Line(_Section):
+    length: Positive  # L_L, m
+    diameter: Positive  # m
+    volume: Positive  # V_L, m3
+    loss_factor: NonNegative  # xi, -
+    model: LineModel = LineModel.LUMP
+
+    @property
+    def area(self) -> float:
+        """Cross-section A_L, m2."""
+        return math.pi / 4 * self.diameter**2
+
+
+class Seat(_Section):
+    flow_coefficient: Positive  # alpha_S, -
+    diameter: Positive  # d_S, m
+    cone_angle: Annotated[float, Field(gt=0, lt=180)]  # full angle, deg
+    max_lift: Positive  # m
+
+
+class Nozzle(_Section):
+    flow_coefficient: Positive  # alpha_H, -
+    holes: Annotated[int, Field(ge=1)]
+    hole_diameter: Positive  # m
+    sac_volume: Positive  # V_S, m3
+
+    @property
+    def area(self) -> float:
+        """Cross-section of all holes A_H, m2."""
+        return self.holes * math.pi / 4 * self.hole_diameter**2
+
+
+class Chamber(_Section):
+    pressure: NonNegative  # p_C, Pa
+
+
+class Scaling(_Section):
+    pressure: Positive = 1.0e8  # p_0, Pa
+    flow: Positive = 6.0e-5  # Q_0, m3/s
+    area: Positive = 7.0e-7  # A_0, m2
+
+
+class Needle(_Section):
+    """Energizing time -> lift, for simulation only."""
+
+    opening_delay: NonNegative  # s
+    opening_speed: Positive  # m/s at 100 MPa, ~ rail pressure ^ 0.4
+    closing_delay: NonNegative  # s
+    closing_speed: Positive  # m/s at 100 MPa, ~ rail pressure ^ 0.3
+
+
+class InjectorParameters(_Section):
+    """Everything the model knows of one injector and its line (SI units)."""
+
+    line_outflow: LineOutflow = LineOutflow.NOZZLE
+    fluid: Fluid
+    line: Line
+    seat: Seat
+    nozzle: Nozzle
+    chamber: Chamber
+    scaling: Scaling = Scaling()
+    needle: Needle

@@ -1,0 +1,74 @@
+"""The state equations (25) with phi, for every sign of flow and a closed needle."""
+
+import math
+
+from numba import njit
+
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.laws import root
+from observer_rt.model.network import Network, flow_changes
+
+
+@njit(cache=True, nogil=True)
+def model_flows(
+    x: tuple[float, float, float], u: tuple[float, float], c: Coefficients
+) -> tuple[float, float]:
+    """Normalised flows of the model alone: q_H of (23) through the nozzle, q_S of (21) through the seat."""
+    return root(x[2], c.transition), u[1] * root(x[0] - x[2], c.transition)
+
+
+@njit(cache=True, nogil=True)
+def is_at_rest(x: tuple[float, float, float], u: tuple[float, float]) -> bool:
+    """Needle shut and sac at chamber pressure: no flow, so phi vanishes whatever the network says."""
+    return u[1] == 0.0 and x[2] == 0.0
+
+
+@njit(cache=True, nogil=True)
+def right_hand_side(
+    x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
+) -> tuple[float, float, float]:
+    """x' = f(x, u) + phi(x, u) of (25)-(26) [1/s].
+
+    x = [p_L, Q_L, p_S], u = [p_R, A_S], normalised by (24). phi = G(x, u) N with G the nozzle and seat flows:
+    the network changes q_H and q_S by the factors 1 + N_H and 1 + N_S.
+    """
+    line_flow_rate = c.a3 * (u[0] - x[0]) - c.a4 * x[1] * math.fabs(x[1])
+    if is_at_rest(x, u):
+        return c.a1 * x[1], line_flow_rate, 0.0
+    nozzle_flow, seat_flow = model_flows(x, u, c)
+    nozzle_change, seat_change = flow_changes(x, u, network)
+    q_h = nozzle_flow * (1.0 + nozzle_change)
+    q_s = seat_flow * (1.0 + seat_change)
+    return (
+        c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s,
+        line_flow_rate,
+        c.a5 * q_s - c.a6 * q_h,
+    )
+
+
+@njit(cache=True, nogil=True)
+def fault(
+    x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
+) -> tuple[float, float, float]:
+    """phi(x, u) = G(x, u) N of (2), (27), its three rows [1/s]."""
+    nozzle_flow, seat_flow = model_flows(x, u, c)
+    nozzle_change, seat_change = flow_changes(x, u, network)
+    d_q_h = nozzle_flow * nozzle_change
+    d_q_s = seat_flow * seat_change
+    return -c.a2_nozzle * d_q_h - c.a2_seat * d_q_s, 0.0, c.a5 * d_q_s - c.a6 * d_q_h
+
+
+@njit(cache=True, nogil=True)
+def injection_rate(
+    x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
+) -> float:
+    """Injection rate Q_H^ [m3/s]: the model's nozzle flow plus what phi says of it.
+
+    Nozzle form: Q_H,model - (V_L p0/K_L) phi_1; seat form: Q_H,model - (V_S p0/K_C) phi_3 - (V_L p0/K_L) phi_1.
+    Both balances give Q_H,model (1 + N_H) when phi = G N, which is what is computed.
+    """
+    if is_at_rest(x, u):
+        return 0.0
+    nozzle_flow, _ = model_flows(x, u, c)
+    nozzle_change, _ = flow_changes(x, u, network)
+    return c.nozzle_flow * nozzle_flow * (1.0 + nozzle_change)

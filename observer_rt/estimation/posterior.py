@@ -1,0 +1,37 @@
+"""A Gaussian belief about the parameters, carried from event to event."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Mean (m,) and covariance (m, m) of theta."""
+
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+    @property
+    def sigma(self) -> NDArray[np.float64]:
+        """Standard deviations (m,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def drifted(self, drift: NDArray[np.float64]) -> "Belief":
+        """The belief one event later, when each parameter may have moved by `drift` (m,) (one sigma)."""
+        return Belief(self.mean, self.covariance + np.diag(drift**2))
+
+    def information(self) -> NDArray[np.float64]:
+        """Inverse covariance (m, m). Raises numpy.linalg.LinAlgError when singular."""
+        return np.linalg.inv(self.covariance)
+
+
+def belief_from_information(mean: NDArray[np.float64], information: NDArray[np.float64]) -> Belief:
+    """Belief with the inverse covariance `information` (m, m), symmetrised.
+
+    Raises numpy.linalg.LinAlgError when it is singular or not positive definite.
+    """
+    np.linalg.cholesky(information)
+    covariance = np.linalg.inv(information)
+    return Belief(mean, 0.5 * (covariance + covariance.T))

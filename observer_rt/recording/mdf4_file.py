@@ -1,0 +1,124 @@
+"""Recordings as MDF4, ASAM's measurement file: one channel per signal, units read from the channel."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from asammdf import MDF, Signal
+from asammdf.blocks.utils import MdfException
+from asammdf.blocks.v4_blocks import FileHistory
+from numpy.typing import NDArray
+
+from observer_rt.errors import UserError
+from observer_rt.recording.names import nearest_name
+from observer_rt.recording.recording import Recording
+from observer_rt.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROMETRE, MILLIMETRE, MM3_PER_MS
+
+KILOPASCAL = 1e3  # Pa
+BAR = 1e5  # Pa
+
+PRESSURE_UNITS = {"Pa": 1.0, "kPa": KILOPASCAL, "MPa": MEGAPASCAL, "bar": BAR}
+LENGTH_UNITS = {"m": 1.0, "mm": MILLIMETRE, "um": MICROMETRE, "µm": MICROMETRE, "μm": MICROMETRE}
+RATE_UNITS = {
+    "m3/s": 1.0,
+    "mm3/ms": MM3_PER_MS,
+    "mm3/s": CUBIC_MILLIMETRE,
+    "m³/s": 1.0,
+    "mm³/ms": MM3_PER_MS,
+    "mm³/s": CUBIC_MILLIMETRE,
+}
+UNITS = {
+    "rail_pressure": PRESSURE_UNITS,
+    "needle_lift": LENGTH_UNITS,
+    "line_pressure": PRESSURE_UNITS,
+    "injection_rate": RATE_UNITS,
+}
+REQUIRED = ("rail_pressure", "needle_lift", "line_pressure")
+SI_UNITS = {"rail_pressure": "Pa", "needle_lift": "m", "line_pressure": "Pa", "injection_rate": "m3/s"}
+NO_DATE = datetime.fromtimestamp(0, UTC)
+
+
+def read_mdf4(path: Path) -> Recording:
+    """Read a recording; channels beyond the recording's own are ignored.
+
+    The samples that a channel marks as invalid become NaN. Raises `UserError` for a file that is not MDF, a
+    missing channel, an unknown unit and channels on different time stamps.
+    """
+    try:
+        file = MDF(path)
+    except (MdfException, ValueError, OSError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        raise UserError(str(path), f"not a readable MDF file: {error}", "give an MDF 4 measurement") from None
+    with file:
+        channels = [name for name in UNITS if name in file]
+        for name in REQUIRED:
+            if name not in channels:
+                hint = nearest_name(name, file.channels_db)
+                raise UserError(
+                    str(path),
+                    f"channel '{name}' is missing{hint.replace('did you mean', 'is it')}",
+                    f"name the channels {', '.join(UNITS)} (the last optional)",
+                )
+        signals = {name: _read_channel(file, name, path) for name in channels}
+    time = signals["rail_pressure"].timestamps.astype(np.float64)
+    for name, signal in signals.items():
+        if not np.array_equal(signal.timestamps, time):
+            raise UserError(
+                f"{path}, channel {name}",
+                "its time stamps differ from those of rail_pressure",
+                "record the channels in one group, or resample them on one time grid",
+            )
+    values = {name: _to_si(signal, path) for name, signal in signals.items()}
+    return Recording(
+        time=time,
+        rail_pressure=values["rail_pressure"],
+        needle_lift=values["needle_lift"],
+        line_pressure=values["line_pressure"],
+        injection_rate=values.get("injection_rate"),
+        path=path,
+    )
+
+
+def write_mdf4(path: Path, recording: Recording) -> None:
+    """Write a recording in SI units, which round-trips every double exactly.
+
+    The same recording gives the same bytes: no date of writing is stored.
+    """
+    signals = [
+        Signal(samples=values, timestamps=recording.time, name=name, unit=SI_UNITS[name])
+        for name, values in recording.signals.items()
+    ]
+    with MDF(version="4.10") as file:
+        file.start_time = NO_DATE
+        history = FileHistory()
+        history.time_stamp = NO_DATE
+        history.comment = "<FHcomment><TX>created</TX><tool_id>observer-rt</tool_id></FHcomment>"
+        file.file_history.append(history)
+        file.append(signals, comment="", common_timebase=True)
+        file.save(path, overwrite=True, add_history_block=False)
+
+
+def _read_channel(file: MDF, name: str, path: Path) -> Signal:
+    places = file.channels_db[name]
+    if len(places) > 1:
+        raise UserError(
+            f"{path}, channel {name}", f"appears {len(places)} times", "keep one channel of this name"
+        )
+    group, index = places[0]
+    return file.get(group=group, index=index)
+
+
+def _to_si(signal: Signal, path: Path) -> NDArray[np.float64]:
+    units = UNITS[signal.name]
+    unit = signal.unit.strip()
+    if unit not in units:
+        raise UserError(
+            f"{path}, channel {signal.name}",
+            f"unit '{unit}' is not known" if unit else "has no unit",
+            f"known units: {', '.join(units)}",
+        )
+    values: NDArray[np.float64] = signal.samples.astype(np.float64) * units[unit]
+    if signal.invalidation_bits is not None:
+        values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
+    return values

@@ -1,0 +1,10 @@
+"""Hints for misspelt names."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """A hint for a message, `; did you mean 'X'?`, or nothing when no known name is near."""
+    near = get_close_matches(name, list(known), n=1)
+    return f"; did you mean '{near[0]}'?" if near else ""

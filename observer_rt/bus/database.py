@@ -1,0 +1,241 @@
+"""Bus databases: loading, looking up messages and signals, and the layout attributes the observer needs."""
+
+import hashlib
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+from pathlib import Path
+
+import cantools.database
+from cantools.database.can import Database, Message, Signal
+
+from observer_rt.errors import UserError
+
+NANOSECONDS_PER_MILLISECOND = 1_000_000
+
+
+@dataclass(frozen=True)
+class MessageLayout:
+    """What the observer must know of a message besides its signals.
+
+    `length` is in bytes. `sample_period_ns` is the time between two samples, None where the database
+    does not say. `e2e_profile` is the AUTOSAR profile number, None for an unprotected message.
+    """
+
+    name: str
+    frame_id: int
+    is_extended: bool
+    is_fd: bool
+    length: int
+    samples_per_frame: int
+    sample_period_ns: int | None
+    e2e_profile: int | None
+    e2e_data_id: int | None
+
+    @classmethod
+    def of(cls, message: Message) -> "MessageLayout":
+        """Read the layout of `message`.
+
+        Without the attribute `SamplesPerFrame` a frame carries one sample; without `SamplePeriodNs` the
+        sample period follows from the cycle time of the message, if it has one.
+
+        Raises:
+            UserError: an attribute is not a number, or a protected message has no `E2EDataId`.
+        """
+        samples_per_frame = _integer_attribute(message, "SamplesPerFrame") or 1
+        sample_period_ns = _integer_attribute(message, "SamplePeriodNs") or None
+        if sample_period_ns is None and message.cycle_time:
+            sample_period_ns = message.cycle_time * NANOSECONDS_PER_MILLISECOND // samples_per_frame
+        e2e_profile = _integer_attribute(message, "E2EProfile") or None
+        e2e_data_id = _integer_attribute(message, "E2EDataId")
+        if e2e_profile is not None and e2e_data_id is None:
+            raise UserError(
+                f"message {message.name}",
+                f"is protected by E2E profile {e2e_profile}, but has no attribute E2EDataId",
+                'add BA_ "E2EDataId" to the message, or set its E2EProfile to 0',
+            )
+        return cls(
+            name=message.name,
+            frame_id=message.frame_id,
+            is_extended=message.is_extended_frame,
+            is_fd=message.is_fd,
+            length=message.length,
+            samples_per_frame=samples_per_frame,
+            sample_period_ns=sample_period_ns,
+            e2e_profile=e2e_profile,
+            e2e_data_id=e2e_data_id if e2e_profile is not None else None,
+        )
+
+
+def load_database(path: Path) -> Database:
+    """Load a bus database (DBC, or another CAN format cantools reads) with overlap and fit checked.
+
+    Raises:
+        UserError: no such file, not readable, not a bus database, or signals that overlap or do not fit.
+    """
+    try:
+        database = cantools.database.load_file(path, strict=True)
+    except FileNotFoundError:
+        raise UserError(str(path), "no such file", "correct the path of the bus database") from None
+    except OSError as error:
+        raise UserError(str(path), f"cannot be read: {error.strerror}") from None
+    except (cantools.Error, UnicodeDecodeError, ValueError) as error:
+        raise UserError(str(path), _why_not_loaded(error), "mend the bus database") from None
+    if not isinstance(database, Database):
+        raise UserError(str(path), "is a diagnostics database, not a bus database", "name a DBC file")
+    return database
+
+
+def database_hash(paths: Iterable[Path]) -> int:
+    """First 32 bits of the SHA-256 over the bytes of all files, in the order given.
+
+    Raises:
+        UserError: a file cannot be read.
+    """
+    digest = hashlib.sha256()
+    for path in paths:
+        try:
+            digest.update(path.read_bytes())
+        except OSError as error:
+            raise UserError(str(path), f"cannot be read: {error.strerror}") from None
+    return int.from_bytes(digest.digest()[:4], "big")
+
+
+def find_message(database: Database, name: str) -> Message:
+    """The message called `name`.
+
+    Raises:
+        UserError: there is none; names the nearest.
+    """
+    names = [message.name for message in database.messages]
+    if name not in names:
+        raise UserError(f"message {name}", "not in the bus database", _nearest(name, names))
+    return database.get_message_by_name(name)
+
+
+def signal_names(message: Message, pattern_or_list: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of the signals a mapping means, in sample order.
+
+    A list names them one by one; text with a replacement field, such as `"RailPressure_{:02d}"`, means all
+    signals it produces with 0, 1, 2, ... (or 1, 2, ...); text without one names a single signal.
+
+    Raises:
+        UserError: a signal is not in the message, or the pattern produces none or leaves out a number.
+    """
+    known = [signal.name for signal in message.signals]
+    place = f"message {message.name}"
+    if not isinstance(pattern_or_list, str):
+        wanted = tuple(pattern_or_list)
+        if not wanted:
+            raise UserError(place, "the list of signals is empty", "name at least one signal")
+        if len(set(wanted)) != len(wanted):
+            twice = next(name for name in wanted if wanted.count(name) > 1)
+            raise UserError(place, f"signal {twice} is listed twice", "list every signal once")
+    elif "{" in pattern_or_list:
+        wanted = _expand(pattern_or_list, known, place)
+    else:
+        wanted = (pattern_or_list,)
+    for name in wanted:
+        find_signal(message, name)
+    return wanted
+
+
+def find_signal(message: Message, name: str) -> Signal:
+    """The signal called `name`.
+
+    Raises:
+        UserError: there is none; names the nearest.
+    """
+    known = [signal.name for signal in message.signals]
+    if name not in known:
+        raise UserError(f"message {message.name}", f"has no signal {name}", _nearest(name, known))
+    return message.get_signal_by_name(name)
+
+
+def not_available_code(signal: Signal) -> int | None:
+    """Raw code of "signal not available" (attribute `GenSigSNA`), None without one.
+
+    Raises:
+        UserError: the attribute is not a code of the signal's width.
+    """
+    return _raw_code(signal, "GenSigSNA")
+
+
+def error_code(signal: Signal) -> int | None:
+    """Raw code of "error" (attribute `GenSigError`), None without one.
+
+    Raises:
+        UserError: the attribute is not a code of the signal's width.
+    """
+    return _raw_code(signal, "GenSigError")
+
+
+def _raw_code(signal: Signal, attribute: str) -> int | None:
+    """The code as the bits of the field. Negative is a code for a signed signal, -1 means none otherwise."""
+    code = _integer_attribute(signal, attribute)
+    if code is None or (code == -1 and not signal.is_signed):
+        return None
+    bits: int = signal.length
+    lowest = -(1 << (bits - 1)) if signal.is_signed else 0
+    if not lowest <= code < (1 << bits):
+        raise UserError(
+            f"signal {signal.name}",
+            f"{attribute} is {code}, which its {bits} bits cannot hold",
+            f"give a raw code from 0 to {(1 << bits) - 1}",
+        )
+    return code & ((1 << bits) - 1)
+
+
+def _integer_attribute(owner: Message | Signal, name: str) -> int | None:
+    """A database attribute set at `owner` itself as an integer; text like "0xFFFF" is accepted."""
+    attributes = owner.dbc.attributes if owner.dbc is not None else None
+    if not attributes or name not in attributes:
+        return None
+    value = attributes[name].value
+    try:
+        number: int | None = int(value, 0) if isinstance(value, str) else int(value)
+    except (ValueError, OverflowError):
+        number = None
+    if number is None or (isinstance(value, float) and number != value):
+        raise UserError(f"{owner.name}, attribute {name}", f"{value!r} is not a whole number")
+    return number
+
+
+def _expand(pattern: str, known: Sequence[str], place: str) -> tuple[str, ...]:
+    try:
+        # One number more than there are signals, because counting may start at 1.
+        produced = [pattern.format(number) for number in range(len(known) + 1)]
+    except (ValueError, IndexError, KeyError):
+        raise UserError(
+            place,
+            f"{pattern!r} is not a pattern of signal names",
+            'write it with one number field, as in "RailPressure_{:02d}"',
+        ) from None
+    present = [number for number, name in enumerate(produced) if name in known]
+    if not present or present[0] > 1:
+        raise UserError(
+            place, f"has no signal {produced[0]} (from {pattern!r})", _nearest(produced[0], known)
+        )
+    missing = sorted(set(range(present[0], present[-1])) - set(present))
+    if missing:
+        raise UserError(
+            place,
+            f"{pattern!r} leaves out {produced[missing[0]]}, though {produced[present[-1]]} exists",
+            "list the signals one by one, in sample order",
+        )
+    return tuple(produced[number] for number in present)
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    if not known:
+        return "there are none to choose from"
+    wanted = name.lower()
+    return "nearest name: " + max(
+        known, key=lambda other: SequenceMatcher(None, wanted, other.lower()).ratio()
+    )
+
+
+def _why_not_loaded(error: Exception) -> str:
+    """cantools' message without its format prefix and the quotes around it."""
+    return re.sub(r'^[A-Z]+: "(.*)"$', r"\1", str(error), flags=re.DOTALL)

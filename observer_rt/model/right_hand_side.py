@@ -51,6 +51,8 @@ def fault(
     x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
 ) -> tuple[float, float, float]:
     """phi(x, u) = G(x, u) N of (2), (27), its three rows [1/s]."""
+    if is_at_rest(x, u):
+        return 0.0, 0.0, 0.0
     nozzle_flow, seat_flow = model_flows(x, u, c)
     nozzle_change, seat_change = flow_changes(x, u, network)
     d_q_h = nozzle_flow * nozzle_change

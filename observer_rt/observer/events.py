@@ -1,0 +1,130 @@
+"""Events (openings closer than the event gap), their injections, and the queue of events to be judged."""
+
+from numba import njit
+
+from observer_rt.observer.state import (
+    INJECTIONS,
+    MAX_EVENT,
+    PENDING_EVENTS,
+    RING,
+    Observer,
+)
+
+_MASK = RING - 1
+
+
+@njit(cache=True, nogil=True)
+def begin_injection(observer: Observer, position: int) -> None:
+    """The needle opens at `position`: an injection begins, and an event with it unless one is under way."""
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    row = observer.ring[position & _MASK]
+    if not memory.in_event:
+        memory.in_event = True
+        memory.event_number += 1
+        memory.event_opening = position
+        memory.event_learnable = memory.synchronised
+    _end_open_window(observer, position)
+    injection = memory.injections[memory.injections_begun % INJECTIONS]
+    memory.injections_begun += 1
+    injection.number = memory.injections_begun
+    injection.event = memory.event_number
+    injection.start = max(position - timing.window_lead, memory.segment_start)
+    injection.end = -1
+    injection.start_index = observer.ring[injection.start & _MASK].index
+    injection.rail_pressure = row.rail_pressure
+
+
+@njit(cache=True, nogil=True)
+def follow_injection(observer: Observer, position: int) -> None:
+    """At a processed sample: end the injection's window when its tail is over, the event when its gap is."""
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    if not memory.in_event or memory.needle_open:
+        return
+    shut_for = observer.ring[position & _MASK].index - memory.shut_since
+    if shut_for >= timing.window_tail:
+        _end_open_window(observer, position)
+    if shut_for >= timing.event_gap:
+        close_event(observer, position)
+
+
+@njit(cache=True, nogil=True)
+def close_event(observer: Observer, position: int) -> None:
+    """The event ends; `position` is the last sample of its learning window. It waits to be judged."""
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    _end_open_window(observer, position)
+    memory.in_event = False
+    event = memory.events[memory.events_closed % PENDING_EVENTS]
+    memory.events_closed += 1
+    event.number = memory.event_number
+    event.due_index = memory.shut_since + timing.event_gap + timing.learning_delay
+    event.opening = memory.event_opening
+    event.window_start = max(memory.event_opening - timing.learning_lead, memory.segment_start)
+    event.window_end = position
+    long_enough = position - memory.event_opening >= timing.learning_lead
+    event.learnable = (
+        memory.event_learnable
+        and not memory.needle_open
+        and long_enough
+        and position - event.window_start < MAX_EVENT
+    )
+
+
+@njit(cache=True, nogil=True)
+def break_event(observer: Observer, position: int) -> None:
+    """The stream breaks after `position`: an event under way ends here, unlearnable if the needle was open."""
+    memory = observer.memory[0]
+    if not memory.in_event:
+        return
+    if memory.needle_open:
+        memory.event_learnable = False
+        memory.shut_since = observer.ring[position & _MASK].index + 1
+    close_event(observer, position)
+    memory.needle_open = False
+
+
+@njit(cache=True, nogil=True)
+def make_all_due(observer: Observer) -> None:
+    """Judge the waiting events at once: the index they were due at will not come, or no sample will."""
+    memory = observer.memory[0]
+    for i in range(memory.events_taken, memory.events_closed):
+        memory.events[i % PENDING_EVENTS].due_index = -1
+
+
+@njit(cache=True, nogil=True)
+def judgement_due(observer: Observer, index: int) -> bool:
+    """Whether the oldest closed event must be judged before the sample `index`, which is outside every event."""
+    memory = observer.memory[0]
+    if memory.events_taken == memory.events_closed:
+        return False
+    return bool(memory.events[memory.events_taken % PENDING_EVENTS].due_index <= index)
+
+
+@njit(cache=True, nogil=True)
+def _end_open_window(observer: Observer, position: int) -> None:
+    """Integrate the latest injection up to `position` if its window is still open: trapezoidal rule."""
+    memory = observer.memory[0]
+    if memory.injections_begun == 0:
+        return
+    injection = memory.injections[(memory.injections_begun - 1) % INJECTIONS]
+    if injection.end >= 0:
+        return
+    injection.end = position
+    injection.end_index = observer.ring[position & _MASK].index
+    injection.phi_version = memory.phi_version
+    injection.state = observer.ring[position & _MASK].state
+    volume = 0.0
+    peak = 0.0
+    valid = position - injection.start < MAX_EVENT
+    for k in range(max(injection.start, position - MAX_EVENT), position + 1):
+        row = observer.ring[k & _MASK]
+        valid = valid and row.valid
+        peak = max(peak, row.injection_rate)
+        if k > injection.start:
+            previous = observer.ring[(k - 1) & _MASK]
+            volume += 0.5 * (previous.injection_rate + row.injection_rate)
+    injection.volume = volume * observer.constants.interval
+    injection.peak_rate = peak
+    injection.valid = valid

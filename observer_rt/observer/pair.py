@@ -1,0 +1,92 @@
+"""One sample of the pair: identification system x~ and observer x^."""
+
+import math
+
+from numba import njit
+
+from observer_rt.estimation.predictor import correct
+from observer_rt.model.integrator import advance
+from observer_rt.model.network import Network
+from observer_rt.model.right_hand_side import fault, injection_rate
+from observer_rt.observer.state import RING, Observer
+
+_MASK = RING - 1
+
+
+@njit(cache=True, nogil=True)
+def network_in_force(observer: Observer) -> Network:
+    """The network whose weights lie in the observer's memory."""
+    memory = observer.memory[0]
+    return Network(memory.hidden, memory.output, memory.bias)
+
+
+@njit(cache=True, nogil=True)
+def start_pair(observer: Observer, position: int) -> None:
+    """x~ (and x^ with it) begins anew: p_L = y, Q_L = 0, empty sac."""
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    row.x_tilde[0] = row.line_pressure - memory.offset
+    row.x_tilde[1] = 0.0
+    row.x_tilde[2] = 0.0
+    row.x_hat[0] = row.x_tilde[0]
+    row.x_hat[1] = 0.0
+    row.x_hat[2] = 0.0
+    memory.since_start = 0
+    memory.closed_since_start = 0
+
+
+@njit(cache=True, nogil=True)
+def step_pair(observer: Observer, position: int) -> bool:
+    """Both systems from the previous sample to this one; False when a state is no longer finite.
+
+    With the needle long shut the sac is at chamber pressure and x^ := x~; otherwise x^ runs open loop.
+    """
+    constants = observer.constants
+    memory = observer.memory[0]
+    before = observer.ring[(position - 1) & _MASK]
+    row = observer.ring[position & _MASK]
+    network = network_in_force(observer)
+    u_start = (before.rail_pressure, before.seat_area)
+    u_end = (row.rail_pressure, row.seat_area)
+
+    x = advance(
+        (before.x_tilde[0], before.x_tilde[1], before.x_tilde[2]),
+        u_start,
+        u_end,
+        constants.interval,
+        constants.substeps,
+        constants.coefficients,
+        network,
+    )
+    gain = min(memory.since_start, observer.gains.shape[0] - 1)
+    innovation = row.line_pressure - memory.offset - x[0]
+    x = correct(x, innovation, observer.gains[gain, 0], observer.gains[gain, 1])
+    memory.since_start += 1
+    if row.resting:
+        x = (x[0], x[1], 0.0)
+    row.x_tilde[0], row.x_tilde[1], row.x_tilde[2] = x
+
+    if not row.resting:
+        x = advance(
+            (before.x_hat[0], before.x_hat[1], before.x_hat[2]),
+            u_start,
+            u_end,
+            constants.interval,
+            constants.substeps,
+            constants.coefficients,
+            network,
+        )
+    row.x_hat[0], row.x_hat[1], row.x_hat[2] = x
+    return math.isfinite(x[0] + x[1] + x[2] + row.x_tilde[0] + row.x_tilde[1] + row.x_tilde[2])
+
+
+@njit(cache=True, nogil=True)
+def read_out(observer: Observer, position: int) -> None:
+    """Injection rate and phi of x^ at a sample, into its row."""
+    row = observer.ring[position & _MASK]
+    c = observer.constants.coefficients
+    network = network_in_force(observer)
+    x = (row.x_hat[0], row.x_hat[1], row.x_hat[2])
+    u = (row.rail_pressure, row.seat_area)
+    row.injection_rate = injection_rate(x, u, c, network)
+    row.phi[0], row.phi[1], row.phi[2] = fault(x, u, c, network)

@@ -1,0 +1,74 @@
+"""What the closed needle tells: noise levels and the offset between line and rail pressure."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.observer.state import RING, Observer
+
+ENOUGH_SAMPLES = 10_000  # of standstill, before measured noise replaces the configured
+FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
+_ORDER = 4  # differences: order 4 leaves the ringing of the line below the noise even at 20 kHz
+_GAIN = 70.0  # sum of squares of 1 4 6 4 1
+_MASK = RING - 1
+
+
+@njit(cache=True, nogil=True)
+def gather(observer: Observer, position: int) -> None:
+    """Take the sample at `position` into the statistics of the standstill."""
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    if not row.resting or row.interpolated:
+        memory.rest_run = 0
+        return
+    memory.rest_run += 1
+    memory.rest_count += 1
+    memory.offset_sum += row.line_pressure - row.rail_pressure
+    if memory.rest_run > _ORDER:
+        a = observer.ring[(position - 4) & _MASK]
+        b = observer.ring[(position - 3) & _MASK]
+        c = observer.ring[(position - 2) & _MASK]
+        d = observer.ring[(position - 1) & _MASK]
+        memory.difference_count += 1
+        memory.rail_squares += (
+            a.rail_pressure - 4 * (b.rail_pressure + d.rail_pressure) + 6 * c.rail_pressure + row.rail_pressure
+        ) ** 2
+        memory.line_squares += (
+            a.line_pressure - 4 * (b.line_pressure + d.line_pressure) + 6 * c.line_pressure + row.line_pressure
+        ) ** 2
+        memory.lift_squares += (
+            a.needle_lift - 4 * (b.needle_lift + d.needle_lift) + 6 * c.needle_lift + row.needle_lift
+        ) ** 2
+
+
+@dataclass(frozen=True)
+class Standstill:
+    """Statistics since the start: sample count, mean of y - u1 (in units of p_0), measured noise."""
+
+    samples: int
+    offset: float
+    noise: NoiseLevels | None  # None until ENOUGH_SAMPLES
+
+
+def standstill_of(memory: NDArray[np.void], pressure_scale: float) -> Standstill:
+    """Read the statistics out of an observer's memory; pressure_scale p_0 [Pa]."""
+    record = memory[0]
+    samples = int(record["rest_count"])
+    offset = float(record["offset_sum"]) / samples if samples else 0.0
+    count = int(record["difference_count"])
+    if count < ENOUGH_SAMPLES:
+        return Standstill(samples, offset, None)
+    noise = NoiseLevels(
+        rail_pressure=max(
+            FLOOR.rail_pressure, pressure_scale * math.sqrt(float(record["rail_squares"]) / count / _GAIN)
+        ),
+        line_pressure=max(
+            FLOOR.line_pressure, pressure_scale * math.sqrt(float(record["line_squares"]) / count / _GAIN)
+        ),
+        needle_lift=max(FLOOR.needle_lift, math.sqrt(float(record["lift_squares"]) / count / _GAIN)),
+    )
+    return Standstill(samples, offset, noise)

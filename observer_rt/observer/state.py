@@ -1,0 +1,175 @@
+"""The observer's memory: one ring of samples and one record of everything else, both preallocated."""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
+
+RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
+MAX_EVENT = RING // 2  # samples; a longer event is not learned
+PENDING_EVENTS = 8  # closed, not yet judged
+INJECTIONS = 64  # finished, not yet reported
+
+
+class Break(IntEnum):
+    """Why a sample does not follow its predecessor."""
+
+    NONE = 0
+    START = 1  # the first sample
+    JUMP = 2  # legal jump of a windowed source
+    LOSS = 3  # samples were lost
+    RESTART = 4  # the device's index began anew
+    NUMERICAL = 5  # a state was not finite
+
+
+class State(IntEnum):
+    """What the service as a whole is in; sent in every output frame."""
+
+    STARTING = 0
+    WAITING_FOR_DATA = 1
+    RUNNING_NOMINAL = 2
+    ADAPTED = 3
+    DEGRADED = 4
+    FAULT = 5
+
+
+SAMPLE = np.dtype(
+    [
+        # as received, normalised by (24), lift in m
+        ("index", np.int64),
+        ("rail_pressure", np.float64),
+        ("needle_lift", np.float64),
+        ("line_pressure", np.float64),
+        ("interpolated", np.bool_),
+        ("broken", np.int8),  # Break
+        # as computed
+        ("seat_area", np.float64),  # u2
+        ("resting", np.bool_),
+        ("x_tilde", np.float64, (3,)),
+        ("x_hat", np.float64, (3,)),
+        ("phi", np.float64, (3,)),  # 1/s
+        ("injection_rate", np.float64),  # m3/s
+        ("valid", np.bool_),
+        ("state", np.int8),  # State
+    ],
+    align=True,
+)
+
+EVENT = np.dtype(
+    [
+        ("number", np.int64),
+        ("due_index", np.int64),  # judged at the first sample >= this outside every event
+        ("window_start", np.int64),  # positions in the stream of samples
+        ("window_end", np.int64),
+        ("opening", np.int64),
+        ("learnable", np.bool_),
+    ],
+    align=True,
+)
+
+INJECTION = np.dtype(
+    [
+        ("number", np.int64),
+        ("event", np.int64),
+        ("start", np.int64),  # position of the window's first sample
+        ("end", np.int64),  # position of its last, -1 while not known
+        ("start_index", np.int64),
+        ("end_index", np.int64),
+        ("volume", np.float64),  # m3
+        ("peak_rate", np.float64),  # m3/s
+        ("rail_pressure", np.float64),  # at its opening, normalised
+        ("valid", np.bool_),
+        ("phi_version", np.int64),
+        ("state", np.int8),
+    ],
+    align=True,
+)
+
+OBSERVER = np.dtype(
+    [
+        # positions in the stream of samples: received >= processed
+        ("received", np.int64),
+        ("processed", np.int64),
+        ("segment_start", np.int64),  # position of the first sample since the last break
+        ("draining", np.bool_),  # no more samples will come: do without look-ahead
+        # parameters in force
+        ("hidden", np.float64, (HIDDEN, ARGUMENTS)),
+        ("output", np.float64, (OUTPUTS, HIDDEN)),
+        ("bias", np.float64, (OUTPUTS,)),
+        ("offset", np.float64),
+        ("lift_on", np.float64),  # m
+        ("lift_off", np.float64),
+        ("phi_version", np.int64),
+        # the pair x~, x^ is in the ring; what else it needs
+        ("since_start", np.int64),  # samples since x~ started
+        ("closed_since_start", np.int64),  # of these, with a closed needle
+        ("synchronised", np.bool_),
+        ("last_break", np.int8),
+        # needle and event
+        ("needle_open", np.bool_),
+        ("shut_since", np.int64),  # index of the first closed sample
+        ("in_event", np.bool_),
+        ("event_learnable", np.bool_),
+        ("event_number", np.int64),
+        ("event_opening", np.int64),
+        ("events_judged", np.int64),
+        ("waiting", np.bool_),  # the head of `events` is due and must be judged before going on
+        ("events", EVENT, (PENDING_EVENTS,)),
+        ("events_closed", np.int64),
+        ("events_taken", np.int64),
+        ("injections", INJECTION, (INJECTIONS,)),
+        ("injections_begun", np.int64),
+        ("injections_reported", np.int64),
+        # statistics of the standstill
+        ("rest_run", np.int64),
+        ("rest_count", np.int64),
+        ("offset_sum", np.float64),
+        ("difference_count", np.int64),
+        ("rail_squares", np.float64),
+        ("line_squares", np.float64),
+        ("lift_squares", np.float64),
+        # counters
+        ("interpolated", np.int64),
+        ("lost", np.int64),
+        ("breaks", np.int64),
+        ("numerical_resets", np.int64),
+        ("unlearned_events", np.int64),
+    ],
+    align=True,
+)
+
+
+class Timing(NamedTuple):
+    """Durations in samples."""
+
+    lookahead: int
+    settle: int  # closed needle after which the sac is at rest and x^ follows x~
+    good: int  # closed needle after which x~ is good again
+    event_gap: int
+    learning_delay: int
+    window_lead: int  # injection window: before the opening
+    window_tail: int  # and after the needle is shut
+    learning_lead: int  # learning window: before the event's first opening
+
+
+class Constants(NamedTuple):
+    """What does not change while the observer runs."""
+
+    coefficients: Coefficients
+    interval: float  # s
+    substeps: int
+    timing: Timing
+    events_required: int  # judged events before a sample can be valid
+
+
+class Observer(NamedTuple):
+    """The observer as compiled functions see it: constants and preallocated memory."""
+
+    constants: Constants
+    memory: NDArray[np.void]  # (1,) OBSERVER
+    ring: NDArray[np.void]  # (RING,) SAMPLE
+    gains: NDArray[np.float64]  # (n, 2) gain schedule in force

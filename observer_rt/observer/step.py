@@ -1,0 +1,198 @@
+"""The observer over its stream of samples: what happens, in which order, at every sample."""
+
+import numpy as np
+from numba import njit
+
+from observer_rt.model.laws import seat_area
+from observer_rt.observer.events import (
+    begin_injection,
+    break_event,
+    follow_injection,
+    judgement_due,
+    make_all_due,
+)
+from observer_rt.observer.front_end import LOOKAHEAD, closes_at, known, opens_at
+from observer_rt.observer.pair import read_out, start_pair, step_pair
+from observer_rt.observer.standstill import gather
+from observer_rt.observer.state import RING, Break, Observer, State
+
+_MASK = RING - 1
+_NONE = int(Break.NONE)
+_START = int(Break.START)
+_JUMP = int(Break.JUMP)
+_RESTART = int(Break.RESTART)
+_NUMERICAL = int(Break.NUMERICAL)
+_STARTING = int(State.STARTING)
+_NOMINAL = int(State.RUNNING_NOMINAL)
+_ADAPTED = int(State.ADAPTED)
+_DEGRADED = int(State.DEGRADED)
+
+
+@njit(cache=True, nogil=True)
+def push(
+    observer: Observer,
+    index: int,
+    rail_pressure: float,
+    needle_lift: float,
+    line_pressure: float,
+    interpolated: bool,
+    broken: int,
+) -> None:
+    """Append a sample in SI units to the stream; `broken` (Break) says why it does not follow the last one."""
+    c = observer.constants.coefficients
+    memory = observer.memory[0]
+    row = observer.ring[memory.received & _MASK]
+    row.index = index
+    row.rail_pressure = (rail_pressure - c.chamber_pressure) / c.pressure_scale
+    row.needle_lift = needle_lift
+    row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
+    row.interpolated = interpolated
+    row.broken = broken
+    memory.received += 1
+    if interpolated:
+        memory.interpolated += 1
+
+
+@njit(cache=True, nogil=True)
+def advance_stream(observer: Observer) -> bool:
+    """Process every sample whose look-ahead is complete.
+
+    Returns True when it stopped because an event must be judged first (`memory.waiting`).
+    """
+    memory = observer.memory[0]
+    while memory.processed < memory.received:
+        position = memory.processed
+        if not memory.draining and known(observer, position) < LOOKAHEAD and not _cut_short(observer, position):
+            break
+        if not _process(observer, position):
+            return True
+        memory.processed += 1
+    if memory.draining and not memory.waiting:
+        _finish(observer)
+    return bool(memory.waiting)
+
+
+@njit(cache=True, nogil=True)
+def _cut_short(observer: Observer, position: int) -> bool:
+    """Whether a break follows within the look-ahead, so that it will never be longer."""
+    following = position + known(observer, position) + 1
+    return bool(following < observer.memory[0].received)
+
+
+@njit(cache=True, nogil=True)
+def _finish(observer: Observer) -> None:
+    """No sample will come: end the event under way and have every closed one judged."""
+    memory = observer.memory[0]
+    break_event(observer, memory.processed - 1)
+    make_all_due(observer)
+    memory.waiting = memory.events_taken < memory.events_closed
+
+
+@njit(cache=True, nogil=True)
+def _process(observer: Observer, position: int) -> bool:
+    """One sample; False, with nothing done, when an event must be judged before it."""
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    if row.broken != _NONE:
+        _end_segment(observer, position)
+    opens = not memory.needle_open and opens_at(observer, position)
+    if not memory.in_event and not opens and judgement_due(observer, row.index):
+        memory.waiting = True
+        return False
+    if row.broken != _NONE:
+        _begin_segment(observer, position)
+    _move_needle(observer, position, opens)
+    row.resting = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.settle
+    if row.broken != _NONE:
+        start_pair(observer, position)
+    elif not step_pair(observer, position):
+        _recover(observer, position)
+    _settle(observer, position)
+    read_out(observer, position)
+    _mark(observer, position)
+    gather(observer, position)
+    follow_injection(observer, position)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _end_segment(observer: Observer, position: int) -> None:
+    """The stream broke before `position`: finish what was under way (harmless when done twice)."""
+    row = observer.ring[position & _MASK]
+    if position > 0:
+        break_event(observer, position - 1)
+    if row.broken == _RESTART:
+        make_all_due(observer)
+
+
+@njit(cache=True, nogil=True)
+def _begin_segment(observer: Observer, position: int) -> None:
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    if row.broken != _JUMP:
+        # the needle may have moved meanwhile: nothing is known of the sac
+        memory.shut_since = row.index
+        memory.needle_open = False
+        memory.last_break = row.broken
+    memory.segment_start = position
+    memory.synchronised = False
+    memory.breaks += 1
+
+
+@njit(cache=True, nogil=True)
+def _move_needle(observer: Observer, position: int, opens: bool) -> None:
+    """Dead band and events; the seat area of a closed needle is exactly 0."""
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    if opens:
+        memory.needle_open = True
+        begin_injection(observer, position)
+    elif memory.needle_open and row.needle_lift <= memory.lift_off and closes_at(observer, position):
+        memory.needle_open = False
+        memory.shut_since = row.index
+    c = observer.constants.coefficients
+    row.seat_area = 0.0
+    if memory.needle_open:
+        row.seat_area = seat_area(row.needle_lift, c.seat_diameter, c.half_cone_angle) / c.area_scale
+
+
+@njit(cache=True, nogil=True)
+def _recover(observer: Observer, position: int) -> None:
+    """A state is not finite: start anew here, valid again only after a standstill."""
+    memory = observer.memory[0]
+    memory.numerical_resets += 1
+    memory.synchronised = False
+    memory.event_learnable = False
+    memory.last_break = _NUMERICAL
+    start_pair(observer, position)
+
+
+@njit(cache=True, nogil=True)
+def _settle(observer: Observer, position: int) -> None:
+    """Re-synchronised once x~ is good and the sac at rest; stays so until the stream breaks."""
+    memory = observer.memory[0]
+    if not memory.needle_open:
+        memory.closed_since_start += 1
+    if observer.ring[position & _MASK].resting and (
+        memory.closed_since_start >= observer.constants.timing.good
+    ):
+        memory.synchronised = True
+        memory.last_break = _NONE
+
+
+@njit(cache=True, nogil=True)
+def _mark(observer: Observer, position: int) -> None:
+    """Validity and state of the processed sample."""
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    row.valid = memory.synchronised and memory.events_judged >= observer.constants.events_required
+    if memory.last_break == _START:
+        row.state = _STARTING
+    elif memory.last_break != _NONE:
+        row.state = _DEGRADED
+    elif memory.phi_version > 0:
+        row.state = _ADAPTED
+    else:
+        row.state = _NOMINAL
+    if not np.isfinite(row.injection_rate):
+        row.valid = False

@@ -26,7 +26,7 @@ def known(observer: Observer, position: int) -> int:
 
 @njit(cache=True, nogil=True)
 def opens_at(observer: Observer, position: int) -> bool:
-    """Whether a closed needle counts as open from `position` on: the dead band is crossed there or soon."""
+    """Whether the dead band is crossed at `position` or soon after: the needle counts as open from there on."""
     threshold = observer.memory[0].lift_on
     run = 0
     for ahead in range(known(observer, position) + 1):
@@ -41,9 +41,9 @@ def opens_at(observer: Observer, position: int) -> bool:
 
 @njit(cache=True, nogil=True)
 def closes_at(observer: Observer, position: int) -> bool:
-    """Whether an open needle counts as closed from `position` on."""
+    """Whether an open needle counts as closed from `position` on (not while the ramp is still to come)."""
     threshold = observer.memory[0].lift_off
     for ahead in range(min(known(observer, position) + 1, CONFIRM)):
         if observer.ring[(position + ahead) & _MASK].needle_lift > threshold:
             return False
-    return True
+    return not opens_at(observer, position)

@@ -147,7 +147,7 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
     if opens:
         memory.needle_open = True
         begin_injection(observer, position)
-    elif memory.needle_open and row.needle_lift <= memory.lift_off and closes_at(observer, position):
+    elif memory.needle_open and closes_at(observer, position):
         memory.needle_open = False
         memory.shut_since = row.index
     c = observer.constants.coefficients

@@ -1,0 +1,128 @@
+"""Making an observer, handing over its events, putting what was learned into force."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.prediction_error import network_of
+from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.model.coefficients import coefficients
+from observer_rt.model.network import Network, zero_network
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.stability import substeps_needed
+from observer_rt.observer.front_end import LOOKAHEAD
+from observer_rt.observer.learning import Knowledge, Learner, Outcome, Verdict, dead_band
+from observer_rt.observer.state import (
+    OBSERVER,
+    PENDING_EVENTS,
+    RING,
+    SAMPLE,
+    Constants,
+    Observer,
+    Timing,
+)
+from observer_rt.units import MILLISECOND
+
+SETTLE = 3 * MILLISECOND
+GOOD = 1 * MILLISECOND
+WINDOW_LEAD = 0.15 * MILLISECOND
+WINDOW_TAIL = 0.5 * MILLISECOND
+LEARNING_LEAD = 1 * MILLISECOND
+
+
+@dataclass(frozen=True)
+class Durations:
+    """What the user may set of the timing [s]."""
+
+    event_gap: float = 10 * MILLISECOND
+    learning_delay: float = 20 * MILLISECOND
+    lookahead: int = LOOKAHEAD  # samples
+
+
+def constants_for(
+    parameters: InjectorParameters, sample_rate: float, durations: Durations, events_required: int
+) -> Constants:
+    """Everything fixed at start-up, for an injector and a sample rate [Hz]."""
+
+    def samples(duration: float) -> int:
+        return round(duration * sample_rate)
+
+    return Constants(
+        coefficients=coefficients(parameters),
+        interval=1.0 / sample_rate,
+        substeps=substeps_needed(parameters, sample_rate),
+        timing=Timing(
+            lookahead=durations.lookahead,
+            settle=samples(SETTLE),
+            good=samples(GOOD),
+            event_gap=samples(durations.event_gap),
+            learning_delay=samples(durations.learning_delay),
+            window_lead=samples(WINDOW_LEAD),
+            window_tail=samples(WINDOW_TAIL),
+            learning_lead=samples(LEARNING_LEAD),
+        ),
+        events_required=events_required,
+    )
+
+
+def make_observer(constants: Constants, knowledge: Knowledge, learner: Learner) -> Observer:
+    """An observer with empty memory that carries `knowledge`."""
+    observer = Observer(
+        constants,
+        np.zeros(1, OBSERVER),
+        np.zeros(RING, SAMPLE),
+        learner.schedule.gains.copy(),
+    )
+    memory = observer.memory[0]
+    memory["hidden"] = zero_network().hidden
+    memory["phi_version"] = knowledge.phi_version
+    _put_in_force(observer, knowledge.in_force, knowledge.noise.needle_lift)
+    return observer
+
+
+def event_window(observer: Observer, number: int) -> Window | None:
+    """Learning window of the `number`-th closed event (0, 1, ..), copied; None when it cannot be learned."""
+    event = observer.memory[0]["events"][number % PENDING_EVENTS]
+    if not event["learnable"]:
+        return None
+    start, end = int(event["window_start"]), int(event["window_end"]) + 1
+    rows = observer.ring[np.arange(start, end) % RING]
+    return Window(
+        inputs=np.column_stack([rows["rail_pressure"], rows["seat_area"]]),
+        output=rows["line_pressure"].copy(),
+        resting=rows["resting"].copy(),
+        start=rows["x_tilde"][0].copy(),
+        opening=int(event["opening"]) - start,
+    )
+
+
+def in_force(observer: Observer) -> NDArray[np.float64]:
+    """The parameter vector theta (PARAMETERS,) the observer carries."""
+    memory = observer.memory[0]
+    return np.concatenate([[memory["bias"][0]], memory["output"][0], [memory["bias"][1]], [memory["offset"]]])
+
+
+def judge(observer: Observer, outcome: Outcome | None) -> None:
+    """Judge the oldest waiting event: put into force what was learned from it (None: nothing was)."""
+    memory = observer.memory[0]
+    memory["events_taken"] += 1
+    memory["events_judged"] += 1
+    memory["waiting"] = False
+    if outcome is None:
+        memory["unlearned_events"] += 1
+        return
+    observer.gains[:] = outcome.schedule.gains
+    _put_in_force(observer, outcome.theta, outcome.noise.needle_lift)
+    if outcome.verdict is Verdict.ADOPTED:
+        memory["phi_version"] += 1
+
+
+def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: float) -> None:
+    memory = observer.memory[0]
+    network: Network = network_of(theta)
+    memory["output"] = network.output
+    memory["bias"] = network.bias
+    memory["offset"] = theta[Parameter.LINE_PRESSURE_OFFSET]
+    memory["lift_on"], memory["lift_off"] = dead_band(lift_noise)

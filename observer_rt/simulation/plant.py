@@ -1,0 +1,144 @@
+"""The simulated injector: the model's equations under wear, in fine steps with the exact needle lift."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.model.integrator import runge_kutta_step
+from observer_rt.model.laws import seat_area
+from observer_rt.model.network import Network, constant_network
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.right_hand_side import injection_rate
+from observer_rt.model.stability import fastest_rate
+from observer_rt.simulation.effects import PlantEffects
+from observer_rt.simulation.needle import CORNER_ROUNDING, Stroke, lift_of_stroke
+
+LONGEST_STEP = 1e-6  # s
+STEP_TIMES_RATE = 1.0  # step times fastest rate: accurate, RK4 would be stable to 2.78
+EMPTY_SAC = 1e-9  # of the pressure scale, below which a shut sac is at chamber pressure
+SAMPLES_PER_CHUNK = 10_000  # between two reports of progress
+
+Progress = Callable[[float], None]
+"""Called with the share done, 0 to 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Noise-free signals of the simulated injector at the sample times, SI, every array of shape (n,)."""
+
+    time: NDArray[np.float64]
+    """[s]"""
+    injection_rate: NDArray[np.float64]
+    """[m3/s]"""
+    needle_lift: NDArray[np.float64]
+    """[m]"""
+    rail_pressure: NDArray[np.float64]
+    """[Pa]"""
+    line_pressure: NDArray[np.float64]
+    """[Pa]"""
+    sac_pressure: NDArray[np.float64]
+    """[Pa]"""
+    line_flow: NDArray[np.float64]
+    """Q_L into the closed end of the line [m3/s]."""
+
+
+def run_plant(
+    parameters: InjectorParameters,
+    effects: PlantEffects,
+    strokes: Sequence[Stroke],
+    time: NDArray[np.float64],
+    rail_pressure: NDArray[np.float64],
+    progress: Progress | None = None,
+) -> Truth:
+    """Integrate the injector from rest over an even `time` [s], shape (n,), n >= 2.
+
+    `rail_pressure` [Pa], shape (n,), is linear between samples; the lift is exact at every stage of every
+    step. The steps are at most 1 us, an integer number per sample.
+    """
+    c = coefficients(parameters)
+    network = constant_network(nozzle=effects.orifice_area, seat=effects.seat_area)
+    worn = 1.0 + max(effects.orifice_area, effects.seat_area, 0.0)
+    period = float(time[-1] - time[0]) / (time.size - 1)
+    longest_step = min(LONGEST_STEP, STEP_TIMES_RATE / (worn * fastest_rate(parameters)))
+    steps = math.ceil(period / longest_step)
+    rail = (rail_pressure - c.chamber_pressure) / c.pressure_scale
+    table = np.array(strokes, dtype=np.float64).reshape(len(strokes), len(Stroke._fields))
+    states = np.empty((time.size, 3))
+    lift = np.empty(time.size)
+    rate = np.empty(time.size)
+    x, number = (float(rail[0]), 0.0, 0.0), 0
+    for first in range(0, time.size, SAMPLES_PER_CHUNK):
+        last = min(first + SAMPLES_PER_CHUNK, time.size)
+        x, number = _run(x, number, first, last, time, rail, table, steps, c, network, states, lift, rate)
+        if progress is not None:
+            progress(last / time.size)
+    return Truth(
+        time=time,
+        injection_rate=rate,
+        needle_lift=lift,
+        rail_pressure=rail_pressure,
+        line_pressure=states[:, 0] * c.pressure_scale + c.chamber_pressure,
+        sac_pressure=states[:, 2] * c.pressure_scale + c.chamber_pressure,
+        line_flow=states[:, 1] * c.flow_scale,
+    )
+
+
+@njit(cache=True, nogil=True)
+def _inputs(rail: float, lift: float, c: Coefficients) -> tuple[float, float]:
+    return rail, seat_area(lift, c.seat_diameter, c.half_cone_angle) / c.area_scale
+
+
+@njit(cache=True, nogil=True)
+def _stroke(strokes: NDArray[np.float64], number: int) -> Stroke:
+    """Row `number` of the table; past its end the needle stays shut: a stroke that never begins."""
+    if number >= strokes.shape[0]:
+        return Stroke(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0)
+    row = strokes[number]
+    return Stroke(row[0], row[1], row[2], row[3], row[4], row[5])
+
+
+@njit(cache=True, nogil=True)
+def _run(
+    x: tuple[float, float, float],
+    number: int,
+    first: int,
+    last: int,
+    time: NDArray[np.float64],
+    rail: NDArray[np.float64],
+    strokes: NDArray[np.float64],
+    steps: int,
+    c: Coefficients,
+    network: Network,
+    states: NDArray[np.float64],
+    lift: NDArray[np.float64],
+    rate: NDArray[np.float64],
+) -> tuple[tuple[float, float, float], int]:
+    """Record samples first..last-1 and step on to `last`; `number` is the stroke under way or next."""
+    s = _stroke(strokes, number)
+    for n in range(first, last):
+        lift[n] = lift_of_stroke(time[n], s)
+        u = _inputs(rail[n], lift[n], c)
+        if u[1] == 0.0 and math.fabs(x[2]) < EMPTY_SAC:
+            x = (x[0], x[1], 0.0)  # at rest, not decaying towards denormal numbers
+        states[n] = x
+        rate[n] = injection_rate(x, u, c, network)
+        if n + 1 == time.size:
+            break
+        step = (time[n + 1] - time[n]) / steps
+        for i in range(steps):
+            start = time[n] + i * step
+            if start > s.closed + CORNER_ROUNDING / 2.0:
+                number += 1
+                s = _stroke(strokes, number)
+            rail_middle = rail[n] + (i + 0.5) / steps * (rail[n + 1] - rail[n])
+            rail_end = rail[n] + (i + 1.0) / steps * (rail[n + 1] - rail[n])
+            u_middle = _inputs(rail_middle, lift_of_stroke(start + 0.5 * step, s), c)
+            u_end = _inputs(rail_end, lift_of_stroke(start + step, s), c)
+            x = runge_kutta_step(x, u, u_middle, u_end, step, c, network)
+            u = u_end
+    return x, number

@@ -1,0 +1,195 @@
+"""What is injected when: events of one or more shots, and the rail pressure over time."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.errors import UserError
+from observer_rt.units import MEGAPASCAL, MILLISECOND
+
+FIRST_EVENT = 0.15  # s, standstill in which a reader learns noise and offsets
+LAST_TAIL = 0.05  # s, at least, after the last event: it must be seen to close and to ring down
+MAX_RAIL_PRESSURE = 300e6  # Pa, beyond any rail and near the end of the bus's range
+MAX_ENERGIZING_TIME = 0.1  # s
+RAMP_SHARE = 0.5  # of the gap between two events, in its middle
+
+RAIL_PRESSURE_OPTION = "--rail-pressure"
+ENERGIZING_TIME_OPTION = "--energizing-time"
+SHOTS_OPTION = "--shots"
+PERIOD_OPTION = "--period"
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One energizing of the injector."""
+
+    duration: float
+    """Energizing time [s]."""
+    offset: float = 0.0
+    """Start relative to the event [s]: negative for a pilot."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Shots that belong together (pilot, main, post), at one rail pressure."""
+
+    start: float
+    """[s]"""
+    rail_pressure: float
+    """[Pa]"""
+    shots: tuple[Shot, ...]
+
+    @property
+    def first_energizing(self) -> float:
+        """Start of the first shot [s]."""
+        return self.start + self.shots[0].offset
+
+    @property
+    def last_energizing(self) -> float:
+        """End of the last shot [s]."""
+        return self.start + self.shots[-1].offset + self.shots[-1].duration
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Events in order, and how long the recording lasts."""
+
+    events: tuple[Event, ...]
+    duration: float
+    """[s]"""
+
+    def rail_pressure(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rail pressure [Pa] at `time` [s], shape (n,).
+
+        Constant during an event; a change takes the middle half of the gap to the next, smooth to the second
+        derivative so that it leaves the line at rest.
+        """
+        pressure = np.full(time.shape, self.events[0].rail_pressure)
+        for before, after in pairwise(self.events):
+            change = after.rail_pressure - before.rail_pressure
+            if change == 0.0:
+                continue
+            gap = after.first_energizing - before.last_energizing
+            middle = before.last_energizing + 0.5 * gap
+            share = np.clip((time - middle) / (RAMP_SHARE * gap) + 0.5, 0.0, 1.0)
+            pressure += change * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+        return pressure
+
+
+def make_schedule(
+    rail_pressures: Sequence[float],
+    injections: int,
+    period: float,
+    energizing_times: Sequence[float] = (),
+    shots: Sequence[Shot] = (),
+) -> Schedule:
+    """Schedule of `injections` events, one every `period` [s]; event 1 starts 0.15 s in.
+
+    Event i (from 0) uses rail pressure [Pa] i mod n and energizing time [s] i mod m; with `shots` every event
+    has these and the energizing times are not used. Raises `UserError` when shots or events overlap or there
+    is nothing to inject.
+    """
+    if injections < 1:
+        raise UserError("--injections", f"{injections} is not a number of injections", "give 1 or more")
+    if not (math.isfinite(period) and period > 0.0):
+        raise UserError(PERIOD_OPTION, f"{period / MILLISECOND:g} ms is not a period", "give ms above 0")
+    if not rail_pressures:
+        raise UserError(RAIL_PRESSURE_OPTION, "no rail pressure", "give at least one, in MPa")
+    patterns = [tuple(sorted(shots, key=lambda shot: shot.offset))] if shots else []
+    patterns = patterns or [(Shot(duration),) for duration in energizing_times]
+    if not patterns:
+        raise UserError(ENERGIZING_TIME_OPTION, "no energizing time and no shots", "give one, in ms")
+    events = tuple(
+        Event(
+            start=FIRST_EVENT + i * period,
+            rail_pressure=rail_pressures[i % len(rail_pressures)],
+            shots=patterns[i % len(patterns)],
+        )
+        for i in range(injections)
+    )
+    _refuse_overlaps(events)
+    return Schedule(events, events[-1].start + max(period, LAST_TAIL))
+
+
+def _refuse_overlaps(events: tuple[Event, ...]) -> None:
+    for earlier, later in pairwise(events[0].shots):
+        if earlier.offset + earlier.duration >= later.offset:
+            raise UserError(
+                SHOTS_OPTION,
+                f"the shot at {earlier.offset / MILLISECOND:g} ms lasts into the one at "
+                f"{later.offset / MILLISECOND:g} ms",
+                "shorten the first or start the second later",
+            )
+    if events[0].first_energizing < 0.0:
+        early = -events[0].first_energizing / MILLISECOND
+        raise UserError(
+            SHOTS_OPTION,
+            f"the first shot would start {early:g} ms before the recording",
+            f"offsets go down to {-FIRST_EVENT / MILLISECOND:g} ms",
+        )
+    for number, (before, after) in enumerate(pairwise(events), start=1):
+        if before.last_energizing >= after.first_energizing:
+            overlap = before.last_energizing - after.first_energizing
+            raise UserError(
+                PERIOD_OPTION,
+                f"event {number} lasts {overlap / MILLISECOND:g} ms into event {number + 1}",
+                "give a longer period",
+            )
+
+
+def parse_rail_pressures(text: str) -> tuple[float, ...]:
+    """Rail pressures [Pa] from MPa separated by commas, `60,100`. Raises `UserError`."""
+    values = tuple(_number(part, RAIL_PRESSURE_OPTION, "60,100 (MPa)") for part in text.split(","))
+    for value in values:
+        if not 0.0 < value * MEGAPASCAL <= MAX_RAIL_PRESSURE:
+            limit = MAX_RAIL_PRESSURE / MEGAPASCAL
+            problem = f"{value:g} MPa is out of range"
+            raise UserError(RAIL_PRESSURE_OPTION, problem, f"give above 0 and up to {limit:g} MPa")
+    return tuple(value * MEGAPASCAL for value in values)
+
+
+def parse_energizing_times(text: str) -> tuple[float, ...]:
+    """Energizing times [s] from ms separated by commas, `0.6,1.9`. Raises `UserError`."""
+    return tuple(_duration(part, ENERGIZING_TIME_OPTION, "0.6,1.9 (ms)") for part in text.split(","))
+
+
+def parse_shots(text: str) -> tuple[Shot, ...]:
+    """Shots of every event from `duration@offset` in ms, separated by commas, `0.3@-1.5,1.0@0`.
+
+    Raises `UserError`.
+    """
+    example = "0.3@-1.5,1.0@0 (duration@offset, ms)"
+    shots = []
+    for part in text.split(","):
+        duration, separator, offset = part.partition("@")
+        if not separator:
+            raise UserError(SHOTS_OPTION, f"'{part.strip()}' has no '@offset'", f"write it as {example}")
+        shots.append(
+            Shot(
+                duration=_duration(duration, SHOTS_OPTION, example),
+                offset=_number(offset, SHOTS_OPTION, example) * MILLISECOND,
+            )
+        )
+    return tuple(shots)
+
+
+def _duration(text: str, option: str, example: str) -> float:
+    duration = _number(text, option, example) * MILLISECOND
+    if not 0.0 < duration <= MAX_ENERGIZING_TIME:
+        limit = MAX_ENERGIZING_TIME / MILLISECOND
+        raise UserError(option, f"{text.strip()} ms is out of range", f"give above 0 and up to {limit:g} ms")
+    return duration
+
+
+def _number(text: str, option: str, example: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise UserError(option, f"'{text.strip()}' is not a number", f"write it as {example}")
+    return value

@@ -1,0 +1,121 @@
+"""Recordings of a healthy or worn injector, with the truth behind them."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from observer_rt.errors import UserError
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.recording.csv_file import (
+    INJECTION_RATE,
+    LINE_PRESSURE,
+    NEEDLE_LIFT,
+    TIME,
+    Column,
+    write_columns,
+)
+from observer_rt.recording.files import file_errors
+from observer_rt.recording.recording import Recording
+from observer_rt.simulation.effects import PlantEffects
+from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels
+from observer_rt.simulation.needle import strokes
+from observer_rt.simulation.plant import Progress, Truth, run_plant
+from observer_rt.simulation.schedule import Schedule
+from observer_rt.units import MEGAPASCAL, MM3_PER_MS
+
+MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
+MAX_SAMPLE_RATE = 1e6  # Hz
+
+SAC_PRESSURE = Column("sac_pressure_MPa", "sac_pressure", MEGAPASCAL)
+LINE_FLOW = Column("line_flow_mm3_per_ms", "line_flow", MM3_PER_MS)
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A recording as sensors and bus would give it, and the noise-free truth at the same times."""
+
+    recording: Recording
+    truth: Truth
+
+
+def simulate(
+    parameters: InjectorParameters,
+    schedule: Schedule,
+    sample_rate: float,
+    effects: PlantEffects | None = None,
+    noise: NoiseLevels | None = None,
+    measured_rate: bool = False,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Simulate a schedule at `sample_rate` [Hz].
+
+    Without `noise` the recording has neither noise nor quantisation. The same arguments give the same bits;
+    every signal has its own random stream, so that one signal more or less leaves the others as they are.
+    Raises `UserError` for a sample rate out of range and strokes that overlap.
+    """
+    if not MIN_SAMPLE_RATE <= sample_rate <= MAX_SAMPLE_RATE:
+        raise UserError(
+            "--sample-rate",
+            f"{sample_rate:g} Hz is out of range",
+            f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz",
+        )
+    effects = effects or PlantEffects()
+    time = np.arange(math.floor(schedule.duration * sample_rate) + 1) / sample_rate
+    truth = run_plant(
+        parameters, effects, strokes(schedule, parameters), time, schedule.rail_pressure(time), progress
+    )
+    return Simulation(_measure(truth, effects, noise, measured_rate, seed), truth)
+
+
+def truth_path(recording: Path) -> Path:
+    """Where the truth of a recording goes: `FILE.truth.csv`."""
+    return recording.with_name(recording.name + ".truth.csv")
+
+
+def write_truth(path: Path, truth: Truth) -> None:
+    """Write the truth as CSV, units in the header. Raises `UserError` or `RunError` for the file."""
+    with file_errors(path):
+        write_columns(
+            path,
+            [
+                (TIME, truth.time),
+                (INJECTION_RATE, truth.injection_rate),
+                (NEEDLE_LIFT, truth.needle_lift),
+                (LINE_PRESSURE, truth.line_pressure),
+                (SAC_PRESSURE, truth.sac_pressure),
+                (LINE_FLOW, truth.line_flow),
+            ],
+        )
+
+
+def _measure(
+    truth: Truth, effects: PlantEffects, noise: NoiseLevels | None, measured_rate: bool, seed: int
+) -> Recording:
+    rail_pressure = truth.rail_pressure + effects.rail_pressure_sensor_offset
+    line_pressure = truth.line_pressure + effects.line_pressure_sensor_offset
+    if noise is None:
+        return Recording(
+            time=truth.time,
+            rail_pressure=rail_pressure,
+            needle_lift=truth.needle_lift,
+            line_pressure=line_pressure,
+            injection_rate=truth.injection_rate if measured_rate else None,
+        )
+    rail, lift, line, rate, gain = (
+        np.random.Generator(np.random.PCG64(stream)) for stream in np.random.SeedSequence(seed).spawn(5)
+    )
+    n = truth.time.size
+    injection_rate = None
+    if measured_rate:
+        injection_rate = truth.injection_rate * (1.0 + gain.normal(0.0, noise.injection_rate_gain))
+        injection_rate += rate.normal(0.0, noise.injection_rate, n)
+    return Recording(
+        time=truth.time,
+        rail_pressure=PRESSURE.apply(rail_pressure + rail.normal(0.0, noise.rail_pressure, n)),
+        needle_lift=LIFT.apply(truth.needle_lift + lift.normal(0.0, noise.needle_lift, n)),
+        line_pressure=PRESSURE.apply(line_pressure + line.normal(0.0, noise.line_pressure, n)),
+        injection_rate=injection_rate,
+    )

@@ -1,0 +1,232 @@
+"""The user's files `bench.toml` and `injector.toml`: read, validated, refused with file, key and remedy."""
+
+import tomllib
+from difflib import get_close_matches
+from enum import StrEnum
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from observer_rt.errors import UserError
+from observer_rt.model.parameters import InjectorParameters
+
+PACKAGE_DATA = Path(str(files("observer_rt.data")))
+NOMINAL_INJECTOR = PACKAGE_DATA / "crin3_nominal.toml"
+EXAMPLE_BENCH = PACKAGE_DATA / "example_bench.toml"
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class Role(StrEnum):
+    """The signals the observer lives on."""
+
+    RAIL_PRESSURE = "rail_pressure"
+    NEEDLE_LIFT = "needle_lift"
+    LINE_PRESSURE = "line_pressure"
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class LinkConfig(_Section):
+    """Where the frames come from and go to."""
+
+    interface: str = "socketcan"
+    channel: str = "can0"
+    fd: bool = True
+    bit_rate: Positive = 500e3  # bit/s, for the bus load `check` prints
+    data_bit_rate: Positive = 5e6
+
+
+class DatabaseConfig(_Section):
+    file: str  # relative to the bench file; or the name of a database shipped with the package
+
+
+class SignalConfig(_Section):
+    """Which signals of which message carry a role: one of `signal`, `signals`, `pattern`."""
+
+    message: str
+    signal: str | None = None
+    signals: tuple[str, ...] | None = None
+    pattern: str | None = None
+    time_base: str = "device"
+    index: str = "SampleIndex"  # signal with the index of the message's first sample
+    unit: str | None = None  # replaces the unit of the bus database
+
+    @model_validator(mode="after")
+    def _one_way_to_name_signals(self) -> Self:
+        if sum(value is not None for value in (self.signal, self.signals, self.pattern)) != 1:
+            raise ValueError("name the samples by exactly one of 'signal', 'signals' or 'pattern'")
+        return self
+
+    @property
+    def names(self) -> str | tuple[str, ...]:
+        """The signals, as `bus.database.signal_names` takes them."""
+        return self.signal or self.pattern or self.signals or ()
+
+
+class SignalsConfig(_Section):
+    rail_pressure: SignalConfig
+    needle_lift: SignalConfig
+    line_pressure: SignalConfig
+
+    def of(self, role: Role) -> SignalConfig:
+        """The mapping of a role."""
+        mapping: SignalConfig = getattr(self, role.value)
+        return mapping
+
+    @model_validator(mode="after")
+    def _one_time_base(self) -> Self:
+        if len({self.of(role).time_base for role in Role}) > 1:
+            raise ValueError("all three signals must have the same 'time_base': their samples share one index")
+        return self
+
+
+class SamplingConfig(_Section):
+    rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] = 100e3
+    meaning: Literal["instant"] = "instant"
+
+
+class ModelConfig(_Section):
+    file: str | None = None  # relative to the bench file; None: the nominal injector of the package
+
+
+class NoiseConfig(_Section):
+    """Noise of one sample (standard deviation), used until enough standstill was seen."""
+
+    rail_pressure_MPa: Positive = 0.10  # noqa: N815 - units as on screens
+    line_pressure_MPa: Positive = 0.15  # noqa: N815
+    needle_lift_um: Positive = 0.4
+
+
+class OutputsConfig(_Section):
+    """Messages the results go out in; signals are found in them by their names in observer_fd.dbc."""
+
+    injection_rate: str = "InjectionRate"
+    injection_summary: str = "InjectionSummary"
+    status: str = "ObserverStatus"
+    injector_id: Annotated[int, Field(ge=0, le=255)] = 1
+    status_period_ms: Annotated[float, Field(ge=10, le=10_000)] = 100.0
+
+
+class LearningConfig(_Section):
+    enabled: bool = True
+    training: Literal["prediction_error"] = "prediction_error"
+    event_gap_ms: Annotated[float, Field(ge=2, le=50)] = 10.0
+    learning_delay_ms: Annotated[float, Field(ge=0, le=1000)] = 20.0
+    lockstep: bool = False
+    lookahead: Annotated[int, Field(ge=4, le=4)] = 4  # samples
+
+
+class BenchConfig(_Section):
+    """All of `bench.toml`."""
+
+    link: LinkConfig = LinkConfig()
+    dbc: tuple[DatabaseConfig, ...] = Field(min_length=1)
+    signals: SignalsConfig
+    sampling: SamplingConfig = SamplingConfig()
+    model: ModelConfig = ModelConfig()
+    noise: NoiseConfig = NoiseConfig()
+    outputs: OutputsConfig = OutputsConfig()
+    learning: LearningConfig = LearningConfig()
+
+
+class Bench(_Section):
+    """A bench file with the files it names: what every command starts from."""
+
+    path: Path
+    config: BenchConfig
+    databases: tuple[Path, ...]
+    injector_path: Path
+    injector: InjectorParameters
+
+
+def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
+    """Read `injector.toml`. Raises `UserError` naming file, key, problem and remedy."""
+    return _validated(InjectorParameters, _read_toml(path), path)
+
+
+def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None) -> Bench:
+    """Read `bench.toml` and the injector it names, or `model` instead of that.
+
+    Raises `UserError` naming file, key, problem and remedy.
+    """
+    config = _validated(BenchConfig, _read_toml(path), path)
+    injector_path = model
+    if injector_path is None:
+        injector_path = path.parent / config.model.file if config.model.file else NOMINAL_INJECTOR
+    return Bench(
+        path=path,
+        config=config,
+        databases=tuple(_database_path(path, entry.file) for entry in config.dbc),
+        injector_path=injector_path,
+        injector=load_injector(injector_path),
+    )
+
+
+def _database_path(bench: Path, name: str) -> Path:
+    beside = bench.parent / name
+    shipped = PACKAGE_DATA / name
+    if not beside.exists() and shipped.exists():
+        return shipped
+    return beside
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except FileNotFoundError:
+        raise UserError(str(path), "no such file", "correct the path") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(str(path), f"cannot be read: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
+
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+def _validated(model: type[_Model], content: dict[str, Any], path: Path) -> _Model:
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        location = first["loc"]
+        place = f"{path}: {'.'.join(str(part) for part in location) or 'file'}"
+        raise UserError(place, *_explanation(model, location, first)) from None
+
+
+def _explanation(model: type[BaseModel], location: tuple[Any, ...], error: Any) -> tuple[str, str]:
+    """Problem and remedy for one pydantic error."""
+    if error["type"] == "extra_forbidden":
+        known = _keys_at(model, location[:-1])
+        near = get_close_matches(str(location[-1]), known, n=1, cutoff=0.4)
+        hint = f"did you mean '{near[0]}'? " if near else ""
+        return "unknown key", f"{hint}known keys: {', '.join(known)}"
+    if error["type"] == "missing":
+        return "is missing", "add it; `observer-rt run --print-example-bench` shows a complete file"
+    message = str(error["msg"]).removeprefix("Value error, ")
+    found = error.get("input")
+    shown = f"{found!r} " if isinstance(found, str | int | float | bool) else ""
+    return f"{shown}is not allowed: {message[:1].lower()}{message[1:]}", "correct the value"
+
+
+def _keys_at(model: type[BaseModel], location: tuple[Any, ...]) -> list[str]:
+    """Names of the keys a section may have; `location` leads to it through nested sections and lists."""
+    for part in location:
+        if isinstance(part, int):
+            continue
+        model = _section_in(model.model_fields[part].annotation)
+    return list(model.model_fields)
+
+
+def _section_in(annotation: Any) -> type[BaseModel]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    if get_origin(annotation) in (tuple, Union):
+        return _section_in(get_args(annotation)[0])
+    raise TypeError(f"not a section: {annotation}")

@@ -1,5 +1,9 @@
 """Recordings as MDF4, ASAM's measurement file: one channel per signal, units read from the channel."""
 
+import gc
+import struct
+import sys
+import traceback
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -35,6 +39,8 @@ UNITS = {
 }
 REQUIRED = ("rail_pressure", "needle_lift", "line_pressure")
 SI_UNITS = {"rail_pressure": "Pa", "needle_lift": "m", "line_pressure": "Pa", "injection_rate": "m3/s"}
+MAGIC = b"MDF"
+READABLE = "give a complete MDF 4 measurement"
 NO_DATE = datetime.fromtimestamp(0, UTC)
 
 
@@ -44,23 +50,16 @@ def read_mdf4(path: Path) -> Recording:
     The samples that a channel marks as invalid become NaN. Raises `UserError` for a file that is not MDF, a
     missing channel, an unknown unit and channels on different time stamps.
     """
-    try:
-        file = MDF(path)
-    except (MdfException, ValueError, OSError) as error:
-        if isinstance(error, OSError) and error.errno is not None:
-            raise
-        raise UserError(str(path), f"not a readable MDF file: {error}", "give an MDF 4 measurement") from None
-    with file:
-        channels = [name for name in UNITS if name in file]
-        for name in REQUIRED:
-            if name not in channels:
-                hint = nearest_name(name, file.channels_db)
-                raise UserError(
-                    str(path),
-                    f"channel '{name}' is missing{hint.replace('did you mean', 'is it')}",
-                    f"name the channels {', '.join(UNITS)} (the last optional)",
-                )
-        signals = {name: _read_channel(file, name, path) for name in channels}
+    with path.open("rb") as handle:
+        if handle.read(len(MAGIC)) != MAGIC:
+            raise UserError(str(path), "not an MDF file", READABLE)
+        handle.seek(0)
+        try:
+            with MDF(handle) as file:
+                signals = _read_channels(file, path)
+        except (MdfException, struct.error, ValueError, KeyError, EOFError) as error:
+            _discard(error)
+            raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
     time = signals["rail_pressure"].timestamps.astype(np.float64)
     for name, signal in signals.items():
         if not np.array_equal(signal.timestamps, time):
@@ -96,17 +95,39 @@ def write_mdf4(path: Path, recording: Recording) -> None:
         history.comment = "<FHcomment><TX>created</TX><tool_id>observer-rt</tool_id></FHcomment>"
         file.file_history.append(history)
         file.append(signals, comment="", common_timebase=True)
-        file.save(path, overwrite=True, add_history_block=False)
+        with path.open("wb+") as handle:
+            file.save(handle, add_history_block=False)
 
 
-def _read_channel(file: MDF, name: str, path: Path) -> Signal:
-    places = file.channels_db[name]
-    if len(places) > 1:
-        raise UserError(
-            f"{path}, channel {name}", f"appears {len(places)} times", "keep one channel of this name"
-        )
-    group, index = places[0]
-    return file.get(group=group, index=index)
+def _discard(error: Exception) -> None:
+    """Drop the half-read file: asammdf's destructor fails on it, which would print a traceback later on."""
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda _: None
+    try:
+        traceback.clear_frames(error.__traceback__)
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook
+
+
+def _read_channels(file: MDF, path: Path) -> dict[str, Signal]:
+    signals = {}
+    for name in UNITS:
+        places = file.channels_db.get(name, ())
+        if len(places) > 1:
+            raise UserError(
+                f"{path}, channel {name}", f"appears {len(places)} times", "keep one channel of this name"
+            )
+        if places:
+            group, index = places[0]
+            signals[name] = file.get(group=group, index=index, ignore_invalidation_bits=True)
+        elif name in REQUIRED:
+            raise UserError(
+                str(path),
+                f"channel '{name}' is missing{nearest_name(name, file.channels_db)}",
+                f"name the channels {', '.join(UNITS)} (the last optional)",
+            )
+    return signals
 
 
 def _to_si(signal: Signal, path: Path) -> NDArray[np.float64]:

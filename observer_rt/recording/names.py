@@ -5,6 +5,6 @@ from difflib import get_close_matches
 
 
 def nearest_name(name: str, known: Iterable[str]) -> str:
-    """A hint for a message, `; did you mean 'X'?`, or nothing when no known name is near."""
+    """A hint for a message, `; the nearest is 'X'`, or nothing when no known name is near."""
     near = get_close_matches(name, list(known), n=1)
-    return f"; did you mean '{near[0]}'?" if near else ""
+    return f"; the nearest is '{near[0]}'" if near else ""

@@ -32,18 +32,11 @@ def find_uneven_time(time: NDArray[np.float64]) -> UnevenTime | None:
     if time.size < 2:
         return UnevenTime(0, f"{time.size} sample(s); a recording needs at least 2")
     step = np.diff(time)
-    not_rising = np.flatnonzero(step <= 0.0)
-    if not_rising.size:
-        row = int(not_rising[0]) + 1
-        verb = "repeats" if step[row - 1] == 0.0 else "steps back"
-        return UnevenTime(row, f"time {verb}: {time[row - 1]:.9g} s is followed by {time[row]:.9g} s")
     period = float(np.median(step))
-    uneven = np.flatnonzero(np.abs(step - period) > STEP_TOLERANCE * period)
-    if uneven.size:
-        row = int(uneven[0]) + 1
-        kind = "gap in time" if step[row - 1] > period else "uneven time"
-        found = f"step of {step[row - 1]:.6g} s after {time[row - 1]:.9g} s, elsewhere {period:.6g} s"
-        return UnevenTime(row, f"{kind}: {found}")
+    wrong = np.flatnonzero((step <= 0.0) | (np.abs(step - period) > STEP_TOLERANCE * period))
+    if wrong.size:
+        row = int(wrong[0]) + 1
+        return UnevenTime(row, _describe_step(float(time[row - 1]), float(time[row]), period))
     distance = np.abs(time - np.linspace(time[0], time[-1], time.size))
     row = int(np.argmax(distance))
     if distance[row] > GRID_TOLERANCE * period:
@@ -70,6 +63,14 @@ def sample_rate_of(time: NDArray[np.float64]) -> float:
             if abs(candidate / rate - 1.0) <= margin:
                 return candidate
     return rate
+
+
+def _describe_step(before: float, after: float, period: float) -> str:
+    if after <= before:
+        verb = "repeats" if after == before else "steps back"
+        return f"time {verb}: {before:.9g} s is followed by {after:.9g} s"
+    kind = "gap in time" if after - before > period else "uneven time"
+    return f"{kind}: step of {after - before:.6g} s after {before:.9g} s, elsewhere {period:.6g} s"
 
 
 def _rounded(value: float, significant_digits: int) -> float:

@@ -194,7 +194,9 @@ def _validated(model: type[_Model], content: dict[str, Any], path: Path) -> _Mod
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
+        errors = error.errors()
+        # a misspelt key also shows as a missing one: name the cause
+        first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
         location = first["loc"]
         place = f"{path}: {'.'.join(str(part) for part in location) or 'file'}"
         raise UserError(place, *_explanation(model, location, first)) from None

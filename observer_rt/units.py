@@ -11,3 +11,15 @@ MICROSECOND = 1e-6  # s
 MM3_PER_MS = 1e-6  # m3/s
 CUBIC_MILLIMETRE = 1e-9  # m3
 MILLIGRAM = 1e-6  # kg
+
+# Units a bus database or a measurement file may state, by quantity: value_si = value * factor.
+PRESSURE_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": MEGAPASCAL, "bar": 1e5}
+LENGTH_UNITS = {"m": 1.0, "mm": MILLIMETRE, "um": MICROMETRE, "µm": MICROMETRE, "μm": MICROMETRE}
+FLOW_UNITS = {
+    "m3/s": 1.0,
+    "mm3/ms": MM3_PER_MS,
+    "mm3/s": CUBIC_MILLIMETRE,
+    "m³/s": 1.0,
+    "mm³/ms": MM3_PER_MS,
+    "mm³/s": CUBIC_MILLIMETRE,
+}

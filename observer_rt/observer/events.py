@@ -117,14 +117,16 @@ def _end_open_window(observer: Observer, position: int) -> None:
     injection.state = observer.ring[position & _MASK].state
     volume = 0.0
     peak = 0.0
-    valid = position - injection.start < MAX_EVENT
+    reason = 0
     for k in range(max(injection.start, position - MAX_EVENT), position + 1):
         row = observer.ring[k & _MASK]
-        valid = valid and row.valid
+        if reason == 0:
+            reason = row.reason
         peak = max(peak, row.injection_rate)
         if k > injection.start:
             previous = observer.ring[(k - 1) & _MASK]
             volume += 0.5 * (previous.injection_rate + row.injection_rate)
     injection.volume = volume * observer.constants.interval
     injection.peak_rate = peak
-    injection.valid = valid
+    injection.reason = reason
+    injection.valid = reason == 0

@@ -12,7 +12,6 @@ from observer_rt.model.coefficients import coefficients
 from observer_rt.model.network import Network, zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
-from observer_rt.observer.front_end import LOOKAHEAD
 from observer_rt.observer.learning import Knowledge, Learner, Outcome, Verdict, dead_band
 from observer_rt.observer.state import (
     OBSERVER,
@@ -38,7 +37,6 @@ class Durations:
 
     event_gap: float = 10 * MILLISECOND
     learning_delay: float = 20 * MILLISECOND
-    lookahead: int = LOOKAHEAD  # samples
 
 
 def constants_for(
@@ -54,7 +52,6 @@ def constants_for(
         interval=1.0 / sample_rate,
         substeps=substeps_needed(parameters, sample_rate),
         timing=Timing(
-            lookahead=durations.lookahead,
             settle=samples(SETTLE),
             good=samples(GOOD),
             event_gap=samples(durations.event_gap),

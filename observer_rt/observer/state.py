@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.continuity import Break
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
 
@@ -13,17 +14,6 @@ RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
 PENDING_EVENTS = 8  # closed, not yet judged
 INJECTIONS = 64  # finished, not yet reported
-
-
-class Break(IntEnum):
-    """Why a sample does not follow its predecessor."""
-
-    NONE = 0
-    START = 1  # the first sample
-    JUMP = 2  # legal jump of a windowed source
-    LOSS = 3  # samples were lost
-    RESTART = 4  # the device's index began anew
-    NUMERICAL = 5  # a state was not finite
 
 
 class State(IntEnum):
@@ -35,6 +25,20 @@ class State(IntEnum):
     ADAPTED = 3
     DEGRADED = 4
     FAULT = 5
+
+
+class Reason(IntEnum):
+    """Why a sample, an injection or the service is not valid; the first five continue `Break`."""
+
+    NONE = Break.NONE
+    STARTING = Break.START
+    JUMPED = Break.JUMP  # x~ restarted after a window of the source
+    SAMPLES_LOST = Break.LOSS
+    DEVICE_RESTARTED = Break.RESTART
+    NUMERICAL = 5  # a state was not finite
+    NEEDLE_STUCK = 6  # open longer than any injection
+    TOO_FEW_EVENTS = 7  # not enough events were judged since the start
+    INPUT_TIMEOUT = 8  # no input frames
 
 
 SAMPLE = np.dtype(
@@ -52,9 +56,10 @@ SAMPLE = np.dtype(
         ("x_tilde", np.float64, (3,)),
         ("x_hat", np.float64, (3,)),
         ("phi", np.float64, (3,)),  # 1/s
-        ("injection_rate", np.float64),  # m3/s
+        ("injection_rate", np.float64),  # m3/s, NaN while not synchronised
         ("valid", np.bool_),
         ("state", np.int8),  # State
+        ("reason", np.int8),  # Reason
     ],
     align=True,
 )
@@ -83,6 +88,7 @@ INJECTION = np.dtype(
         ("peak_rate", np.float64),  # m3/s
         ("rail_pressure", np.float64),  # at its opening, normalised
         ("valid", np.bool_),
+        ("reason", np.int8),  # Reason of its first sample that is not valid
         ("phi_version", np.int64),
         ("state", np.int8),
     ],
@@ -108,7 +114,7 @@ OBSERVER = np.dtype(
         ("since_start", np.int64),  # samples since x~ started
         ("closed_since_start", np.int64),  # of these, with a closed needle
         ("synchronised", np.bool_),
-        ("last_break", np.int8),
+        ("unsynchronised_by", np.int8),  # Reason
         # needle and event
         ("needle_open", np.bool_),
         ("shut_since", np.int64),  # index of the first closed sample
@@ -146,7 +152,6 @@ OBSERVER = np.dtype(
 class Timing(NamedTuple):
     """Durations in samples."""
 
-    lookahead: int
     settle: int  # closed needle after which the sac is at rest and x^ follows x~
     good: int  # closed needle after which x~ is good again
     event_gap: int

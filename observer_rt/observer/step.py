@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from observer_rt.continuity import Break
 from observer_rt.model.laws import seat_area
 from observer_rt.observer.events import (
     begin_injection,
@@ -14,14 +15,18 @@ from observer_rt.observer.events import (
 from observer_rt.observer.front_end import LOOKAHEAD, closes_at, known, opens_at
 from observer_rt.observer.pair import read_out, start_pair, step_pair
 from observer_rt.observer.standstill import gather
-from observer_rt.observer.state import RING, Break, Observer, State
+from observer_rt.observer.state import MAX_EVENT, RING, Observer, Reason, State
 
 _MASK = RING - 1
 _NONE = int(Break.NONE)
-_START = int(Break.START)
 _JUMP = int(Break.JUMP)
 _RESTART = int(Break.RESTART)
-_NUMERICAL = int(Break.NUMERICAL)
+_NO_REASON = int(Reason.NONE)
+_BEFORE_START = int(Reason.STARTING)
+_JUMPED = int(Reason.JUMPED)
+_NUMERICAL = int(Reason.NUMERICAL)
+_NEEDLE_STUCK = int(Reason.NEEDLE_STUCK)
+_TOO_FEW_EVENTS = int(Reason.TOO_FEW_EVENTS)
 _STARTING = int(State.STARTING)
 _NOMINAL = int(State.RUNNING_NOMINAL)
 _ADAPTED = int(State.ADAPTED)
@@ -133,9 +138,9 @@ def _begin_segment(observer: Observer, position: int) -> None:
         # the needle may have moved meanwhile: nothing is known of the sac
         memory.shut_since = row.index
         memory.needle_open = False
-        memory.last_break = row.broken
     memory.segment_start = position
     memory.synchronised = False
+    memory.unsynchronised_by = row.broken
     memory.breaks += 1
 
 
@@ -163,7 +168,7 @@ def _recover(observer: Observer, position: int) -> None:
     memory.numerical_resets += 1
     memory.synchronised = False
     memory.event_learnable = False
-    memory.last_break = _NUMERICAL
+    memory.unsynchronised_by = _NUMERICAL
     start_pair(observer, position)
 
 
@@ -177,22 +182,29 @@ def _settle(observer: Observer, position: int) -> None:
         memory.closed_since_start >= observer.constants.timing.good
     ):
         memory.synchronised = True
-        memory.last_break = _NONE
+        memory.unsynchronised_by = _NO_REASON
+    if memory.needle_open and position - memory.event_opening > MAX_EVENT:
+        memory.synchronised = False
+        memory.unsynchronised_by = _NEEDLE_STUCK
+        memory.event_learnable = False
 
 
 @njit(cache=True, nogil=True)
 def _mark(observer: Observer, position: int) -> None:
-    """Validity and state of the processed sample."""
+    """Validity, reason and state of the processed sample; its rate is not available while not synchronised."""
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
-    row.valid = memory.synchronised and memory.events_judged >= observer.constants.events_required
-    if memory.last_break == _START:
+    row.reason = memory.unsynchronised_by
+    if not memory.synchronised:
+        row.injection_rate = np.nan
+    elif memory.events_judged < observer.constants.events_required:
+        row.reason = _TOO_FEW_EVENTS
+    row.valid = row.reason == _NO_REASON
+    if memory.unsynchronised_by == _BEFORE_START:
         row.state = _STARTING
-    elif memory.last_break != _NONE:
+    elif memory.unsynchronised_by not in (_NO_REASON, _JUMPED):
         row.state = _DEGRADED
     elif memory.phi_version > 0:
         row.state = _ADAPTED
     else:
         row.state = _NOMINAL
-    if not np.isfinite(row.injection_rate):
-        row.valid = False

@@ -1,0 +1,52 @@
+"""Where compiled code is kept between runs.
+
+Numba notices a change of the file a function stands in, but not of the files it calls into. So the cache of every
+state of the package's source gets a folder of its own, named by a digest of that source.
+"""
+
+import hashlib
+import os
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+_VARIABLE = "NUMBA_CACHE_DIR"
+_KEEP_UNUSED = 14 * 24 * 3600  # s, for which the cache of another state of the source is kept
+
+
+def use_own_cache() -> None:
+    """Point Numba to the cache folder of this source; to be called before Numba is imported."""
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode())
+        digest.update(path.read_bytes())
+    root = _writable_root()
+    folder = root / digest.hexdigest()[:16]
+    folder.mkdir(exist_ok=True)
+    _remove_unused(root, folder)
+    os.environ[_VARIABLE] = str(folder)
+
+
+def _writable_root() -> Path:
+    """The user's own cache folder, else one of the temporary folder."""
+    chosen = os.environ.get(_VARIABLE)
+    cache = Path(chosen) if chosen else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    root = cache / "observer_rt"
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        if os.access(root, os.W_OK):
+            return root
+    except OSError:
+        pass
+    root = Path(tempfile.gettempdir()) / f"observer_rt-{os.getuid()}"
+    root.mkdir(exist_ok=True)
+    return root
+
+
+def _remove_unused(root: Path, used: Path) -> None:
+    os.utime(used)
+    for folder in root.iterdir():
+        if time.time() - folder.stat().st_mtime > _KEEP_UNUSED:
+            shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,195 @@
+"""A link over a raw SocketCAN socket: one system call a frame, kernel time stamps, lost frames counted."""
+
+import errno
+import fcntl
+import select
+import socket
+import struct
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from observer_rt.bus.link import Frame, Link
+from observer_rt.errors import RunError, UserError
+
+RECEIVE_BUFFER_BYTES = 16 << 20  # some 20,000 frames; the usual default holds about 300
+SEND_RETRY_S = 0.5e-3  # about three full frames at 500k/5M
+SEND_PATIENCE_S = 0.5
+
+# Of the generic Linux interface, not all known to Python's socket module.
+_SO_RCVBUFFORCE = 33
+_SO_TIMESTAMPNS = 35
+_SO_RXQ_OVFL = 40
+_SIOCGIFMTU = 0x8921
+_CANFD_MTU = 72
+_CANFD_BRS = 0x01  # bit rate switched
+_CLASSIC_DATA_BYTES = 8
+_FD_DATA_BYTES = 64
+_ARPHRD_CAN = 280
+
+# struct can_frame: identifier, length, 3 unused, data. struct canfd_frame: identifier, length, flags, 2
+# unused, data. The whole size tells which of the two was read.
+_HEADER = struct.Struct("=IBB2x")
+_CLASSIC_FRAME = struct.Struct("=IB3x8s")
+_FD_FRAME = struct.Struct("=IBB2x64s")
+_FILTER = struct.Struct("=II")
+_TIMESPEC = struct.Struct("@ll")
+_COUNT = struct.Struct("=I")
+_ANCILLARY_BYTES = socket.CMSG_SPACE(_TIMESPEC.size) + socket.CMSG_SPACE(_COUNT.size)
+
+
+class SocketCanLink(Link):
+    """Raw socket on one interface, such as `can0` or `vcan0`."""
+
+    def __init__(self, channel: str, fd: bool, receive_ids: Sequence[tuple[int, bool]] | None) -> None:
+        """See `open_link`."""
+        if not hasattr(socket, "AF_CAN"):
+            raise UserError("link.interface", "socketcan needs Linux", "use another python-can interface")
+        self._channel = channel
+        self._fd = fd
+        self._dropped = 0
+        try:
+            self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        except OSError as error:
+            raise RunError(
+                f"the kernel offers no SocketCAN: {error.strerror}\n  remedy: sudo modprobe can_raw"
+            ) from error
+        try:
+            self._configure(receive_ids)
+        except OSError as error:
+            self._socket.close()
+            raise self._failure(error) from error
+        except RunError:
+            self._socket.close()
+            raise
+        self._readable = select.poll()
+        self._readable.register(self._socket, select.POLLIN)
+
+    def _configure(self, receive_ids: Sequence[tuple[int, bool]] | None) -> None:
+        if self._fd:
+            self._require_fd_mtu()
+            self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+        self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, _filters(receive_ids))
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
+        except PermissionError:  # needs CAP_NET_ADMIN; else the most that net.core.rmem_max allows
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        self._socket.bind((self._channel,))
+        self._socket.setblocking(False)
+        pending = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if pending:  # binding to an interface that is down succeeds
+            raise OSError(pending, "")
+
+    def _require_fd_mtu(self) -> None:
+        request = struct.pack("16si12x", self._channel.encode(), 0)
+        _, mtu = struct.unpack("16si12x", fcntl.ioctl(self._socket, _SIOCGIFMTU, request))
+        if mtu < _CANFD_MTU:
+            name = self._channel
+            raise RunError(
+                f"{name} cannot carry CAN FD frames: its mtu is {mtu}\n"
+                f"  remedy: sudo ip link set {name} down && sudo ip link set {name} mtu {_CANFD_MTU} && "
+                f"sudo ip link set {name} up (hardware: with `fd on` and a `dbitrate`)"
+            )
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        deadline: float | None = None
+        while True:
+            try:
+                data, ancillary, _, _ = self._socket.recvmsg(_FD_FRAME.size, _ANCILLARY_BYTES)
+                break
+            except BlockingIOError:
+                now = time.monotonic()
+                if deadline is None:
+                    deadline = now + timeout_s
+                if now > deadline or not self._readable.poll(1e3 * (deadline - now)):
+                    return None
+            except OSError as error:
+                raise self._failure(error) from error
+        stamp_ns = 0
+        for level, kind, value in ancillary:
+            if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
+                seconds, nanoseconds = _TIMESPEC.unpack(value)
+                stamp_ns = seconds * 1_000_000_000 + nanoseconds
+            elif level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
+                # The kernel counts in 32 bits; the difference is right across its wrap.
+                self._dropped += (_COUNT.unpack(value)[0] - self._dropped) & 0xFFFFFFFF
+        identifier, length, _ = _HEADER.unpack_from(data)
+        is_extended = bool(identifier & socket.CAN_EFF_FLAG)
+        return Frame(
+            identifier & (socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK),
+            data[_HEADER.size : _HEADER.size + length],
+            stamp_ns,
+            is_extended,
+            len(data) == _FD_FRAME.size,
+        )
+
+    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
+        if len(payload) > (_FD_DATA_BYTES if is_fd else _CLASSIC_DATA_BYTES):
+            raise ValueError(f"{len(payload)} bytes do not fit into one frame")
+        identifier = frame_id | (socket.CAN_EFF_FLAG if is_extended else 0)
+        if is_fd:
+            if not self._fd:
+                raise RunError(f"{self._channel} was opened without CAN FD\n  remedy: set link.fd = true")
+            frame = _FD_FRAME.pack(identifier, len(payload), _CANFD_BRS, payload)
+        else:
+            frame = _CLASSIC_FRAME.pack(identifier, len(payload), payload)
+        deadline: float | None = None
+        while True:
+            try:
+                self._socket.send(frame)
+                return
+            except OSError as error:
+                # ENOBUFS: the queue of the interface is full, which poll() cannot wait for. EAGAIN: our own.
+                if error.errno not in (errno.ENOBUFS, errno.EAGAIN):
+                    raise self._failure(error) from error
+            now = time.monotonic()
+            if deadline is None:
+                deadline = now + SEND_PATIENCE_S
+            if now > deadline:
+                raise RunError(
+                    f"the transmit queue of {self._channel} stayed full for {SEND_PATIENCE_S} s\n"
+                    "  remedy: check that another node acknowledges and the bit rates agree, or lengthen the "
+                    f"queue: sudo ip link set {self._channel} txqueuelen 1000"
+                )
+            time.sleep(SEND_RETRY_S)
+
+    @property
+    def dropped(self) -> int:
+        return self._dropped
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _failure(self, error: OSError) -> RunError:
+        """What the user can do about `error`."""
+        name = self._channel
+        if error.errno == errno.ENETDOWN:
+            return RunError(f"{name} is down\n  remedy: sudo ip link set {name} up")
+        if error.errno in (errno.ENODEV, errno.ENXIO):
+            there = ", ".join(_can_interfaces()) or "none"
+            return RunError(
+                f"there is no interface {name} (CAN interfaces present: {there})\n"
+                "  remedy: connect the device, or for a virtual bus: "
+                f"sudo ip link add dev {name} type vcan && sudo ip link set {name} mtu {_CANFD_MTU} up"
+            )
+        return RunError(f"{name} failed: {error.strerror or error}")
+
+
+def _filters(receive_ids: Sequence[tuple[int, bool]] | None) -> bytes:
+    """Kernel filters (identifier, mask): only data frames, and of these the wanted ones."""
+    if receive_ids is None:
+        return _FILTER.pack(0, socket.CAN_RTR_FLAG)
+    exact = socket.CAN_EFF_FLAG | socket.CAN_RTR_FLAG
+    return b"".join(
+        _FILTER.pack(frame_id | socket.CAN_EFF_FLAG, socket.CAN_EFF_MASK | exact)
+        if is_extended
+        else _FILTER.pack(frame_id, socket.CAN_SFF_MASK | exact)
+        for frame_id, is_extended in receive_ids
+    )
+
+
+def _can_interfaces() -> list[str]:
+    types = sorted(Path("/sys/class/net").glob("*/type"))
+    return [path.parent.name for path in types if path.read_text().strip() == str(_ARPHRD_CAN)]

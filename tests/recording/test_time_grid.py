@@ -22,7 +22,7 @@ def test_rate_is_exact_behind_rounded_stamps(rate: float, decimals: int) -> None
 
 
 def test_rate_of_a_round_period_is_its_inverse() -> None:
-    assert sample_rate_of(np.arange(1000) * 3e-6) == 1 / 3e-6
+    assert sample_rate_of(np.arange(1000, dtype=np.float64) * 3e-6) == 1 / 3e-6
 
 
 def test_rate_of_few_coarse_stamps_is_the_roundest_that_fits() -> None:

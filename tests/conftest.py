@@ -1,0 +1,81 @@
+"""Shared by all tests: the `vcan` fixture, and the count of tests that really used SocketCAN."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+INTERFACE = "vcan0"
+CAN_FD_MTU = 72
+FLAG_UP = 1
+# Names a file for `passed failed opened`: tests passed, tests failed, tests that opened a socket on vcan0.
+COUNTS_VARIABLE = "OBSERVER_RT_TEST_COUNTS"
+
+
+def interface_ready() -> bool:
+    """True if vcan0 is up and carries CAN FD frames."""
+    folder = Path("/sys/class/net", INTERFACE)
+    try:
+        flags = int((folder / "flags").read_text(), 16)
+        mtu = int((folder / "mtu").read_text())
+    except OSError:
+        return False
+    return bool(flags & FLAG_UP) and mtu >= CAN_FD_MTU
+
+
+@pytest.fixture
+def vcan() -> str:
+    """Name of a SocketCAN interface that is up and carries CAN FD; the test fails where there is none."""
+    if not interface_ready():
+        pytest.fail(
+            f"no CAN FD interface {INTERFACE} here: run this test by `tools/vcan pytest ...`", pytrace=False
+        )
+    return INTERFACE
+
+
+class SocketCounter:
+    """Notes which tests bind a SocketCAN socket to vcan0, whichever library does it for them."""
+
+    def __init__(self) -> None:
+        self.tests: set[str] = set()
+        self._running: str | None = None
+        sys.addaudithook(self._audit)
+
+    def _audit(self, event: str, arguments: tuple[object, ...]) -> None:
+        if event != "socket.bind" or self._running is None:
+            return
+        # The hook is called before the kernel answers; binding to a CAN interface that exists succeeds.
+        match arguments:
+            case (socket.socket(family=socket.AF_CAN), (str(name), *_)) if name == INTERFACE:
+                if any(name == existing for _, existing in socket.if_nameindex()):
+                    self.tests.add(self._running)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        """Attribute what happens from set-up to tear-down to this test."""
+        self._running = item.nodeid
+        try:
+            return (yield)
+        finally:
+            self._running = None
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Print the count, and leave all counts for tools/test."""
+        terminalreporter.write_line(f"vcan: {len(self.tests)} tests opened a SocketCAN socket on {INTERFACE}")
+        if COUNTS_VARIABLE in os.environ:
+            stats = terminalreporter.stats
+            passed, failed = (
+                len(stats.get("passed", [])),
+                len(stats.get("failed", [])) + len(stats.get("error", [])),
+            )
+            Path(os.environ[COUNTS_VARIABLE]).write_text(f"{passed} {failed} {len(self.tests)}\n")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Start counting."""
+    config.pluginmanager.register(SocketCounter(), "socket-counter")

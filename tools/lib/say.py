@@ -1,0 +1,18 @@
+"""Messages of tools/vcan: progress on stderr, and the one failure it knows."""
+
+from __future__ import annotations
+
+import sys
+
+
+def say(message: str) -> None:
+    """Tell the user on stderr what is being done."""
+    print(f"vcan: {message}", file=sys.stderr, flush=True)
+
+
+class UnableError(Exception):
+    """vcan0 cannot be had; `mend` is the one command that would change that."""
+
+    def __init__(self, problem: str, mend: str) -> None:
+        super().__init__(problem)
+        self.mend = mend

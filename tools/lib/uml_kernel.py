@@ -1,0 +1,114 @@
+"""Finds Debian's user-mode Linux kernel: the installed package, or one unpacked into a per-user cache."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+from say import UnableError, say
+
+PACKAGE = "user-mode-linux"
+INSTALL = f"sudo apt-get install -y {PACKAGE}"
+# In the order they must be loaded; bcm and vxcan are what candump's relatives and gateway tests ask for.
+MODULES = ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan")
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A bootable user-mode Linux: the program and its CAN modules in loading order."""
+
+    program: Path
+    modules: tuple[Path, ...]
+
+
+def cache_folder() -> Path:
+    """Where the package is unpacked when it is not installed."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "observer_rt_tools" / PACKAGE
+
+
+def kernel_below(root: Path) -> Kernel | None:
+    """The kernel installed below `root`, if all its parts are there.
+
+    Versions differ in where below the modules folder a module lies: they are searched by name.
+    """
+    program = root / "usr/bin/linux.uml"
+    if not os.access(program, os.X_OK):
+        return None
+    for modules in (root / "usr/lib/uml/modules", root / "lib/uml/modules"):
+        for version in sorted(modules.glob("*"), reverse=True):
+            found = {path.name.split(".")[0]: path for path in version.rglob("*can*.ko*")}
+            if all(name in found for name in MODULES):
+                return Kernel(program, tuple(found[name] for name in MODULES))
+    return None
+
+
+def present_kernel() -> Kernel | None:
+    """The installed kernel, else the cached one, else None."""
+    return kernel_below(Path("/")) or kernel_below(cache_folder())
+
+
+def obtain_kernel() -> Kernel:
+    """The kernel, downloaded and unpacked first if need be; several callers at once fetch it once."""
+    kernel = present_kernel()
+    if kernel is not None:
+        return kernel
+    if shutil.which("apt-get") is None or shutil.which("dpkg-deb") is None:
+        raise UnableError(
+            "user-mode Linux comes as a Debian package, and this machine has no apt-get", "sudo modprobe vcan"
+        )
+    cache = cache_folder()
+    cache.parent.mkdir(parents=True, exist_ok=True)
+    with (cache.parent / f"{PACKAGE}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if kernel_below(cache) is None:
+            fetch_into(cache)
+    kernel = kernel_below(cache)
+    if kernel is None:
+        raise UnableError(f"the package {PACKAGE} lacks linux.uml or its CAN modules", "sudo modprobe vcan")
+    return kernel
+
+
+def fetch_into(cache: Path) -> None:
+    """Download the package with apt (no rights needed) and unpack it into `cache`; the lock must be held."""
+    folder = cache.with_suffix(".partial")
+    shutil.rmtree(folder, ignore_errors=True)  # left by a download that was killed
+    folder.mkdir()
+    try:
+        say(f"downloading Debian package {PACKAGE} (about 40 MB)")
+        if not download(folder, []):
+            # A bare machine has no package lists yet, and only root may write the system's: use our own.
+            lists = folder / "lists"
+            (lists / "partial").mkdir(parents=True)
+            own = [f"Dir::State::Lists={lists}", f"Dir::Cache={folder}", "Debug::NoLocking=1"]
+            apt(folder, own, "update")
+            if not download(folder, own):
+                raise UnableError(
+                    f"cannot download {PACKAGE}, see above", f"sudo apt-get update && {INSTALL}"
+                )
+        say(f"unpacking it into {cache}")
+        package = next(folder.glob(f"{PACKAGE}_*.deb"))
+        subprocess.run(["dpkg-deb", "-x", package, folder / "root"], check=True)
+        shutil.rmtree(cache, ignore_errors=True)
+        (folder / "root").rename(cache)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def download(folder: Path, options: list[str]) -> bool:
+    """True if `apt-get download` put the package into `folder`."""
+    return apt(folder, options, "download", PACKAGE) and any(folder.glob(f"{PACKAGE}_*.deb"))
+
+
+def apt(folder: Path, options: list[str], *arguments: str) -> bool:
+    """Run apt-get quietly in `folder`; True if it succeeded."""
+    # apt's download user cannot write a private folder; as the invoking user it can.
+    settings = ["APT::Sandbox::User=root", *options]
+    command = ["apt-get", "-qq", *(word for option in settings for word in ("-o", option)), *arguments]
+    return (
+        subprocess.run(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=2, check=False).returncode == 0
+    )

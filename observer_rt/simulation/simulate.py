@@ -1,6 +1,5 @@
 """Recordings of a healthy or worn injector, with the truth behind them."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,7 +62,7 @@ def simulate(
             f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz",
         )
     effects = effects or PlantEffects()
-    time = np.arange(math.floor(schedule.duration * sample_rate) + 1) / sample_rate
+    time = np.arange(round(schedule.duration * sample_rate) + 1) / sample_rate
     truth = run_plant(
         parameters, effects, strokes(schedule, parameters), time, schedule.rail_pressure(time), progress
     )

@@ -1,0 +1,132 @@
+"""Option texts of `simulate` and the schedules they make."""
+
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.errors import UserError
+from observer_rt.simulation.schedule import (
+    Shot,
+    make_schedule,
+    parse_energizing_times,
+    parse_rail_pressures,
+    parse_shots,
+)
+
+
+@given(st.lists(st.integers(1, 300), min_size=1, max_size=8))
+def test_rail_pressures_in_mpa(values: list[int]) -> None:
+    assert parse_rail_pressures(",".join(map(str, values))) == tuple(value * 1e6 for value in values)
+
+
+@given(st.lists(st.floats(0.001, 100.0), min_size=1, max_size=8))
+def test_energizing_times_in_ms(values: list[float]) -> None:
+    assert parse_energizing_times(" , ".join(map(repr, values))) == pytest.approx([v * 1e-3 for v in values])
+
+
+@given(st.lists(st.tuples(st.floats(0.001, 100.0), st.floats(-100.0, 100.0)), min_size=1, max_size=8))
+def test_shots_in_ms(values: list[tuple[float, float]]) -> None:
+    shots = parse_shots(",".join(f"{duration!r}@{offset!r}" for duration, offset in values))
+    assert [shot.duration for shot in shots] == pytest.approx([duration * 1e-3 for duration, _ in values])
+    assert [shot.offset for shot in shots] == pytest.approx([offset * 1e-3 for _, offset in values])
+
+
+@given(st.text(max_size=20))
+def test_parsers_give_values_or_a_user_error(text: str) -> None:
+    for parse in (parse_rail_pressures, parse_energizing_times, parse_shots):
+        with suppress(UserError):
+            assert len(parse(text)) == text.count(",") + 1
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("60,,100", "'' is not a number"),
+        ("60;100", "'60;100' is not a number"),
+        ("nan", "'nan' is not a number"),
+        ("0", "0 MPa is out of range"),
+        ("-5", "-5 MPa is out of range"),
+        ("60e6", "6e\\+07 MPa is out of range"),
+    ],
+)
+def test_bad_rail_pressures(text: str, problem: str) -> None:
+    with pytest.raises(UserError, match=f"--rail-pressure: {problem}"):
+        parse_rail_pressures(text)
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "1900", "1.9ms", ""])
+def test_bad_energizing_times(text: str) -> None:
+    with pytest.raises(UserError, match="--energizing-time: "):
+        parse_energizing_times(text)
+
+
+@pytest.mark.parametrize("text", ["0.3", "0.3@", "@1", "0@1", "0.3@-1.5,1.0", "0.3@1@2"])
+def test_bad_shots(text: str) -> None:
+    with pytest.raises(UserError, match="--shots: "):
+        parse_shots(text)
+
+
+@given(pressures=st.integers(1, 4), times=st.integers(1, 4), injections=st.integers(1, 20))
+def test_events_cycle_through_pressures_and_times(pressures: int, times: int, injections: int) -> None:
+    rail = [50e6 + 10e6 * i for i in range(pressures)]
+    energizing = [0.5e-3 + 0.1e-3 * i for i in range(times)]
+    events = make_schedule(rail, injections, 0.05, energizing).events
+    assert [event.rail_pressure for event in events] == [rail[i % pressures] for i in range(injections)]
+    assert [event.shots[0].duration for event in events] == [energizing[i % times] for i in range(injections)]
+    assert [event.start for event in events] == pytest.approx([0.15 + 0.05 * i for i in range(injections)])
+
+
+def test_shots_replace_energizing_times_and_are_sorted() -> None:
+    shots = parse_shots("1.0@0,0.3@-1.5")
+    schedule = make_schedule([100e6], 2, 0.05, [1.9e-3], shots)
+    assert schedule.events[1].shots == (Shot(0.3e-3, -1.5e-3), Shot(1.0e-3, 0.0))
+
+
+@pytest.mark.parametrize(("period", "tail"), [(0.1, 0.1), (0.01, 0.05)])
+def test_the_last_event_has_time_to_close(period: float, tail: float) -> None:
+    schedule = make_schedule([100e6], 3, period, [1e-3])
+    assert schedule.duration == pytest.approx(0.15 + 2 * period + tail)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "place"),
+    [
+        ({"injections": 0}, "--injections"),
+        ({"period": 0.0}, "--period"),
+        ({"period": float("nan")}, "--period"),
+        ({"rail_pressures": []}, "--rail-pressure"),
+        ({"energizing_times": []}, "--energizing-time"),
+        ({"period": 0.001}, "--period"),
+        ({"shots": [Shot(1e-3, 0.0), Shot(1e-3, 1e-3)]}, "--shots"),
+        ({"shots": [Shot(1e-3, 0.0), Shot(1e-3, -0.5e-3)]}, "--shots"),
+        ({"shots": [Shot(1e-3, -0.151)]}, "--shots"),
+        ({"shots": [Shot(1e-3, 0.0), Shot(1e-3, 49.5e-3)]}, "--period"),
+    ],
+)
+def test_impossible_schedules(arguments: dict[str, object], place: str) -> None:
+    valid: dict[str, object] = {
+        "rail_pressures": [100e6],
+        "injections": 3,
+        "period": 0.05,
+        "energizing_times": [1e-3],
+    }
+    with pytest.raises(UserError) as raised:
+        make_schedule(**{**valid, **arguments})  # type: ignore[arg-type]
+    assert raised.value.place == place
+
+
+def test_rail_pressure_holds_during_events_and_moves_smoothly_between() -> None:
+    schedule = make_schedule([60e6, 140e6, 100e6], 4, 0.05, [1.0e-3])
+    time = np.arange(0.0, schedule.duration, 1e-5)
+    pressure = schedule.rail_pressure(time)
+    for event in schedule.events:
+        around = (time > event.first_energizing - 5e-3) & (time < event.last_energizing + 5e-3)
+        np.testing.assert_allclose(pressure[around], event.rail_pressure, rtol=1e-12)
+    first_gap = (time > 0.151) & (time < 0.2)
+    assert (np.diff(pressure[first_gap]) >= 0.0).all()
+    assert np.interp(0.1755, time, pressure) == pytest.approx(100e6, rel=1e-6)
+    # a ramp of 80 MPa in 24.5 ms, at most 1.875 times as steep as a straight one
+    assert np.abs(np.diff(pressure)).max() == pytest.approx(1.875 * 80e6 / 24.5e-3 * 1e-5, rel=1e-3)

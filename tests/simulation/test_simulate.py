@@ -1,0 +1,261 @@
+"""Whole simulations: physics against independent figures, noise, quantisation, repeatability."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from observer_rt.config import load_injector
+from observer_rt.errors import UserError
+from observer_rt.recording.csv_file import write_csv
+from observer_rt.simulation.effects import PlantEffects
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.needle import Stroke, lift_of_stroke, strokes
+from observer_rt.simulation.plant import Truth, run_plant
+from observer_rt.simulation.schedule import Schedule, Shot, make_schedule
+from observer_rt.simulation.simulate import simulate, truth_path, write_truth
+
+NOMINAL = load_injector()
+DENSITY = NOMINAL.fluid.density_nozzle
+ONE = make_schedule([100e6], 1, 0.05, [1.1e-3])
+NOISE = NoiseLevels()
+
+
+def mass(truth: Truth) -> float:
+    """Injected mass [mg]."""
+    return float(np.trapezoid(truth.injection_rate, truth.time)) * DENSITY * 1e6
+
+
+def run(schedule: Schedule = ONE, effects: PlantEffects | None = None, sample_rate: float = 100e3) -> Truth:
+    return simulate(NOMINAL, schedule, sample_rate, effects).truth
+
+
+@pytest.mark.parametrize(
+    ("open_time", "rail_pressure", "expected"),
+    [
+        (1.9e-3, 60e6, 77.0),
+        (1.9e-3, 100e6, 101.0),
+        (1.9e-3, 140e6, 121.0),
+        (2.4e-3, 60e6, 98.0),
+        (2.4e-3, 100e6, 129.0),
+        (2.4e-3, 140e6, 155.0),
+    ],
+)
+def test_check_masses_of_the_nominal_injector(
+    open_time: float, rail_pressure: float, expected: float
+) -> None:
+    """The figures beside the nominal parameters, for a needle that opens and closes in 0.25 ms each."""
+    ramp, start = 0.25e-3, 1e-3
+    speed = NOMINAL.seat.max_lift / ramp
+    needle = Stroke(start, start + ramp, start + open_time - ramp, start + open_time, speed, speed)
+    time = np.arange(600) / 100e3
+    truth = run_plant(NOMINAL, PlantEffects(), [needle], time, np.full(600, rail_pressure))
+    assert mass(truth) == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize(("rail_pressure", "peak"), [(60e6, 53.0), (100e6, 69.0), (140e6, 82.0)])
+def test_check_peaks_of_the_nominal_injector(rail_pressure: float, peak: float) -> None:
+    truth = run(make_schedule([rail_pressure], 1, 0.05, [1.9e-3]))
+    assert truth.injection_rate.max() * 1e6 == pytest.approx(peak, abs=0.5)
+
+
+def reference(rail_pressure: float, effects: PlantEffects, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Injection rate [m3/s] by scipy from (19)-(23) in physical units, wear as factors on the flows."""
+    (needle,) = strokes(make_schedule([rail_pressure], 1, 0.05, [1.1e-3]), NOMINAL)
+    fluid, line, seat, nozzle = NOMINAL.fluid, NOMINAL.line, NOMINAL.seat, NOMINAL.nozzle
+    line_area = math.pi / 4 * line.diameter**2
+    hole_area = nozzle.holes * math.pi / 4 * nozzle.hole_diameter**2
+    cone = math.radians(seat.cone_angle)
+
+    def orifice(coefficient: float, area: float, drop: float) -> float:
+        smooth_root = drop / math.sqrt(math.hypot(drop, 0.5e6))
+        return coefficient * area * smooth_root * math.sqrt(2 / fluid.density_nozzle)
+
+    def nozzle_flow(p_sac: float) -> float:
+        worn = 1 + effects.orifice_area
+        return worn * orifice(nozzle.flow_coefficient, hole_area, p_sac - NOMINAL.chamber.pressure)
+
+    def rates(time: float, state: NDArray[np.float64]) -> list[float]:
+        p_line, q_line, p_sac = state
+        lift = lift_of_stroke(time, needle)
+        seat_area = math.pi * lift * math.sin(cone / 2) * (seat.diameter - lift / 2 * math.sin(cone))
+        q_seat = (1 + effects.seat_area) * orifice(seat.flow_coefficient, seat_area, p_line - p_sac)
+        q_nozzle = nozzle_flow(p_sac)
+        inertia = line_area / (fluid.density_line * line.length) * (rail_pressure - p_line)
+        friction = line.loss_factor / (2 * line_area * line.length) * q_line * abs(q_line)
+        return [
+            fluid.bulk_modulus_line / line.volume * (q_line - q_nozzle),
+            inertia - friction,
+            fluid.bulk_modulus_sac / nozzle.sac_volume * (q_seat - q_nozzle),
+        ]
+
+    start = [rail_pressure, 0.0, NOMINAL.chamber.pressure]
+    solution = solve_ivp(
+        rates, times[[0, -1]], start, "LSODA", times, rtol=1e-8, atol=[1.0, 1e-12, 1.0], max_step=1e-5
+    )
+    return np.array([nozzle_flow(p_sac) for p_sac in solution.y[2]])
+
+
+@pytest.mark.parametrize(
+    ("rail_pressure", "effects"),
+    [
+        (40e6, PlantEffects()),
+        (100e6, PlantEffects(orifice_area=0.3)),
+        (140e6, PlantEffects(orifice_area=-0.3, seat_area=-0.2)),
+    ],
+)
+def test_rate_agrees_with_an_independent_integration(rail_pressure: float, effects: PlantEffects) -> None:
+    truth = run(make_schedule([rail_pressure], 1, 0.05, [1.1e-3]), effects)
+    window = (truth.time > 0.1499) & (truth.time < 0.154)
+    expected = reference(rail_pressure, effects, truth.time[window])
+    np.testing.assert_allclose(truth.injection_rate[window], expected, atol=0.002e-6)
+
+
+@pytest.mark.parametrize(("v_h", "nominal_error"), [(0.3, -0.21), (-0.3, 0.38)])
+def test_wear_changes_the_mass_as_known(v_h: float, nominal_error: float) -> None:
+    schedule = make_schedule([100e6], 1, 0.05, [1.9e-3])
+    worn = run(schedule, PlantEffects(orifice_area=v_h))
+    assert mass(run(schedule)) / mass(worn) - 1 == pytest.approx(nominal_error, abs=0.02)
+
+
+def test_truth_does_not_depend_on_the_sample_rate() -> None:
+    fast, slow = run(sample_rate=100e3), run(sample_rate=20e3)
+    np.testing.assert_allclose(slow.time, fast.time[::5])
+    np.testing.assert_allclose(slow.injection_rate, fast.injection_rate[::5], atol=0.001e-6)
+    np.testing.assert_allclose(slow.line_pressure, fast.line_pressure[::5], atol=100.0)
+
+
+def test_no_shot_is_missed_between_slow_samples() -> None:
+    shots = [Shot(0.2e-3, 0.7e-3 * i) for i in range(6)]
+    schedule = make_schedule([100e6], 1, 0.05, shots=shots)
+    fast, slow = run(schedule, sample_rate=100e3), run(schedule, sample_rate=1e3)
+    np.testing.assert_allclose(slow.line_pressure, fast.line_pressure[::100], atol=1e3)
+
+
+def test_rest_stays_at_rest() -> None:
+    truth = run()
+    before = truth.time < 0.15
+    assert not truth.injection_rate[before].any()
+    assert (truth.sac_pressure[before] == NOMINAL.chamber.pressure).all()
+    np.testing.assert_allclose(truth.line_pressure[before], 100e6, rtol=1e-12)
+    assert truth.injection_rate[-1] == 0.0
+
+
+def test_without_noise_the_recording_is_the_truth_plus_sensor_offsets() -> None:
+    effects = PlantEffects(line_pressure_sensor_offset=0.8e6, rail_pressure_sensor_offset=-3e6)
+    made = simulate(NOMINAL, ONE, 20e3, effects, measured_rate=True)
+    healthy = run(sample_rate=20e3)
+    np.testing.assert_array_equal(made.truth.line_pressure, healthy.line_pressure)
+    np.testing.assert_array_equal(made.recording.line_pressure, healthy.line_pressure + 0.8e6)
+    np.testing.assert_array_equal(made.recording.rail_pressure, healthy.rail_pressure - 3e6)
+    np.testing.assert_array_equal(made.recording.needle_lift, healthy.needle_lift)
+    assert made.recording.injection_rate is not None
+    np.testing.assert_array_equal(made.recording.injection_rate, healthy.injection_rate)
+    assert simulate(NOMINAL, ONE, 20e3).recording.injection_rate is None
+
+
+@pytest.mark.parametrize("sample_rate", [20e3, 100e3])
+def test_noise_has_the_stated_size_and_is_white(sample_rate: float) -> None:
+    schedule = make_schedule([100e6], 4, 0.2, [1.1e-3])
+    made = simulate(NOMINAL, schedule, sample_rate, noise=NOISE, measured_rate=True, seed=1)
+    errors = {name: values - getattr(made.truth, name) for name, values in made.recording.signals.items()}
+    shut = made.truth.injection_rate == 0.0  # the measured rate's gain error is no noise
+    sigmas = {
+        "rail_pressure": 0.1e6,
+        "line_pressure": 0.15e6,
+        "needle_lift": 0.4e-6,
+        "injection_rate": 0.5e-6,
+    }
+    for name, sigma in sigmas.items():
+        error = errors[name][shut]
+        allowed = 5 / math.sqrt(error.size)  # five standard deviations of each statistic, or more
+        assert error.std() == pytest.approx(sigma, rel=allowed), name
+        assert abs(error.mean()) < allowed * sigma, name
+        assert abs(np.corrcoef(error[:-1], error[1:])[0, 1]) < allowed, name
+    correlations = np.corrcoef([errors[name][shut] for name in sigmas]) - np.eye(len(sigmas))
+    assert np.abs(correlations).max() < 5 / math.sqrt(shut.sum())
+
+
+def test_noisy_signals_lie_on_the_grid_of_the_bus() -> None:
+    recording = simulate(NOMINAL, ONE, 20e3, noise=NOISE).recording
+    for pressure in (recording.rail_pressure, recording.line_pressure):
+        assert not (pressure % 5000.0).any()
+    assert np.array_equal(np.rint(recording.needle_lift * 1e8) / 1e8, recording.needle_lift)
+    assert (recording.needle_lift < 0.0).any()  # noise round a shut needle is not cut off
+
+
+def test_measured_rate_has_one_gain_error_per_recording() -> None:
+    gains = []
+    for seed in range(40):
+        made = simulate(
+            NOMINAL, ONE, 20e3, noise=NoiseLevels(injection_rate=0.0), measured_rate=True, seed=seed
+        )
+        assert made.recording.injection_rate is not None
+        running = made.truth.injection_rate > 1e-6
+        gain = made.recording.injection_rate[running] / made.truth.injection_rate[running]
+        assert np.ptp(gain) < 1e-12
+        gains.append(gain[0] - 1.0)
+    assert 0.003 < np.std(gains) < 0.007
+    assert abs(np.mean(gains)) < 0.003
+
+
+def test_same_seed_same_bytes(tmp_path: Path) -> None:
+    for name, seed in (("a", 7), ("b", 7), ("c", 8)):
+        made = simulate(NOMINAL, ONE, 50e3, noise=NOISE, measured_rate=True, seed=seed)
+        write_csv(tmp_path / name, made.recording)
+    first, same, other = ((tmp_path / name).read_bytes() for name in "abc")
+    assert first == same
+    assert first != other
+
+
+def test_measuring_the_rate_leaves_the_inputs_as_they_are() -> None:
+    without = simulate(NOMINAL, ONE, 20e3, noise=NOISE, seed=3).recording
+    measured = simulate(NOMINAL, ONE, 20e3, noise=NOISE, measured_rate=True, seed=3).recording
+    for name, values in without.signals.items():
+        np.testing.assert_array_equal(values, measured.signals[name])
+
+
+def test_progress_rises_to_one() -> None:
+    shares: list[float] = []
+    simulate(NOMINAL, ONE, 100e3, progress=shares.append)
+    assert shares == sorted(shares)
+    assert len(shares) > 1
+    assert shares[-1] == 1.0
+
+
+@pytest.mark.parametrize("sample_rate", [0.0, -1.0, 10.0, 2e6, math.nan])
+def test_sample_rates_out_of_range(sample_rate: float) -> None:
+    with pytest.raises(UserError, match="--sample-rate"):
+        simulate(NOMINAL, ONE, sample_rate)
+
+
+def test_truth_file(tmp_path: Path) -> None:
+    truth = run(sample_rate=20e3)
+    path = truth_path(tmp_path / "worn.csv")
+    assert path.name == "worn.csv.truth.csv"
+    write_truth(path, truth)
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == truth.time.size
+    at = int(np.argmax(truth.injection_rate))
+    shown = {name: float(value) for name, value in rows[at].items()}
+    assert shown == pytest.approx(
+        {
+            "time_s": truth.time[at],
+            "injection_rate_mm3_per_ms": truth.injection_rate[at] * 1e6,
+            "needle_lift_mm": truth.needle_lift[at] * 1e3,
+            "line_pressure_MPa": truth.line_pressure[at] / 1e6,
+            "sac_pressure_MPa": truth.sac_pressure[at] / 1e6,
+            "line_flow_mm3_per_ms": truth.line_flow[at] * 1e6,
+        },
+        rel=1e-11,
+    )
+
+
+def test_truth_file_that_cannot_be_written(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="no such file or folder"):
+        write_truth(tmp_path / "absent" / "truth.csv", run(sample_rate=20e3))

@@ -2,28 +2,18 @@
 
 import math
 import struct
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from cantools.database.can import Message, Signal
-from cantools.database.can.formats.dbc.dbc_specifics import DbcSpecifics
 from cantools.database.conversion import BaseConversion
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.bus.codec import decode, encode, signal_table
-from observer_rt.errors import UserError
 
 EXACT_FLOAT_BITS = 53
-
-
-@dataclass(frozen=True)
-class Attribute:
-    """What cantools keeps of a database attribute, as far as the codec reads it."""
-
-    value: int
 
 
 def make_signal(
@@ -36,10 +26,7 @@ def make_signal(
     is_float: bool = False,
     scale: float = 1,
     offset: float = 0,
-    limits: tuple[float, float] | None = None,
-    codes: dict[str, int] | None = None,
 ) -> Signal:
-    minimum, maximum = limits if limits is not None else (None, None)
     return Signal(
         name,
         start,
@@ -47,9 +34,6 @@ def make_signal(
         byte_order="big_endian" if big_endian else "little_endian",
         is_signed=signed,
         conversion=BaseConversion.factory(scale, offset, None, is_float),
-        minimum=minimum,
-        maximum=maximum,
-        dbc_specifics=DbcSpecifics(attributes={key: Attribute(code) for key, code in (codes or {}).items()}),
     )
 
 
@@ -239,112 +223,3 @@ def test_a_mutated_table_is_told_from_cantools(big_endian: bool, field: str) -> 
     buffer = np.zeros(8, np.uint8)
     encode(np.array([expected]), table, buffer)
     assert buffer.tobytes() != message.encode({"Value": expected})
-
-
-def reserved_codes_signal(*, signed: bool = False, limits: tuple[float, float] | None = None) -> Message:
-    codes = {"GenSigSNA": 0x80 if signed else 255, "GenSigError": 0x81 if signed else 254}
-    return make_message(
-        make_signal("Value", 0, 8, signed=signed, scale=0.5, offset=-10, limits=limits, codes=codes), length=8
-    )
-
-
-@pytest.mark.parametrize(
-    ("value", "raw"),
-    [(117.5, 253), (117.0, 253), (116.5, 253), (116.0, 252), (1e300, 253), (math.inf, 253), (-math.inf, 0)],
-)
-def test_no_number_reads_as_not_available_or_error(value: float, raw: int) -> None:
-    assert encoded(reserved_codes_signal(), {"Value": value})[0] == raw
-
-
-@given(st.floats(allow_nan=False), st.booleans())
-def test_every_number_comes_back_as_a_number(value: float, signed: bool) -> None:
-    message = reserved_codes_signal(signed=signed)
-    back = decoded(message, encoded(message, {"Value": value}))["Value"]
-    low, high = (-73.0, 53.5) if signed else (-10.0, 116.5)
-    assert abs(back - min(max(value, low), high)) <= 0.25
-
-
-def test_reserved_codes_are_nan() -> None:
-    message = reserved_codes_signal()
-    assert math.isnan(decoded(message, b"\xff" + bytes(7))["Value"])
-    assert math.isnan(decoded(message, b"\xfe" + bytes(7))["Value"])
-    assert decoded(message, b"\xfd" + bytes(7))["Value"] == 116.5
-    assert encoded(message, {"Value": math.nan})[0] == 255
-
-
-def test_a_reserved_code_in_the_middle_of_the_range_is_stepped_over() -> None:
-    signal = make_signal("Value", 0, 8, codes={"GenSigSNA": 100, "GenSigError": 99})
-    message = make_message(signal, length=8)
-    raw = [encoded(message, {"Value": value})[0] for value in (98.0, 99.0, 100.0, 101.0)]
-    assert raw == [98, 98, 101, 101]
-
-
-@pytest.mark.parametrize("code", [0x00000000, 0x7F7FFFFF, 0x80000000])
-def test_a_reserved_code_of_a_float_is_stepped_over(code: int) -> None:
-    signal = make_signal("Value", 0, 32, is_float=True, codes={"GenSigSNA": code})
-    message = make_message(signal, length=8)
-    (value,) = struct.unpack("<f", struct.pack("<I", code))
-    back = decoded(message, encoded(message, {"Value": value}))["Value"]
-    assert back == pytest.approx(value, rel=1e-6, abs=1e-40)
-
-
-def test_declared_limits_clamp() -> None:
-    message = reserved_codes_signal(limits=(0.0, 20.2))
-    assert encoded(message, {"Value": 50.0})[0] == 60
-    assert encoded(message, {"Value": -50.0})[0] == 20
-
-
-def test_nan_without_a_code_is_the_value_nearest_zero() -> None:
-    plain = make_message(make_signal("Value", 0, 8, scale=0.5, offset=-10), length=8)
-    assert decoded(plain, encoded(plain, {"Value": math.nan}))["Value"] == 0.0
-    above = make_message(make_signal("Value", 0, 8, offset=40), length=8)
-    assert decoded(above, encoded(above, {"Value": math.nan}))["Value"] == 40.0
-    floating = make_message(make_signal("Value", 0, 32, is_float=True), length=8)
-    assert math.isnan(decoded(floating, encoded(floating, {"Value": math.nan}))["Value"])
-
-
-@pytest.mark.parametrize("length", [16, 32, 64])
-def test_floats_too_large_are_clamped_to_the_largest(length: int) -> None:
-    message = make_message(make_signal("Value", 0, length, is_float=True), length=8)
-    largest = {16: 65504.0, 32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.float64).max)}[length]
-    assert decoded(message, encoded(message, {"Value": math.inf}))["Value"] == largest
-    assert decoded(message, encoded(message, {"Value": -math.inf}))["Value"] == -largest
-
-
-def test_half_precision_equals_numpy() -> None:
-    message = make_message(make_signal("Value", 0, 16, is_float=True), length=8)
-    table, out = signal_table(message, ["Value"]), np.zeros(1)
-    for pattern in range(1 << 16):
-        payload = np.frombuffer(struct.pack("<Q", pattern), np.uint8)
-        decode(payload, table, out)
-        assert same_float(out[0], float(np.uint16(pattern).view(np.float16)))
-
-
-@given(st.floats(-65504, 65504))
-def test_half_precision_rounds_like_numpy(value: float) -> None:
-    message = make_message(make_signal("Value", 0, 16, is_float=True), length=8)
-    expected = int(np.float64(value).astype(np.float16).view(np.uint16))
-    assert int.from_bytes(encoded(message, {"Value": value})[:2], "little") == expected
-
-
-@pytest.mark.parametrize(
-    ("signal", "said"),
-    [
-        (make_signal("Value", 0, 8, scale=0), "scale 0"),
-        (make_signal("Value", 0, 8, limits=(300, 400)), "no code"),
-        (make_signal("Value", 0, 1, codes={"GenSigSNA": 1, "GenSigError": 0}), "reserved"),
-        (make_signal("Value", 0, 8, codes={"GenSigSNA": 256}), "cannot hold"),
-    ],
-)
-def test_unusable_signals_are_refused(signal: Signal, said: str) -> None:
-    with pytest.raises(UserError, match=said) as caught:
-        signal_table(make_message(signal, length=8), ["Value"])
-    assert "Value" in str(caught.value)
-
-
-def test_multiplexed_signals_are_refused() -> None:
-    selector = Signal("Selector", 0, 8, is_multiplexer=True)
-    value = Signal("Value", 8, 8, multiplexer_ids=[1], multiplexer_signal="Selector")
-    message = make_message(selector, value, length=8)
-    with pytest.raises(UserError, match="Value: is multiplexed"):
-        signal_table(message, ["Value"])

@@ -14,6 +14,17 @@ def test_a_full_fd_frame(bit_rate: float, data_bit_rate: float, microseconds: fl
     assert time == pytest.approx(microseconds * 1e-6, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ("length", "stuffed", "checksum", "fixed_stuff_bits"), [(64, 517, 25, 7), (16, 133, 21, 6)]
+)
+def test_bits_sent_at_the_data_bit_rate(
+    length: int, stuffed: int, checksum: int, fixed_stuff_bits: int
+) -> None:
+    """ESI, DLC and data; stuff count and CRC; fixed stuff bits; CRC delimiter."""
+    at_1m, at_2m = (frame_time(length, True, 500e3, rate, False) for rate in (1e6, 2e6))
+    assert (at_1m - at_2m) * 2e6 == pytest.approx(stuffed * 31 / 30 + checksum + fixed_stuff_bits + 1)
+
+
 def test_expected_stuffing_is_that_of_random_bits() -> None:
     run, last, stuff_bits, bits = 0, -1, 0, 300_000
     for bit in np.random.default_rng(5).integers(0, 2, bits).tolist():

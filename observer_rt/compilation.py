@@ -22,8 +22,11 @@ def use_own_cache() -> None:
     for path in sorted(package.rglob("*.py")):
         digest.update(path.relative_to(package).as_posix().encode())
         digest.update(path.read_bytes())
+    name = digest.hexdigest()[:16]
+    if Path(os.environ.get(_VARIABLE, "")).name == name:
+        return  # set by the process that started this one
     root = _writable_root()
-    folder = root / digest.hexdigest()[:16]
+    folder = root / name
     folder.mkdir(exist_ok=True)
     _remove_unused(root, folder)
     os.environ[_VARIABLE] = str(folder)
@@ -33,7 +36,7 @@ def _writable_root() -> Path:
     """The user's own cache folder, else one of the temporary folder."""
     chosen = os.environ.get(_VARIABLE)
     cache = Path(chosen) if chosen else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    root = cache / "observer_rt"
+    root = cache / "observer_rt" / "compiled"
     try:
         root.mkdir(parents=True, exist_ok=True)
         if os.access(root, os.W_OK):

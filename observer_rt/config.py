@@ -81,7 +81,9 @@ class SignalsConfig(_Section):
     @model_validator(mode="after")
     def _one_time_base(self) -> Self:
         if len({self.of(role).time_base for role in Role}) > 1:
-            raise ValueError("all three signals must have the same 'time_base': their samples share one index")
+            raise ValueError(
+                "all three signals must have the same 'time_base': their samples share one index"
+            )
         return self
 
 

@@ -19,7 +19,9 @@ from observer_rt.continuity import Break
 
 SLOTS = 1 << 12  # samples that may wait for another message
 MAX_INTERPOLATED = 2
-OLD_BLOCKS_OF_RESTART = 3  # consecutive old blocks that mean: the device began anew, its first blocks were lost
+OLD_BLOCKS_OF_RESTART = (
+    3  # consecutive old blocks that mean: the device began anew, its first blocks were lost
+)
 _MASK = SLOTS - 1
 _NEEDLE_LIFT = ROLES.index(Role.NEEDLE_LIFT)
 _NONE = int(Break.NONE)
@@ -234,8 +236,8 @@ def _decide_until(alignment: Alignment, frontier: int) -> None:
         for m in range(memory.stream_count):
             if not memory.streams[m].seen:
                 return
-            memory.next_index = max(memory.next_index, memory.streams[m].jump_to) if m else (
-                memory.streams[m].jump_to
+            memory.next_index = (
+                max(memory.next_index, memory.streams[m].jump_to) if m else (memory.streams[m].jump_to)
             )
         memory.begun = True
     index = memory.next_index

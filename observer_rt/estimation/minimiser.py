@@ -67,7 +67,9 @@ def minimise(
         theta = theta + step * direction
         value, gradient = objective.value_and_gradient(theta)
         inverse = _updated(inverse, step * direction, gradient - previous_gradient)
-    return Minimum(theta, value, gradient, max_iterations, float(gradient @ inverse @ gradient), converged=False)
+    return Minimum(
+        theta, value, gradient, max_iterations, float(gradient @ inverse @ gradient), converged=False
+    )
 
 
 def _armijo(

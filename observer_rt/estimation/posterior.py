@@ -16,7 +16,8 @@ class Belief:
     @property
     def sigma(self) -> NDArray[np.float64]:
         """Standard deviations (m,)."""
-        return np.sqrt(np.diag(self.covariance))
+        sigma: NDArray[np.float64] = np.sqrt(np.diag(self.covariance))
+        return sigma
 
     def drifted(self, drift: NDArray[np.float64]) -> "Belief":
         """The belief one event later, when each parameter may have moved by `drift` (m,) (one sigma)."""

@@ -114,7 +114,12 @@ class PredictionError:
             self._slopes,
         )
         weigh(
-            self._innovations, self._slopes, self._burn_in, self._sigma, self._gradient, self._data_information
+            self._innovations,
+            self._slopes,
+            self._burn_in,
+            self._sigma,
+            self._gradient,
+            self._data_information,
         )
         return self._cost(theta), self._gradient + self._prior_information @ (theta - self._mean)
 

@@ -128,9 +128,7 @@ def advance_with_sensitivity(
         )
         for row in range(3):
             for j in range(PARAMETERS):
-                sensitivity[row, j] += sixth * (
-                    k_1[row, j] + 2.0 * (k_2[row, j] + k_3[row, j]) + k_4[row, j]
-                )
+                sensitivity[row, j] += sixth * (k_1[row, j] + 2.0 * (k_2[row, j] + k_3[row, j]) + k_4[row, j])
     return x
 
 

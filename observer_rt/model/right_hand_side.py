@@ -73,4 +73,4 @@ def injection_rate(
         return 0.0
     nozzle_flow, _ = model_flows(x, u, c)
     nozzle_change, _ = flow_changes(x, u, network)
-    return c.nozzle_flow * nozzle_flow * (1.0 + nozzle_change)
+    return float(c.nozzle_flow * nozzle_flow * (1.0 + nozzle_change))

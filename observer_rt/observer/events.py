@@ -1,5 +1,7 @@
 """Events (openings closer than the event gap), their injections, and the queue of events to be judged."""
 
+import math
+
 from numba import njit
 
 from observer_rt.observer.state import (
@@ -127,6 +129,8 @@ def _end_open_window(observer: Observer, position: int) -> None:
             previous = observer.ring[(k - 1) & _MASK]
             volume += 0.5 * (previous.injection_rate + row.injection_rate)
     injection.volume = volume * observer.constants.interval
+    if math.isnan(volume):
+        peak = math.nan
     injection.peak_rate = peak
     injection.reason = reason
     injection.valid = reason == 0

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.estimation.minimiser import minimise
 from observer_rt.estimation.posterior import Belief, belief_from_information
-from observer_rt.estimation.predictor import Setting, Window, open_loop_error
 from observer_rt.estimation.prediction_error import PredictionError, network_of
+from observer_rt.estimation.predictor import Setting, Window, open_loop_error
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.network import HIDDEN
@@ -38,9 +38,7 @@ class Verdict(StrEnum):
     FAILED = "failed"  # singular information, or no finite cost
 
 
-def _per_parameter(
-    values: tuple[float, float, float, float], pressure_scale: float
-) -> NDArray[np.float64]:
+def _per_parameter(values: tuple[float, float, float, float], pressure_scale: float) -> NDArray[np.float64]:
     b_h, w, b_s, offset = values
     return np.array([b_h, *[w] * HIDDEN, b_s, offset / pressure_scale])
 
@@ -116,7 +114,7 @@ class Learner:
             start, _ = objective.value_and_gradient(self._belief.mean)
             if not np.isfinite(start):
                 return self._outcome(Verdict.FAILED, in_force)
-            inverse = np.linalg.inv(objective.information)
+            inverse = belief_from_information(self._belief.mean, objective.information).covariance
             minimum = minimise(objective, self._belief.mean, inverse, TOLERANCE, MAX_ITERATIONS)
             self._belief = belief_from_information(minimum.theta, objective.information)
         except np.linalg.LinAlgError:
@@ -149,7 +147,7 @@ class Learner:
             )
             for theta in (self._belief.mean, in_force)
         ]
-        return errors[0] < errors[1]
+        return bool(errors[0] < errors[1])
 
     def _outcome(self, verdict: Verdict, theta: NDArray[np.float64]) -> Outcome:
         return Outcome(verdict, theta.copy(), self._belief, self._noise, self._schedule)

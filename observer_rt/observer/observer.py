@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.prediction_error import network_of
+from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.network import Network, zero_network

@@ -35,10 +35,16 @@ def gather(observer: Observer, position: int) -> None:
         d = observer.ring[(position - 1) & _MASK]
         memory.difference_count += 1
         memory.rail_squares += (
-            a.rail_pressure - 4 * (b.rail_pressure + d.rail_pressure) + 6 * c.rail_pressure + row.rail_pressure
+            a.rail_pressure
+            - 4 * (b.rail_pressure + d.rail_pressure)
+            + 6 * c.rail_pressure
+            + row.rail_pressure
         ) ** 2
         memory.line_squares += (
-            a.line_pressure - 4 * (b.line_pressure + d.line_pressure) + 6 * c.line_pressure + row.line_pressure
+            a.line_pressure
+            - 4 * (b.line_pressure + d.line_pressure)
+            + 6 * c.line_pressure
+            + row.line_pressure
         ) ** 2
         memory.lift_squares += (
             a.needle_lift - 4 * (b.needle_lift + d.needle_lift) + 6 * c.needle_lift + row.needle_lift

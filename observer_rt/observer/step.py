@@ -67,7 +67,11 @@ def advance_stream(observer: Observer) -> bool:
     memory = observer.memory[0]
     while memory.processed < memory.received:
         position = memory.processed
-        if not memory.draining and known(observer, position) < LOOKAHEAD and not _cut_short(observer, position):
+        if (
+            not memory.draining
+            and known(observer, position) < LOOKAHEAD
+            and not _cut_short(observer, position)
+        ):
             break
         if not _process(observer, position):
             return True

@@ -62,7 +62,7 @@ def handle(pipeline: Pipeline, key: int, payload: NDArray[np.uint8]) -> bool:
     for number in range(pipeline.inputs.messages.size):
         if pipeline.inputs.messages[number].key == key:
             _take(pipeline, number, payload)
-            return proceed(pipeline)
+            return bool(proceed(pipeline))
     return False
 
 
@@ -71,7 +71,7 @@ def proceed(pipeline: Pipeline) -> bool:
     """Observe what is aligned and publish what is observed; True when a judgement is needed to go on."""
     waiting = advance_stream(pipeline.observer)
     publish(pipeline.publisher, pipeline.observer)
-    return waiting
+    return bool(waiting)
 
 
 @njit(cache=True, nogil=True)
@@ -97,9 +97,11 @@ def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8]) -> None:
     )
     if placing in (1, 2):
         return
-    if placing == 0 and (
-        status == E2EStatus.WRONG_SEQUENCE or status == E2EStatus.REPEATED
-    ) and message.data_id >= 0:
+    if (
+        placing == 0
+        and (status == E2EStatus.WRONG_SEQUENCE or status == E2EStatus.REPEATED)
+        and message.data_id >= 0
+    ):
         receiver.sequence_errors += 1
     receiver.last_counter[number] = counter
     for role in range(MAX_INPUTS):

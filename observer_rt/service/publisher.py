@@ -41,7 +41,7 @@ PUBLISHER = np.dtype(
 class Publisher(NamedTuple):
     """Publisher as compiled functions see it; `out` holds `memory[0].frames` frames for the caller.
 
-    values: what is encoded, header signals first (SampleIndex, Valid, Learning, State), then the block's rates.
+    values: what is encoded: SampleIndex, Valid, Learning, State, then the block's rates.
     """
 
     memory: NDArray[np.void]  # (1,) PUBLISHER

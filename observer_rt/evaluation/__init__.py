@@ -1,0 +1,1 @@
+"""Recordings through the observer: traces, masses, comparison with nominal model and measurement."""

@@ -1,0 +1,151 @@
+"""What is said of an evaluated recording: injection by injection, as data for tables and JSON."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.evaluation.evaluate import Evaluation
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.observer.indicators import Estimate
+from observer_rt.service.report import InjectionReport
+from observer_rt.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_PER_MS
+
+SCHEMA = 1
+PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
+
+
+@dataclass(frozen=True)
+class InjectionResult:
+    """One injection against the nominal model and, where measured, against the measurement (SI; nan: not known)."""
+
+    report: InjectionReport
+    start: float  # s
+    end: float  # s
+    nominal_mass: float  # kg
+    measured_mass: float  # kg
+    rate_rmse: float  # m3/s
+    nominal_rate_rmse: float  # m3/s
+
+
+@dataclass(frozen=True)
+class Check:
+    """A standstill check."""
+
+    id: str
+    value: float
+    unit: str
+    passed: bool
+
+
+def injection_results(evaluation: Evaluation, c: Coefficients) -> list[InjectionResult]:
+    """Results of every injection, each over the window it was detected in."""
+    return [_injection_result(evaluation, report, c) for report in evaluation.reports]
+
+
+def _injection_result(
+    evaluation: Evaluation, report: InjectionReport, c: Coefficients
+) -> InjectionResult:
+    recording = evaluation.recording
+    first = report.start_index - evaluation.first_index
+    last = min(report.end_index - evaluation.first_index, recording.samples - 1)
+    window = slice(first, last + 1)
+    interval = 1.0 / recording.sample_rate
+    measured = recording.injection_rate[window] if recording.injection_rate is not None else None
+    nominal = evaluation.trace.nominal_rate[window]
+
+    def mass(rate: NDArray[np.float64]) -> float:
+        return float(np.trapezoid(rate)) * interval * c.density
+
+    def rmse(rate: NDArray[np.float64]) -> float:
+        return math.nan if measured is None else float(np.sqrt(np.mean((rate - measured) ** 2)))
+
+    return InjectionResult(
+        report=report,
+        start=float(recording.time[first]),
+        end=float(recording.time[last]),
+        nominal_mass=mass(nominal),
+        measured_mass=math.nan if measured is None else mass(measured),
+        rate_rmse=rmse(evaluation.trace.injection_rate[window]),
+        nominal_rate_rmse=rmse(nominal),
+    )
+
+
+def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
+    """Standstill checks: offset between line and rail pressure, noise levels."""
+    standstill = evaluation.standstill
+    offset = standstill.offset * c.pressure_scale
+    result = [
+        Check("rail_line_offset", offset / MEGAPASCAL, "MPa", abs(offset) <= PLAUSIBLE_OFFSET),
+    ]
+    if standstill.noise is not None:
+        noise = standstill.noise
+        result += [
+            Check("rail_pressure_noise", noise.rail_pressure / MEGAPASCAL, "MPa", True),
+            Check("line_pressure_noise", noise.line_pressure / MEGAPASCAL, "MPa", True),
+            Check("needle_lift_noise", noise.needle_lift / MICROMETRE, "um", True),
+        ]
+    return result
+
+
+def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
+    """One recording of the JSON document (design 4.1)."""
+    results = injection_results(evaluation, c)
+    valid = sum(result.report.valid for result in results)
+    return {
+        "file": str(evaluation.recording.path),
+        "samples": evaluation.recording.samples,
+        "sample_rate_hz": evaluation.recording.sample_rate,
+        "lost_samples": evaluation.counters.lost_samples,
+        "checks": [vars(check) for check in checks(evaluation, c)],
+        "injections": [_injection_json(result, c) for result in results],
+        "summary": {
+            "valid_share": valid / len(results) if results else 0.0,
+            "adoptions": evaluation.counters.adoptions,
+            "rejected_adoptions": evaluation.counters.rejected_adoptions,
+        },
+    }
+
+
+def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
+    report = result.report
+    wear = report.indicators
+    return {
+        "number": report.number,
+        "event": report.event,
+        "start_s": result.start,
+        "end_s": result.end,
+        "rail_pressure_MPa": report.rail_pressure / MEGAPASCAL,
+        "mass_mg": _known(report.mass / MILLIGRAM),
+        "mass_ci95_mg": None,
+        "nominal_mass_mg": _known(result.nominal_mass / MILLIGRAM),
+        "measured_mass_mg": _known(result.measured_mass / MILLIGRAM),
+        "rate_rmse_mm3_per_ms": _known(result.rate_rmse / MM3_PER_MS),
+        "nominal_rate_rmse_mm3_per_ms": _known(result.nominal_rate_rmse / MM3_PER_MS),
+        "valid": report.valid,
+        "reasons": [] if report.valid else [report.reason.name],
+        "state": report.state.name,
+        "phi_version": report.phi_version,
+        "indicators": {
+            "nozzle_v_H": _estimate(wear.nozzle, 1.0, "-"),
+            "seat_v_S": _estimate(wear.seat, 1.0, "-"),
+            "line_pressure_sensor_offset": _estimate(
+                wear.line_pressure_offset, c.pressure_scale / MEGAPASCAL, "MPa"
+            ),
+        },
+    }
+
+
+def _estimate(estimate: Estimate, factor: float, unit: str) -> dict[str, Any]:
+    interval = estimate.ci95
+    return {
+        "value": estimate.value * factor,
+        "ci95": None if interval is None else [bound * factor for bound in interval],
+        "unit": unit,
+    }
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value

@@ -1,0 +1,131 @@
+"""A recording as the frames a measuring device would send, by the bench's bus map."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.bus.codec import encode
+from observer_rt.bus.database import MessageLayout
+from observer_rt.bus.e2e import protect
+from observer_rt.bus.mapping import MAX_INPUTS, ROLES, BusMap
+from observer_rt.recording.recording import Recording
+from observer_rt.units import MICROMETRE, MILLISECOND
+
+WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
+WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
+OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
+
+
+class TimedFrame(NamedTuple):
+    """A frame and when it is sent, in seconds after the recording's first sample."""
+
+    time: float
+    frame_id: int
+    is_extended: bool
+    is_fd: bool
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class Span:
+    """Samples [start, end) of a recording."""
+
+    start: int
+    end: int
+
+
+def whole(recording: Recording) -> list[Span]:
+    """The recording in one span."""
+    return [Span(0, recording.samples)]
+
+
+def windows(recording: Recording) -> list[Span]:
+    """Spans round the injections, as a windowed source sends them; overlapping ones are joined."""
+    rate = recording.sample_rate
+    before, after = round(WINDOW_BEFORE * rate), round(WINDOW_AFTER * rate)
+    spans: list[Span] = []
+    for sample in np.flatnonzero(recording.needle_lift > OPEN_LIFT):
+        start, end = max(0, int(sample) - before), min(recording.samples, int(sample) + after)
+        if spans and start <= spans[-1].end:
+            spans[-1] = Span(spans[-1].start, end)
+        else:
+            spans.append(Span(start, end))
+    return spans
+
+
+class Framer:
+    """Turns recordings into frames; its counters and sample index go on from one recording to the next."""
+
+    def __init__(self, bus: BusMap) -> None:
+        self._bus = bus
+        self._counters = [0] * len(bus.input_layouts)
+        self._index = 0
+
+    def frames(self, recording: Recording, spans: Sequence[Span]) -> Iterator[TimedFrame]:
+        """Frames of the spans in order of time: each is sent with its last sample.
+
+        A frame that a span does not fill carries "not available" in the rest.
+        """
+        values = np.column_stack([getattr(recording, role.value) for role in ROLES])
+        for span in spans:
+            encoded = [
+                self._encode(number, values[span.start : span.end], self._index + span.start)
+                for number in range(len(self._bus.input_layouts))
+            ]
+            yield from self._in_order(encoded, span, 1.0 / recording.sample_rate)
+        self._index += recording.samples
+
+    def _encode(self, number: int, values: NDArray[np.float64], index: int) -> NDArray[np.uint8]:
+        message = self._bus.inputs.messages[number]
+        first = int(message["first_signal"])
+        table = self._bus.inputs.signals[first : first + int(message["signal_count"])]
+        payloads = _payloads(values, index, message, table, self._counters[number])
+        self._counters[number] = (self._counters[number] + len(payloads)) & 0xFF
+        return payloads
+
+    def _in_order(
+        self, encoded: Sequence[NDArray[np.uint8]], span: Span, interval: float
+    ) -> Iterator[TimedFrame]:
+        layouts = self._bus.input_layouts
+        position = [0] * len(encoded)
+
+        def due(number: int) -> int:
+            samples = int(self._bus.inputs.messages[number]["samples"])
+            return span.start + (position[number] + 1) * samples - 1
+
+        while any(position[number] < len(encoded[number]) for number in range(len(encoded))):
+            number = min(
+                (n for n in range(len(encoded)) if position[n] < len(encoded[n])), key=lambda n: (due(n), n)
+            )
+            yield _timed(layouts[number], due(number) * interval, encoded[number][position[number]])
+            position[number] += 1
+
+
+def _timed(layout: MessageLayout, time: float, payload: NDArray[np.uint8]) -> TimedFrame:
+    return TimedFrame(time, layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes())
+
+
+@njit(cache=True, nogil=True)
+def _payloads(values, index, message, table, counter):  # type: ignore[no-untyped-def]
+    """Frames (n, length) of one message for samples (m, MAX_INPUTS) [SI] from `index` on."""
+    samples = message.samples
+    count = (values.shape[0] + samples - 1) // samples
+    result = np.zeros((count, message.length), np.uint8)
+    numbers = np.empty(message.signal_count)
+    for block in range(count):
+        numbers[:] = np.nan
+        numbers[0] = (index + block * samples) & 0xFFFFFFFF
+        for role in range(MAX_INPUTS):
+            if (message.roles >> role) & 1:
+                for k in range(min(samples, values.shape[0] - block * samples)):
+                    numbers[message.position[role] + k] = (
+                        values[block * samples + k, role] / message.factor[role]
+                    )
+        encode(numbers, table, result[block])
+        if message.data_id >= 0:
+            protect(result[block], message.length, message.data_id, counter + block)
+    return result

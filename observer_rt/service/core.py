@@ -1,0 +1,307 @@
+"""The service without its surroundings: frames in, frames out. No socket, no clock, no file."""
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt import __version__
+from observer_rt.bus.alignment import make_alignment
+from observer_rt.bus.mapping import BusMap, frame_key
+from observer_rt.config import Bench
+from observer_rt.errors import UserError
+from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate, substeps_needed
+from observer_rt.observer.indicators import indicators_of
+from observer_rt.observer.learning import Knowledge, Learner, Outcome, Verdict, dead_band, no_knowledge
+from observer_rt.observer.observer import (
+    Durations,
+    constants_for,
+    event_window,
+    in_force,
+    judge,
+    make_observer,
+)
+from observer_rt.observer.standstill import Standstill, standstill_of
+from observer_rt.observer.state import INJECTIONS, RING, Constants, Reason, State
+from observer_rt.service.output import FrameWriter, OutputFrame, summary_values
+from observer_rt.service.pipeline import Pipeline, handle, make_receiver, proceed
+from observer_rt.service.publisher import flush, make_publisher
+from observer_rt.service.report import InjectionReport
+from observer_rt.service.training import InlineExecutor, Training
+from observer_rt.units import MEGAPASCAL, MICROMETRE, MILLISECOND
+
+EVENTS_REQUIRED = 2  # judged, before a sample is valid
+EVENTS_REQUIRED_RESTORED = 1  # the same with a restored state
+
+
+@dataclass(frozen=True)
+class Counters:
+    """What was counted since the start."""
+
+    samples: int
+    lost_samples: int
+    interpolated_samples: int
+    frames: int
+    crc_errors: int
+    length_errors: int
+    sequence_errors: int
+    repeated_frames: int
+    old_frames: int
+    restarts: int
+    jumps: int
+    events: int
+    injections: int
+    adoptions: int
+    rejected_adoptions: int
+    late_adoptions: int
+
+
+def configured_noise(bench: Bench) -> NoiseLevels:
+    """Noise levels of the bench file, SI."""
+    noise = bench.config.noise
+    return NoiseLevels(
+        rail_pressure=noise.rail_pressure_MPa * MEGAPASCAL,
+        line_pressure=noise.line_pressure_MPa * MEGAPASCAL,
+        needle_lift=noise.needle_lift_um * MICROMETRE,
+    )
+
+
+def bench_constants(bench: Bench, restored: bool = False) -> Constants:
+    """Constants of the observer for a bench. Raises `UserError` when its sample rate is too low to integrate."""
+    rate = bench.config.sampling.rate_hz
+    substeps = substeps_needed(bench.injector, rate)
+    if substeps > MAX_SUBSTEPS:
+        raise UserError(
+            f"{bench.path}: sampling.rate_hz",
+            f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS}), "
+            f"for the sac of {bench.injector_path.name} relaxes at up to {fastest_rate(bench.injector):.3g} 1/s",
+            f"sample at {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more",
+        )
+    learning = bench.config.learning
+    durations = Durations(learning.event_gap_ms * MILLISECOND, learning.learning_delay_ms * MILLISECOND)
+    return constants_for(
+        bench.injector, rate, durations, EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
+    )
+
+
+class Core:
+    """One injector's observer service on frames.
+
+    `handle` takes frames in the order received and returns the frames they cause. The same frames give the same
+    `InjectionRate` and `InjectionSummary` frames, bit for bit, as long as no adoption is late.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        bus: BusMap,
+        knowledge: Knowledge | None = None,
+        executor: Executor | None = None,
+        learning: bool | None = None,
+        on_report: Callable[[InjectionReport], None] | None = None,
+    ) -> None:
+        """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep)."""
+        config = bench.config
+        self._constants = bench_constants(bench, restored=knowledge is not None)
+        self._pressure_scale = self._constants.coefficients.pressure_scale
+        noise = configured_noise(bench)
+        start = knowledge or no_knowledge(noise, self._pressure_scale)
+        self._learning = config.learning.enabled if learning is None else learning
+        self._injector_id = config.outputs.injector_id
+        learner = Learner(self._constants, start)
+        lockstep = executor is None or config.learning.lockstep
+        self._training = Training(learner, executor or InlineExecutor(), lockstep)
+        self._observer = make_observer(self._constants, start, learner)
+        self._pipeline = Pipeline(
+            bus.inputs,
+            make_receiver(),
+            make_alignment(len(bus.inputs.messages), dead_band(noise.needle_lift)[0]),
+            self._observer,
+            make_publisher(bus.rate, bus.rate_samples, self._learning),
+        )
+        self._rate_layout = bus.rate.layout
+        self._summary_writer = FrameWriter(bus.summary)
+        self._on_report = on_report or (lambda _: None)
+        self._known = start
+        self._restored = knowledge is not None
+        self._events_submitted = 0
+        self._rejected = 0
+        self._frames: list[OutputFrame] = []
+
+    def handle(self, frame_id: int, is_extended: bool, payload: bytes) -> list[OutputFrame]:
+        """Take one received frame; frames that are not ours are ignored. Returns the frames to send."""
+        data = np.frombuffer(payload, np.uint8)
+        waiting = handle(self._pipeline, frame_key(frame_id, is_extended), data)
+        return self._go_on(waiting)
+
+    def finish(self) -> list[OutputFrame]:
+        """No frame will come: process what waits, judge every event, publish the last block."""
+        self._observer.memory["draining"] = True
+        frames = self._go_on(proceed(self._pipeline))
+        flush(self._pipeline.publisher)
+        self._collect_rate_frames()
+        return frames + self._taken_frames()
+
+    @property
+    def processed(self) -> int:
+        """Samples processed since the start: the position of the next one."""
+        return int(self._observer.memory["processed"][0])
+
+    def rows(self, start: int, end: int) -> NDArray[np.void]:
+        """Processed samples at positions [start, end) as a copy, dtype `observer.state.SAMPLE`.
+
+        Only the last `RING` samples are remembered.
+        """
+        return self._observer.ring[np.arange(max(start, end - RING), end) % RING]
+
+    @property
+    def state(self) -> tuple[State, Reason]:
+        """State and reason of the last processed sample."""
+        if self.processed == 0:
+            return State.STARTING, Reason.STARTING
+        row = self._observer.ring[(self.processed - 1) % RING]
+        return State(int(row["state"])), Reason(int(row["reason"]))
+
+    @property
+    def learning(self) -> bool:
+        """Whether learning is enabled."""
+        return self._learning
+
+    @property
+    def last_index(self) -> int:
+        """Device index of the last processed sample, 0 before the first."""
+        return int(self._observer.ring[(self.processed - 1) % RING]["index"]) if self.processed else 0
+
+    @property
+    def knowledge(self) -> Knowledge:
+        """All that was learned and judged so far."""
+        return self._known
+
+    @property
+    def standstill(self) -> Standstill:
+        """Statistics of the closed needle since the start."""
+        return standstill_of(self._observer.memory, self._pressure_scale)
+
+    @property
+    def counters(self) -> Counters:
+        """What was counted so far."""
+        receiver = self._pipeline.receiver[0]
+        alignment = self._pipeline.alignment.memory[0]
+        memory = self._observer.memory[0]
+        return Counters(
+            samples=self.processed,
+            lost_samples=int(alignment["lost"]),
+            interpolated_samples=int(memory["interpolated"]),
+            frames=int(receiver["frames"]),
+            crc_errors=int(receiver["crc_errors"]),
+            length_errors=int(receiver["length_errors"]),
+            sequence_errors=int(receiver["sequence_errors"]),
+            repeated_frames=int(alignment["repeated"]),
+            old_frames=int(alignment["old"]),
+            restarts=int(alignment["restarts"]),
+            jumps=int(alignment["jumps"]),
+            events=int(memory["events_judged"]),
+            injections=int(memory["injections_reported"]),
+            adoptions=int(memory["phi_version"]),
+            rejected_adoptions=self._rejected,
+            late_adoptions=self._training.late,
+        )
+
+    def _go_on(self, waiting: bool) -> list[OutputFrame]:
+        """Hand over closed events, judge due ones, until the observer waits for input again."""
+        self._submit_events()
+        self._collect_rate_frames()
+        while waiting:
+            self._judge()
+            waiting = proceed(self._pipeline)
+            self._submit_events()
+            self._collect_rate_frames()
+        return self._taken_frames()
+
+    def _submit_events(self) -> None:
+        closed = int(self._observer.memory["events_closed"][0])
+        while self._events_submitted < closed:
+            window = event_window(self._observer, self._events_submitted) if self._learning else None
+            self._training.submit(window, self.standstill, in_force(self._observer))
+            self._events_submitted += 1
+
+    def _judge(self) -> None:
+        outcome = self._training.take()
+        event = int(self._observer.memory["events"][0]["number"][self._head()])
+        judge(self._observer, outcome)
+        if outcome is not None:
+            self._rejected += outcome.verdict is not Verdict.ADOPTED
+            self._known = Knowledge(
+                belief=outcome.belief,
+                in_force=outcome.theta,
+                noise=outcome.noise,
+                phi_version=int(self._observer.memory["phi_version"][0]),
+                events=self._known.events + (outcome.verdict is not Verdict.FAILED),
+            )
+        self._report_injections(event, outcome)
+
+    def _head(self) -> int:
+        memory = self._observer.memory[0]
+        return int(memory["events_taken"]) % len(memory["events"])
+
+    def _report_injections(self, event: int, outcome: Outcome | None) -> None:
+        memory = self._observer.memory[0]
+        while memory["injections_reported"] < memory["injections_begun"]:
+            injection = memory["injections"][int(memory["injections_reported"]) % INJECTIONS]
+            if injection["event"] > event:
+                break
+            memory["injections_reported"] += 1
+            report = self._report(injection, outcome)
+            values = summary_values(report, self._injector_id, self._learning, self._pressure_scale)
+            self._frames.append(self._summary_writer.write(values))
+            self._on_report(report)
+
+    def _report(self, injection: np.void, outcome: Outcome | None) -> InjectionReport:
+        c = self._constants.coefficients
+        middle = self._observer.ring[(int(injection["start"]) + int(injection["end"])) // 2 % RING]
+        learned = outcome is not None or self._restored or self._known.events > 0
+        indicators = indicators_of(
+            self._known.belief.mean if outcome is not None else in_force(self._observer),
+            self._known.belief if learned else None,
+            middle["x_hat"],
+            np.array([middle["rail_pressure"], middle["seat_area"]]),
+        )
+        return InjectionReport(
+            number=int(injection["number"]),
+            event=int(injection["event"]),
+            start=int(injection["start"]),
+            end=int(injection["end"]),
+            start_index=int(injection["start_index"]),
+            end_index=int(injection["end_index"]),
+            volume=float(injection["volume"]),
+            mass=float(injection["volume"]) * c.density,
+            peak_rate=float(injection["peak_rate"]),
+            rail_pressure=float(injection["rail_pressure"]) * c.pressure_scale + c.chamber_pressure,
+            valid=bool(injection["valid"]),
+            reason=Reason(int(injection["reason"])),
+            state=State(int(injection["state"])),
+            phi_version=int(injection["phi_version"]),
+            indicators=indicators,
+        )
+
+    def _collect_rate_frames(self) -> None:
+        publisher = self._pipeline.publisher
+        count = int(publisher.memory["frames"][0])
+        layout = self._rate_layout
+        for frame in publisher.out[:count]:
+            payload = frame["payload"][: int(frame["length"])].tobytes()
+            self._frames.append(OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload))
+        publisher.memory["frames"] = 0
+
+    def _taken_frames(self) -> list[OutputFrame]:
+        frames, self._frames = self._frames, []
+        return frames
+
+
+def software_version() -> tuple[int, int, int]:
+    """Major, minor and patch number of this software."""
+    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
+    return major, minor, patch

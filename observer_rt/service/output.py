@@ -1,0 +1,68 @@
+"""Summary and status frames: named values into payloads."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from observer_rt.bus.codec import encode
+from observer_rt.bus.e2e import protect
+from observer_rt.bus.mapping import OutputMessage
+from observer_rt.service.report import InjectionReport
+from observer_rt.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM, MM3_PER_MS
+
+
+class OutputFrame(NamedTuple):
+    """A frame to be sent."""
+
+    frame_id: int
+    is_extended: bool
+    is_fd: bool
+    payload: bytes
+
+
+class FrameWriter:
+    """Writes frames of one message from named values; counts for the end-to-end protection."""
+
+    def __init__(self, message: OutputMessage) -> None:
+        self._message = message
+        self._counter = 0
+
+    def write(self, values: Mapping[str, float]) -> OutputFrame:
+        """Frame with these values in the database's units; signals not named are not available."""
+        layout = self._message.layout
+        payload = np.zeros(layout.length, np.uint8)
+        numbers = np.array([values.get(name, np.nan) for name in self._message.names])
+        encode(numbers, self._message.table, payload)
+        if layout.e2e_data_id is not None:
+            protect(payload, layout.length, layout.e2e_data_id, self._counter)
+            self._counter = (self._counter + 1) & 0xFF
+        return OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes())
+
+
+def summary_values(
+    report: InjectionReport, injector_id: int, learning: bool, pressure_scale: float
+) -> dict[str, float]:
+    """Signals of `InjectionSummary`; pressure_scale p_0 [Pa]."""
+    wear = report.indicators
+    return {
+        "SampleIndex": report.start_index & 0xFFFFFFFF,
+        "Valid": report.valid,
+        "Learning": learning,
+        "State": report.state,
+        "EndIndex": report.end_index & 0xFFFFFFFF,
+        "InjectionNumber": report.number & 0xFFFFFFFF,
+        "EventNumber": report.event & 0xFFFFFFFF,
+        "PhiVersion": report.phi_version & 0xFFFF,
+        "InjectorId": injector_id,
+        "Reason": report.reason,
+        "Mass": report.mass / MILLIGRAM,
+        "Volume": report.volume / CUBIC_MILLIMETRE,
+        "RailPressureAtStart": report.rail_pressure / MEGAPASCAL,
+        "PeakInjectionRate": report.peak_rate / MM3_PER_MS,
+        "NozzleWear": wear.nozzle.value,
+        "NozzleWearSigma": np.nan if wear.nozzle.sigma is None else wear.nozzle.sigma,
+        "SeatWear": wear.seat.value,
+        "SeatWearSigma": np.nan if wear.seat.sigma is None else wear.seat.sigma,
+        "LinePressureOffset": wear.line_pressure_offset.value * pressure_scale / MEGAPASCAL,
+    }

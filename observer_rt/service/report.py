@@ -1,0 +1,31 @@
+"""What the service says of one injection, in SI units."""
+
+from dataclasses import dataclass
+
+from observer_rt.observer.indicators import Indicators
+from observer_rt.observer.state import Reason, State
+
+
+@dataclass(frozen=True)
+class InjectionReport:
+    """One injection, judged with its event.
+
+    start, end are positions in the stream of samples, the indices those of the device. `volume` [m3], `mass`
+    [kg] and `peak_rate` [m3/s] are nan when some sample had no rate; `rail_pressure` [Pa] at the opening.
+    """
+
+    number: int
+    event: int
+    start: int
+    end: int
+    start_index: int
+    end_index: int
+    volume: float
+    mass: float
+    peak_rate: float
+    rail_pressure: float
+    valid: bool
+    reason: Reason
+    state: State
+    phi_version: int
+    indicators: Indicators

@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from say import say
+
 FORWARDED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 GRACE_S = 10.0  # what a command may take to end after the first signal before it is killed
 POLL_S = 0.02
@@ -61,7 +63,10 @@ def supervise(
                     delivered = True
                     end = min(end, time.monotonic() + GRACE_S)
                 if len(signals) > 1 or time.monotonic() > end:
-                    return 128 + signals[0] if signals else TIMED_OUT
+                    if signals:
+                        return 128 + signals[0]
+                    say(f"killing the command after {timeout_s:g} s (VCAN_TIMEOUT)")
+                    return TIMED_OUT
                 time.sleep(POLL_S)
             return None
         finally:

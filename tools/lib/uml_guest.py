@@ -158,8 +158,8 @@ def main() -> None:
         os.write(control, f"{code}\n".encode())
         termios.tcdrain(control)
     except Exception:
-        for line in traceback.format_exc().splitlines():
-            Path("/dev/kmsg").write_text(f"vcan: {line}\n")
+        for row in traceback.format_exc().splitlines():
+            Path("/dev/kmsg").write_text(f"vcan: {row}\n")
     finally:
         os.sync()
         LIBC.reboot(POWER_OFF)

@@ -1,0 +1,111 @@
+"""tools/vcan as its users see it. These tests run outside it: each starts it anew."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+VCAN = Path(__file__).parents[2] / "tools" / "vcan"
+LIMIT_S = 120.0  # of one start, on a slow machine that fetches the package first
+
+
+def run(*command: str, folder: Path | None = None, **variables: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, VCAN, *command],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env=os.environ | variables,
+        timeout=LIMIT_S,
+        check=False,
+    )
+
+
+def leftovers(folder: Path) -> list[str]:
+    return [path.name for path in folder.iterdir()]
+
+
+def test_output_exit_code_environment_and_folder_pass_through(tmp_path: Path) -> None:
+    temporary, work = tmp_path / "temporary", tmp_path / "wörk folder"
+    temporary.mkdir()
+    work.mkdir()
+    (work / "input").write_text("from the host\n")
+    script = """
+        cat input; echo "$GREETING"; id -u; cat /sys/class/net/vcan0/mtu
+        echo made >output; echo bad >&2; exit 42
+    """
+
+    done = run("bash", "-c", script, folder=work, GREETING="a  'b' \"c\"\n$d", TMPDIR=str(temporary))
+
+    assert done.stdout == f"from the host\na  'b' \"c\"\n$d\n{os.getuid()}\n72\n"
+    assert done.stderr.splitlines()[-1] == "bad"
+    assert done.returncode == 42
+    assert (work / "output").read_text() == "made\n"
+    assert leftovers(temporary) == []
+
+
+def test_output_arrives_as_it_is_written() -> None:
+    command = [sys.executable, str(VCAN), "bash", "-c", "echo first; sleep 2; echo second"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"first\n"
+        first = time.monotonic()
+        assert process.stdout.readline() == b"second\n"
+        assert time.monotonic() - first > 1.0
+
+
+def test_two_at_once_keep_their_results_apart() -> None:
+    commands = [
+        [sys.executable, str(VCAN), "bash", "-c", f"sleep 1; echo {code}; exit {code}"] for code in (3, 4)
+    ]
+    processes = [
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) for command in commands
+    ]
+    outputs = [process.communicate(timeout=LIMIT_S)[0] for process in processes]
+
+    assert [process.returncode for process in processes] == [3, 4]
+    assert outputs == [b"3\n", b"4\n"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_reaches_the_command_which_ends_in_its_own_way(number: signal.Signals) -> None:
+    name = number.name.removeprefix("SIG")
+    script = f"trap 'echo stopped; exit 5' {name}; echo ready; while :; do sleep 0.1; done"
+    command = [sys.executable, str(VCAN), "bash", "-c", script]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        process.send_signal(number)
+        assert process.stdout.read() == b"stopped\n"
+        assert process.wait(LIMIT_S) == 5
+
+
+def test_a_command_that_hangs_is_killed() -> None:
+    start = time.monotonic()
+    done = run("sleep", "1000", VCAN_TIMEOUT="5")
+    assert done.returncode == 124
+    assert "VCAN_TIMEOUT" in done.stderr
+    assert time.monotonic() - start < 60.0
+
+
+def test_a_command_that_does_not_exist_is_reported_as_a_shell_does() -> None:
+    done = run("no-such-command")
+    assert done.returncode == 127
+    assert "no-such-command" in done.stderr
+
+
+def test_how_names_the_way_without_taking_it() -> None:
+    done = run("--how")
+    assert done.returncode == 0
+    assert done.stdout.strip() in {"host", "create", "uml"}
+
+
+def test_a_wrong_command_line_is_the_users_mistake() -> None:
+    assert run().returncode == 2
+    assert run("true", VCAN_TIMEOUT="soon").returncode == 2

@@ -1,0 +1,109 @@
+# Sourced by the tools: makes sure that .venv of this repository exists and holds the package as pyproject.toml asks.
+# shellcheck shell=bash
+
+repository=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+venv=$repository/.venv
+needed_python='import sys; sys.exit(sys.version_info < (3, 11))'
+
+say() { printf '%s\n' "$*" >&2; }
+
+fail() { # problem, the one command that mends it
+    say "cannot set up $venv: $1"
+    say "  this would mend it: $2"
+    exit 1
+}
+
+as_root() { # run a command with root's rights; fails without them
+    if [ "$(id -u)" = 0 ]; then "$@"; else sudo -n "$@"; fi
+}
+
+may_install() {
+    command -v apt-get >/dev/null && as_root true 2>/dev/null
+}
+
+install_packages() { # Debian packages; quiet unless it fails
+    say "installing Debian packages: $*"
+    as_root apt-get -qq update >&2 || true # the lists at hand may do
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends "$@" </dev/null >/dev/null
+}
+
+find_python() { # prints the newest suitable interpreter
+    local name
+    for name in python3 python3.14 python3.13 python3.12 python3.11; do
+        if "$name" -c "$needed_python" 2>/dev/null; then
+            command -v "$name"
+            return
+        fi
+    done
+    return 1
+}
+
+obtain_python() {
+    find_python && return
+    if may_install; then
+        install_packages python3 python3-venv >&2 && find_python && return
+        fail "Python 3.11 or newer is needed, and this system's packages have none" "uv python install 3.12"
+    fi
+    fail "Python 3.11 or newer is missing" "sudo apt-get install -y python3 python3-venv"
+}
+
+make_venv() { # with the interpreter $1: an environment that has pip
+    local python=$1
+    rm -rf "$venv"
+    if ! "$python" -c 'import venv, ensurepip' 2>/dev/null && may_install; then
+        # Debian and Ubuntu split this part of Python off; it belongs to the system's interpreter.
+        install_packages python3-venv || true
+    fi
+    if "$python" -c 'import venv, ensurepip' 2>/dev/null; then
+        "$python" -m venv "$venv" >&2
+    elif "$python" -m virtualenv --version >/dev/null 2>&1; then
+        "$python" -m virtualenv -q "$venv" >&2
+    elif command -v uv >/dev/null; then
+        uv venv -q --seed --python "$python" "$venv" >&2
+    elif "$python" -m pip --version >/dev/null 2>&1 && "$python" -c 'import venv' 2>/dev/null; then
+        # pip installs itself into an environment without one; the system's own packages stay as they are.
+        "$python" -m venv --without-pip "$venv" >&2
+        "$python" -m pip --python "$venv/bin/python" install -q pip >&2
+    else
+        fail "$python lacks ensurepip" "sudo apt-get install -y python3-venv"
+    fi
+}
+
+installed_state() { # what the stamp says when nothing needs to be done
+    sha256sum "$repository/pyproject.toml"
+    echo "$venv"
+}
+
+install_package() { # extras ("" or "[dev]")
+    local log
+    log=$(mktemp)
+    say "installing observer-rt$1 and what it needs into $venv:"
+    if PYTHONUNBUFFERED=1 "$venv/bin/python" -m pip install --disable-pip-version-check --no-input \
+        -e "$repository$1" </dev/null 2>&1 | tee "$log" | awk '/^ *Collecting / { printf " %s", $2; fflush() }' >&2; then
+        printf '\n' >&2
+        rm -f "$log"
+    else
+        say ""
+        tail -n 20 "$log" >&2
+        rm -f "$log"
+        fail "pip could not install the package, see above" "$venv/bin/python -m pip install -e '$repository$1'"
+    fi
+}
+
+ensure_venv() { # extras ("" or "[dev]"); several at once take turns
+    local extras=$1 stamp=$venv/.installed$1 python
+    exec 9<"$repository"
+    flock 9
+    if ! { [ -f "$stamp" ] && installed_state | cmp -s - "$stamp" && "$venv/bin/python" -c "$needed_python"; }; then
+        if ! "$venv/bin/python" -c "$needed_python; import pip" 2>/dev/null; then
+            python=$(obtain_python)
+            say "making $venv with $python"
+            make_venv "$python"
+        fi
+        install_package "$extras"
+        installed_state >"$stamp"
+        installed_state >"$venv/.installed" # the extras include the plain package
+    fi
+    exec 9<&-
+    export PATH="$venv/bin:$PATH"
+}

@@ -180,11 +180,11 @@ def _unwrapped(alignment: Alignment, message: int, raw_index: int) -> int:
                 expected = memory.streams[m].next_index
                 break
         else:
-            return raw_index
+            return int(raw_index)
     ahead = (raw_index - expected) & 0xFFFFFFFF
     if ahead >= 0x80000000:
         ahead -= 0x100000000
-    return expected + ahead
+    return int(expected + ahead)
 
 
 @njit(cache=True, nogil=True)

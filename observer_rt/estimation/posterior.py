@@ -16,7 +16,7 @@ class Belief:
     @property
     def sigma(self) -> NDArray[np.float64]:
         """Standard deviations (m,)."""
-        sigma: NDArray[np.float64] = np.sqrt(np.diag(self.covariance))
+        sigma: NDArray[np.float64] = np.sqrt(np.diag(self.covariance)).astype(np.float64)
         return sigma
 
     def drifted(self, drift: NDArray[np.float64]) -> "Belief":

@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping import BusMap, map_bus
-from observer_rt.config import EXAMPLE_BENCH, Bench, SamplingConfig
-from observer_rt.errors import UserError
+from observer_rt.config import Bench
 from observer_rt.observer.learning import Knowledge
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import State
-from observer_rt.recording.framing import Framer, whole
+from observer_rt.recording.framing import Framer, bench_for, whole
 from observer_rt.recording.recording import Recording
 from observer_rt.service.core import Core, Counters
 from observer_rt.service.output import OutputFrame
@@ -20,7 +19,6 @@ from observer_rt.service.report import InjectionReport
 
 Progress = Callable[[int, int], None]  # samples done, samples in all
 _READ_EVERY = 64  # frames between two looks at the observer's memory
-RATE_TOLERANCE = 1e-6  # relative, between recording and bench
 
 
 @dataclass(frozen=True)
@@ -60,25 +58,6 @@ class History:
     frames: tuple[OutputFrame, ...]
 
 
-def bench_for(bench: Bench, recording: Recording) -> Bench:
-    """The bench at the recording's sample rate.
-
-    The example bench takes any rate; a user's own must state the recording's. Raises `UserError` otherwise.
-    """
-    rate = recording.sample_rate
-    stated = bench.config.sampling.rate_hz
-    if abs(rate - stated) <= RATE_TOLERANCE * stated:
-        return bench
-    if bench.path != EXAMPLE_BENCH:
-        raise UserError(
-            f"{bench.path}: sampling.rate_hz",
-            f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz",
-            "set rate_hz to the recording's rate, or leave out --bench",
-        )
-    sampling = SamplingConfig(rate_hz=rate, meaning=bench.config.sampling.meaning)
-    return bench.model_copy(update={"config": bench.config.model_copy(update={"sampling": sampling})})
-
-
 def evaluate(
     bench: Bench,
     recordings: Sequence[Recording],
@@ -106,9 +85,7 @@ def evaluate(
     for recording, (counts, standstill) in zip(recordings, counters, strict=True):
         end = first + recording.samples
         reports = tuple(r for r in run.reports if first <= r.start_index < end)
-        evaluations.append(
-            Evaluation(recording, first, run.trace(first, end), reports, counts, standstill)
-        )
+        evaluations.append(Evaluation(recording, first, run.trace(first, end), reports, counts, standstill))
         first = end
     return History(tuple(evaluations), run.core.knowledge, tuple(run.frames))
 

@@ -45,9 +45,7 @@ def injection_results(evaluation: Evaluation, c: Coefficients) -> list[Injection
     return [_injection_result(evaluation, report, c) for report in evaluation.reports]
 
 
-def _injection_result(
-    evaluation: Evaluation, report: InjectionReport, c: Coefficients
-) -> InjectionResult:
+def _injection_result(evaluation: Evaluation, report: InjectionReport, c: Coefficients) -> InjectionResult:
     recording = evaluation.recording
     first = report.start_index - evaluation.first_index
     last = min(report.end_index - evaluation.first_index, recording.samples - 1)

@@ -96,6 +96,11 @@ class Learner:
         """Gains for the noise levels in use."""
         return self._schedule
 
+    @property
+    def belief(self) -> Belief:
+        """What is believed after the last event."""
+        return self._belief
+
     def learn(self, window: Window, standstill: Standstill, in_force: NDArray[np.float64]) -> Outcome:
         """Update the belief from one event and decide whether its mean is adopted in place of `in_force` (m,)."""
         if standstill.noise is not None:

@@ -12,12 +12,34 @@ from observer_rt.bus.codec import encode
 from observer_rt.bus.database import MessageLayout
 from observer_rt.bus.e2e import protect
 from observer_rt.bus.mapping import MAX_INPUTS, ROLES, BusMap
+from observer_rt.config import EXAMPLE_BENCH, Bench, SamplingConfig
+from observer_rt.errors import UserError
 from observer_rt.recording.recording import Recording
 from observer_rt.units import MICROMETRE, MILLISECOND
 
 WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
 WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
+RATE_TOLERANCE = 1e-6  # relative, between recording and bench
 OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
+
+
+def bench_for(bench: Bench, recording: Recording) -> Bench:
+    """The bench at the recording's sample rate.
+
+    The example bench takes any rate; a user's own must state the recording's. Raises `UserError` otherwise.
+    """
+    rate = recording.sample_rate
+    stated = bench.config.sampling.rate_hz
+    if abs(rate - stated) <= RATE_TOLERANCE * stated:
+        return bench
+    if bench.path != EXAMPLE_BENCH:
+        raise UserError(
+            f"{bench.path}: sampling.rate_hz",
+            f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz",
+            "set rate_hz to the recording's rate, or leave out --bench",
+        )
+    sampling = SamplingConfig(rate_hz=rate, meaning=bench.config.sampling.meaning)
+    return bench.model_copy(update={"config": bench.config.model_copy(update={"sampling": sampling})})
 
 
 class TimedFrame(NamedTuple):
@@ -83,7 +105,7 @@ class Framer:
         message = self._bus.inputs.messages[number]
         first = int(message["first_signal"])
         table = self._bus.inputs.signals[first : first + int(message["signal_count"])]
-        payloads = _payloads(values, index, message, table, self._counters[number])
+        payloads: NDArray[np.uint8] = _payloads(values, index, message, table, self._counters[number])
         self._counters[number] = (self._counters[number] + len(payloads)) & 0xFF
         return payloads
 

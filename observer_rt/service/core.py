@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt import __version__
 from observer_rt.bus.alignment import make_alignment
 from observer_rt.bus.mapping import BusMap, frame_key
 from observer_rt.config import Bench
@@ -299,9 +298,3 @@ class Core:
     def _taken_frames(self) -> list[OutputFrame]:
         frames, self._frames = self._frames, []
         return frames
-
-
-def software_version() -> tuple[int, int, int]:
-    """Major, minor and patch number of this software."""
-    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
-    return major, minor, patch

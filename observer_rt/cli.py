@@ -1,0 +1,293 @@
+"""The command line: thin commands, errors as messages and exit codes.
+
+Exit codes: 0 there is a result, 1 failed at run time or `check` found an error, 2 the command line or a file the
+user supplied must change.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+
+from observer_rt import __version__
+from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR
+from observer_rt.errors import ObserverError, UserError
+
+if TYPE_CHECKING:
+    from observer_rt.config import Bench
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # units in brackets are not markup
+    help="Estimates the injection rate of a common-rail injector in real time, from CAN back onto CAN.",
+)
+messages = Console(stderr=True)
+
+BenchOption = Annotated[
+    Path,
+    typer.Option(
+        "--bench",
+        help="Bench file (default: the example bench of the package).",
+        metavar="FILE",
+        show_default=False,
+    ),
+]
+ModelOption = Annotated[
+    Path | None, typer.Option("--model", help="Injector file, instead of the bench's.", metavar="FILE")
+]
+StateOption = Annotated[
+    Path | None, typer.Option("--state", help="Learned state to start from.", metavar="FILE")
+]
+
+
+def main() -> None:
+    """Entry point of `observer-rt`."""
+    try:
+        app()
+    except ObserverError as error:
+        messages.print(f"[red]error:[/red] {_escaped(str(error))}", highlight=False, soft_wrap=True)
+        sys.exit(error.exit_code)
+    except BrokenPipeError:
+        sys.exit(1)
+
+
+def _escaped(text: str) -> str:
+    from rich.markup import escape
+
+    return escape(text)
+
+
+def _version(show: bool) -> None:
+    if show:
+        print(f"observer-rt {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command(epilog="Example: observer-rt demo --wear 0.3 --figure demo.png")
+def demo(
+    wear: Annotated[
+        float, typer.Option(help="Nozzle wear v_H: relative change of the orifice flow.", min=-0.5, max=0.5)
+    ] = 0.3,
+    injections: Annotated[int, typer.Option(help="How many injections.", min=3, max=100)] = 12,
+    speed: Annotated[float, typer.Option(help="Replay speed, 1 = real time.", min=0.01, max=1.0)] = 0.05,
+    seed: Annotated[int, typer.Option(help="Seed of the measurement noise.", min=0)] = 1,
+    figure: Annotated[
+        Path, typer.Option(help="Where to write the picture (png, svg, pdf).", metavar="FILE")
+    ] = Path("observer_rt_demo.png"),
+) -> None:
+    """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
+    from observer_rt.demo import run_demo
+
+    run_demo(wear, injections, speed, seed, figure, messages)
+
+
+@app.command(epilog="Example: observer-rt run --bench bench.toml --state learned.json --view")
+def run(
+    bench: Annotated[Path | None, typer.Option("--bench", help="Bench file.", metavar="FILE")] = None,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            "--state", help="Learned state: restored at start, saved at a clean stop.", metavar="FILE"
+        ),
+    ] = None,
+    view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,
+    print_example_bench: Annotated[
+        bool, typer.Option("--print-example-bench", help="Print a complete, commented bench file.")
+    ] = False,
+    print_example_injector: Annotated[
+        bool, typer.Option("--print-example-injector", help="Print a complete, commented injector file.")
+    ] = False,
+) -> None:
+    """Run the daemon: frames in, injection rate out, until SIGINT or SIGTERM."""
+    for wanted, path in ((print_example_bench, EXAMPLE_BENCH), (print_example_injector, NOMINAL_INJECTOR)):
+        if wanted:
+            print(path.read_text(encoding="utf-8"), end="")
+            return
+    if bench is None:
+        raise UserError(
+            "--bench",
+            "is missing",
+            "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from",
+        )
+    from observer_rt.service.main import serve
+
+    serve(_load(bench), state, view, messages)
+
+
+@app.command(epilog="Example: observer-rt replay recording.csv --bench bench.toml --speed 0.1")
+def replay(
+    recording: Annotated[Path, typer.Argument(help="Recording (.csv, .mf4) or candump log (.log).")],
+    bench: BenchOption = EXAMPLE_BENCH,
+    channel: Annotated[
+        str | None, typer.Option("--channel", help="CAN channel, instead of the bench's.")
+    ] = None,
+    interface: Annotated[
+        str | None, typer.Option("--interface", help="python-can interface, instead of the bench's.")
+    ] = None,
+    speed: Annotated[
+        float, typer.Option("--speed", help="1 = real time; 0 = as fast as the bus takes.", min=0.0)
+    ] = 1.0,
+    loop: Annotated[int, typer.Option("--loop", help="How often; 0 = until stopped.", min=0)] = 1,
+    start: Annotated[
+        float | None, typer.Option("--start", help="From this time of the recording [s].")
+    ] = None,
+    stop: Annotated[float | None, typer.Option("--stop", help="To this time of the recording [s].")] = None,
+    windowed: Annotated[
+        bool, typer.Option("--windowed", help="Only about 6 ms round each injection.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Statistics as JSON on stdout.")] = False,
+) -> None:
+    """Send a recording onto a bus as the measuring devices would, on an absolute time grid."""
+    from observer_rt.recording.replay import replay_onto
+
+    chosen = _with_link(_load(bench), interface, channel)
+    statistics = replay_onto(chosen, recording, speed, loop, start, stop, windowed, messages)
+    if as_json:
+        print(json.dumps(statistics.as_json()))
+    else:
+        print(statistics.as_text())
+
+
+@app.command(
+    epilog="Example: observer-rt simulate --rail-pressure 60,100,140 --energizing-time 0.6,1.9 --injections 12 "
+    "--effect orifice_area:v_H=0.3 --output worn.csv"
+)
+def simulate(
+    output: Annotated[
+        Path, typer.Option("--output", help="Recording to write (.csv, .mf4).", metavar="FILE")
+    ],
+    rail_pressure: Annotated[
+        str, typer.Option("--rail-pressure", help="MPa, comma separated; event i takes number i mod n.")
+    ] = "100",
+    energizing_time: Annotated[
+        str, typer.Option("--energizing-time", help="ms, comma separated; event i takes number i mod m.")
+    ] = "1.9",
+    injections: Annotated[int, typer.Option("--injections", help="Number of events.", min=1)] = 10,
+    period: Annotated[float, typer.Option("--period", help="From event to event [ms].", min=1.0)] = 60.0,
+    sample_rate: Annotated[float, typer.Option("--sample-rate", help="Hz.", min=1.0)] = 100e3,
+    shots: Annotated[
+        str | None,
+        typer.Option("--shots", help="Shots of every event as duration@offset [ms], e.g. 0.3@-1.5,1.0@0."),
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option("--effect", help="Deviation of the plant, id[:parameter]=value; repeatable."),
+    ] = None,
+    noise: Annotated[
+        str, typer.Option("--noise", help="on: noise and 16-bit quantisation; off: none.")
+    ] = "on",
+    measured_rate: Annotated[
+        bool, typer.Option("--measured-rate", help="Add a measured injection rate with its errors.")
+    ] = False,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the noise.", min=0)] = 0,
+    model: Annotated[
+        Path,
+        typer.Option(
+            "--model",
+            help="Injector file (default: the nominal injector).",
+            metavar="FILE",
+            show_default=False,
+        ),
+    ] = NOMINAL_INJECTOR,
+) -> None:
+    """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
+    from observer_rt.simulation.command import simulate_to_file
+
+    simulate_to_file(
+        output=output,
+        model=model,
+        rail_pressure=rail_pressure,
+        energizing_time=energizing_time,
+        injections=injections,
+        period_ms=period,
+        sample_rate=sample_rate,
+        shots=shots,
+        effects=effect or [],
+        noise=noise,
+        measured_rate=measured_rate,
+        seed=seed,
+        console=messages,
+    )
+
+
+@app.command(epilog="Example: observer-rt evaluate worn.csv --output trace.csv --plot worn.png")
+def evaluate(
+    recordings: Annotated[list[Path], typer.Argument(help="Recordings (.csv, .mf4).")],
+    bench: BenchOption = EXAMPLE_BENCH,
+    model: ModelOption = None,
+    state: StateOption = None,
+    save_state: Annotated[
+        Path | None, typer.Option("--save-state", help="Where to save what was learned.", metavar="FILE")
+    ] = None,
+    no_learning: Annotated[
+        bool, typer.Option("--no-learning", help="Keep phi as it is at the start.")
+    ] = False,
+    chain: Annotated[
+        bool, typer.Option("--chain", help="The recordings are one history: learning goes on.")
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", help="Trace, one row per sample; a folder for several.", metavar="FILE|DIR"),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Figure (png, svg, pdf).", metavar="FILE")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Results as JSON on stdout.")] = False,
+) -> None:
+    """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
+    from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
+
+    evaluate_files(
+        _load(bench, model),
+        recordings,
+        EvaluateOptions(state, save_state, not no_learning, chain, output, plot, as_json),
+        messages,
+    )
+
+
+@app.command(epilog="Example: observer-rt check --bench bench.toml")
+def check(
+    bench: BenchOption = EXAMPLE_BENCH,
+    model: ModelOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Findings as JSON on stdout.")] = False,
+) -> None:
+    """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
+    from observer_rt.service.checkup import Level, as_json_document, as_table, checkup
+
+    findings = checkup(_load(bench, model))
+    if as_json:
+        print(json.dumps(as_json_document(findings), indent=2))
+    else:
+        Console().print(as_table(findings))
+    if any(finding.level is Level.ERROR for finding in findings):
+        raise typer.Exit(1)
+
+
+def _load(path: Path, model: Path | None = None) -> "Bench":
+    from observer_rt.config import load_bench
+
+    return load_bench(path, model)
+
+
+def _with_link(bench: "Bench", interface: str | None, channel: str | None) -> "Bench":
+    changes: dict[str, Any] = {}
+    if interface is not None:
+        changes["interface"] = interface
+    if channel is not None:
+        changes["channel"] = channel
+    config = bench.config.model_copy(update={"link": bench.config.link.model_copy(update=changes)})
+    return bench.model_copy(update={"config": config})

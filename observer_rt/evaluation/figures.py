@@ -1,0 +1,132 @@
+"""Figures of evaluated recordings."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from observer_rt.evaluation.evaluate import Evaluation
+from observer_rt.evaluation.results import InjectionResult
+from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+
+ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
+CURVES = 3  # injections drawn as curves
+
+
+@dataclass(frozen=True)
+class RateCurves:
+    """Rates of one injection [m3/s] over time [s]; `reference` is what it is compared with, if anything."""
+
+    title: str
+    time: NDArray[np.float64]
+    estimated: NDArray[np.float64]
+    nominal: NDArray[np.float64]
+    reference: NDArray[np.float64] | None
+
+
+@dataclass(frozen=True)
+class MassRow:
+    """Masses of one injection [kg]."""
+
+    number: int
+    estimated: float
+    nominal: float
+    reference: float | None
+    valid: bool
+
+
+def plot_injections(
+    path: Path, title: str, curves: Sequence[RateCurves], masses: Sequence[MassRow], reference: str
+) -> None:
+    """Write a figure (format by suffix): rate curves above, masses or mass errors of all injections below.
+
+    `reference` names what the estimates are compared with ("true", "measured").
+    """
+    figure = plt.figure(figsize=(4.2 * max(2, len(curves)), 6.4), layout="constrained")
+    grid = figure.add_gridspec(2, max(1, len(curves)), height_ratios=(3, 2))
+    for column, curve in enumerate(curves):
+        _draw_curves(figure.add_subplot(grid[0, column]), curve, reference, legend=column == 0)
+    _draw_masses(figure.add_subplot(grid[1, :]), masses, reference)
+    figure.suptitle(title)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def evaluation_curves(evaluation: Evaluation, results: Sequence[InjectionResult]) -> list[RateCurves]:
+    """Curves of the first, a middle and the last injection of a recording."""
+    if not results:
+        return []
+    chosen = sorted({0, len(results) // 2, len(results) - 1})[:CURVES]
+    curves = []
+    for number in chosen:
+        report = results[number].report
+        first = report.start_index - evaluation.first_index
+        window = slice(first, report.end_index - evaluation.first_index + 1)
+        time = evaluation.recording.time[window]
+        measured = evaluation.recording.injection_rate
+        curves.append(
+            RateCurves(
+                f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
+                time - time[0],
+                evaluation.trace.injection_rate[window],
+                evaluation.trace.nominal_rate[window],
+                None if measured is None else measured[window],
+            )
+        )
+    return curves
+
+
+def evaluation_masses(results: Sequence[InjectionResult]) -> list[MassRow]:
+    """Masses of all injections of a recording."""
+    return [
+        MassRow(
+            result.report.number,
+            result.report.mass,
+            result.nominal_mass,
+            None if np.isnan(result.measured_mass) else result.measured_mass,
+            result.report.valid,
+        )
+        for result in results
+    ]
+
+
+def _draw_curves(axes: Axes, curve: RateCurves, reference: str, legend: bool) -> None:
+    time = curve.time / MILLISECOND
+    if curve.reference is not None:
+        axes.plot(time, curve.reference / MM3_PER_MS, color=REFERENCE, lw=2.4, label=reference)
+    axes.plot(time, curve.nominal / MM3_PER_MS, color=NOMINAL, ls="--", label="nominal model")
+    axes.plot(time, curve.estimated / MM3_PER_MS, color=ESTIMATED, lw=1.2, label="observer")
+    axes.set(title=curve.title, xlabel="time [ms]")
+    axes.grid(alpha=0.3)
+    if legend:
+        axes.set_ylabel("injection rate [mm³/ms]")
+        axes.legend(frameon=False, loc="lower center")
+
+
+def _draw_masses(axes: Axes, masses: Sequence[MassRow], reference: str) -> None:
+    numbers = np.array([row.number for row in masses])
+    estimated = np.array([row.estimated for row in masses])
+    nominal = np.array([row.nominal for row in masses])
+    if masses and all(row.reference is not None for row in masses):
+        truth = np.array([row.reference for row in masses], float)
+        series = [100 * (nominal / truth - 1), 100 * (estimated / truth - 1)]
+        label = f"mass error against {reference} [%]"
+        axes.axhline(0, color=REFERENCE, lw=0.8)
+    else:
+        series = [nominal / MILLIGRAM, estimated / MILLIGRAM]
+        label = "injected mass [mg]"
+    axes.bar(numbers - 0.2, series[0], 0.38, color=NOMINAL, label="nominal model")
+    bars = axes.bar(numbers + 0.2, series[1], 0.38, color=ESTIMATED, label="observer")
+    for bar, row in zip(bars, masses, strict=True):
+        if not row.valid:
+            bar.set(alpha=0.35, hatch="//")
+    for number, value in zip(numbers, series[1], strict=True):
+        axes.annotate(f"{value:.2f}", (number + 0.2, value), ha="center", va="bottom", fontsize=7)
+    axes.set(xlabel="injection (hatched: observer not valid yet)", ylabel=label)
+    axes.set_xticks(numbers)
+    axes.grid(axis="y", alpha=0.3)
+    axes.legend(frameon=False)

@@ -1,0 +1,16 @@
+"""Progress bars on stderr, so that stdout stays for results."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+
+@contextlib.contextmanager
+def progress_bar(console: Console, text: str, total: float | None) -> Iterator[Callable[[float], None]]:
+    """A bar that is told what is done so far, out of `total` (None: unknown); gone when done."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(text, total=total)
+        yield lambda done: progress.update(task, completed=done)

@@ -1,0 +1,92 @@
+"""What the signals of a bus can hold, in SI units: range and resolution of a role, values that do not fit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.codec import FLOAT16, FLOAT32, FLOAT64, decode, encode
+from observer_rt.bus.mapping import ROLES, BusMap
+from observer_rt.config import Role
+from observer_rt.recording.recording import Recording
+from observer_rt.units import MEGAPASCAL, MILLIMETRE
+
+_FLOAT_TYPES = {FLOAT16: np.float16, FLOAT32: np.float32, FLOAT64: np.float64}
+_SHOWN_UNIT = {
+    Role.RAIL_PRESSURE: ("MPa", MEGAPASCAL),
+    Role.NEEDLE_LIFT: ("mm", MILLIMETRE),
+    Role.LINE_PRESSURE: ("MPa", MEGAPASCAL),
+}
+
+
+@dataclass(frozen=True)
+class RoleRange:
+    """Lowest and highest value [SI] that every sample of a role's message can carry."""
+
+    lowest: float
+    highest: float
+
+
+def message_of(bus: BusMap, role: Role) -> int:
+    """Number of the input message that carries a role."""
+    bit = 1 << ROLES.index(role)
+    return next(n for n, message in enumerate(bus.inputs.messages) if int(message["roles"]) & bit)
+
+
+def role_range(bus: BusMap, role: Role) -> RoleRange:
+    """The values that reach the receiver when more is encoded than fits."""
+    message = bus.inputs.messages[message_of(bus, role)]
+    factor = float(message["factor"][ROLES.index(role)])
+    table = _samples(bus, role)
+    ends = []
+    for value in (-np.inf, np.inf):
+        payload = np.zeros(int(message["length"]), np.uint8)
+        encode(np.full(len(table), value), table, payload)
+        values = np.empty(len(table))
+        decode(payload, table, values)
+        ends.append(values * factor)
+    return RoleRange(float(ends[0].max()), float(ends[1].min()))
+
+
+def role_resolution(bus: BusMap, role: Role, value: float) -> float:
+    """Distance of two neighbouring values [SI] on the bus, near `value` [SI]; the coarsest of the samples."""
+    factor = float(bus.inputs.messages[message_of(bus, role)]["factor"][ROLES.index(role)])
+    return max(_step(signal, value / factor) for signal in _samples(bus, role)) * factor
+
+
+def recorded_out_of_range(recording: Recording, bus: BusMap) -> list[str]:
+    """One line for every role with values the bus cannot hold, which are clamped when sent."""
+    warnings = []
+    for role in ROLES:
+        values: NDArray[np.float64] = getattr(recording, role.value)
+        limits = role_range(bus, role)
+        unit, factor = _SHOWN_UNIT[role]
+        for beyond, limit, side in (
+            (limits.lowest - values, limits.lowest, "below"),
+            (values - limits.highest, limits.highest, "above"),
+        ):
+            count = int(np.count_nonzero(beyond > 0.5 * role_resolution(bus, role, limit)))
+            if count:
+                name = bus.input_layouts[message_of(bus, role)].name
+                warnings.append(
+                    f"{role}: {count} of {recording.samples} samples are {side} {limit / factor:.6g} {unit}, "
+                    f"the limit of {name}, and will be clamped to it"
+                )
+    return warnings
+
+
+def _samples(bus: BusMap, role: Role) -> NDArray[np.void]:
+    """Rows of the signal table that hold the samples of a role."""
+    message = bus.inputs.messages[message_of(bus, role)]
+    first = int(message["first_signal"]) + int(message["position"][ROLES.index(role)])
+    return bus.inputs.signals[first : first + int(message["samples"])]
+
+
+def _step(signal: np.void, value: float) -> float:
+    """Step of a signal near a physical value, in the database's unit."""
+    scale = abs(float(signal["scale"]))
+    float_type = _FLOAT_TYPES.get(int(signal["kind"]))
+    if float_type is None:
+        return scale
+    raw = np.clip((value - float(signal["offset"])) / float(signal["scale"]), signal["lowest"], signal["highest"])
+    return scale * abs(float(np.spacing(float_type(raw))))

@@ -1,0 +1,151 @@
+"""`observer-rt run`: the daemon with its signals, its learned state and its view."""
+
+import contextlib
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import Console
+from rich.live import Live
+
+from observer_rt.bus.link import open_link
+from observer_rt.bus.mapping import BusMap, map_bus
+from observer_rt.config import Bench
+from observer_rt.observer.front_end import LOOKAHEAD
+from observer_rt.observer.learning import Knowledge
+from observer_rt.service.core import bench_constants
+from observer_rt.service.daemon import Daemon
+from observer_rt.service.report import InjectionReport
+from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.service.view import View
+from observer_rt.service.warm_up import warm_up
+from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM
+
+FRAMES_PER_SECOND = 8  # of the view
+
+
+def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> None:
+    """Run the daemon until SIGINT or SIGTERM.
+
+    Raises `UserError` for files that do not fit, `RunError` when the link fails.
+    """
+    bus = map_bus(bench)
+    model = model_hash(bench.injector)
+    knowledge = restored_knowledge(state, model, console)
+    _announce(bench, bus, console)
+    warm_up(bench, bus)
+    link_config = bench.config.link
+    wanted = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
+    screen = View(
+        f"observer_rt: {link_config.interface} {link_config.channel}", bench.config.sampling.rate_hz
+    )
+
+    def on_report(report: InjectionReport) -> None:
+        if view:
+            screen.on_report(report)
+        else:
+            console.print(_line(report), highlight=False, markup=False)
+
+    with (
+        _stop_on_signals() as stop,
+        open_link(link_config.interface, link_config.channel, link_config.fd, wanted) as link,
+    ):
+        daemon = Daemon(bench, bus, link, knowledge, on_report)
+        screen.watch(daemon)
+        console.print("ready", highlight=False)
+        try:
+            if view:
+                _run_with_view(daemon, screen, stop)
+            else:
+                daemon.run(stop)
+        finally:
+            if state is not None:
+                save_knowledge(state, daemon.core.knowledge, model)
+                console.print(f"learned state saved in {state}", highlight=False, markup=False)
+    _farewell(daemon, console)
+
+
+def restored_knowledge(path: Path | None, model: str, console: Console) -> Knowledge | None:
+    """What a state file holds for this model, saying on the console what became of it; None without one."""
+    if path is None:
+        return None
+    restored = load_knowledge(path, model)
+    console.print(restored.message, highlight=False, markup=False)
+    return restored.knowledge
+
+
+def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
+    constants = bench_constants(bench)
+    link = bench.config.link
+    inputs = ", ".join(layout.name for layout in bus.input_layouts)
+    rate = bench.config.sampling.rate_hz
+    console.print(
+        f"{link.interface} {link.channel}: {inputs} at {rate:g} Hz -> {bus.rate.layout.name}\n"
+        f"{constants.substeps} integration steps a sample, look-ahead {LOOKAHEAD} samples "
+        f"({LOOKAHEAD / rate / MICROSECOND:g} us)",
+        highlight=False,
+        markup=False,
+    )
+
+
+@contextlib.contextmanager
+def _stop_on_signals() -> Iterator[threading.Event]:
+    """An event that SIGINT and SIGTERM set."""
+    stop = threading.Event()
+    previous = {
+        number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield stop
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event) -> None:
+    """The loop in a thread of its own, the view in this one; an error of the loop is raised here."""
+    failure: list[BaseException] = []
+
+    def loop() -> None:
+        try:
+            daemon.run(stop)
+        except BaseException as error:
+            failure.append(error)
+            stop.set()
+
+    serving = threading.Thread(target=loop, name="daemon")
+    serving.start()
+    draw(screen, stop)
+    serving.join()
+    if failure:
+        raise failure[0]
+
+
+def draw(screen: View, until: threading.Event) -> None:
+    """Draw the view on the terminal until the event is set."""
+    with Live(screen.render(time.monotonic_ns()), auto_refresh=False) as live:
+        while not until.wait(1 / FRAMES_PER_SECOND):
+            live.update(screen.render(time.monotonic_ns()), refresh=True)
+        live.update(screen.render(time.monotonic_ns()), refresh=True)
+
+
+def _line(report: InjectionReport) -> str:
+    verdict = "valid" if report.valid else f"not valid: {report.reason.name}"
+    return (
+        f"injection {report.number} at index {report.start_index}: {report.mass / MILLIGRAM:.2f} mg, "
+        f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, v_H {report.indicators.nozzle.value:+.3f}, "
+        f"phi {report.phi_version}, {verdict}"
+    )
+
+
+def _farewell(daemon: Daemon, console: Console) -> None:
+    counters = daemon.core.counters
+    console.print(
+        f"stopped after {counters.samples} samples, {counters.injections} injections; {counters.lost_samples} "
+        f"samples lost, {daemon.dropped} frames dropped, {counters.adoptions} phi adopted, "
+        f"{counters.late_adoptions} late",
+        highlight=False,
+        markup=False,
+    )

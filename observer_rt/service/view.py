@@ -1,0 +1,138 @@
+"""The terminal view: the last injection as a curve, the recent ones as a table, counters of the bus."""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import plotext
+from numpy.typing import NDArray
+from rich.console import Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from observer_rt.service.daemon import Daemon
+from observer_rt.service.report import InjectionReport
+from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS
+
+SHOWN = 8  # injections in the table
+PLOT_SIZE = (92, 18)  # characters
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What an injection can be compared with: its rate [m3/s] over the injection's samples, and its mass [kg]."""
+
+    name: str
+    rate: NDArray[np.float64]
+    mass: float
+
+
+@dataclass(frozen=True)
+class _Shown:
+    report: InjectionReport
+    rate: NDArray[np.float64]
+    references: Sequence[Reference]
+
+
+class View:
+    """Listens to a daemon's injections and draws them; `render` may be called from another thread."""
+
+    def __init__(
+        self,
+        title: str,
+        sample_rate: float,
+        references: Callable[[InjectionReport], Sequence[Reference]] | None = None,
+    ) -> None:
+        self._title = title
+        self._sample_rate = sample_rate
+        self._references = references or (lambda _: ())
+        self._shown: deque[_Shown] = deque(maxlen=SHOWN)
+        self._daemon: Daemon | None = None
+
+    def watch(self, daemon: Daemon) -> None:
+        """Show this daemon's state and curves."""
+        self._daemon = daemon
+
+    def on_report(self, report: InjectionReport) -> None:
+        """Take in an injection; to be called from the daemon's loop, while its samples are remembered."""
+        if self._daemon is None:
+            return
+        rate = self._daemon.core.rows(report.start, report.end + 1)["injection_rate"].copy()
+        self._shown.append(_Shown(report, rate, self._references(report)))
+
+    def render(self, now: int) -> RenderableType:
+        """The whole view at a monotonic time [ns]."""
+        shown = list(self._shown)
+        parts: list[RenderableType] = [self._status(now)]
+        if shown:
+            parts += [Text.from_ansi(_plot(shown[-1], self._sample_rate)), _table(shown)]
+        else:
+            parts.append(Text("no injection yet", style="dim"))
+        return Panel(Group(*parts), title=self._title, expand=False)
+
+    def _status(self, now: int) -> RenderableType:
+        if self._daemon is None:
+            return Text("starting", style="dim")
+        counters = self._daemon.core.counters
+        state, reason = self._daemon.state(now)
+        good = state.name in ("RUNNING_NOMINAL", "ADAPTED")
+        line = Text()
+        line.append(f" {state.name} ", style="bold white on green" if good else "bold white on red")
+        if reason:
+            line.append(f" {reason.name}", style="yellow")
+        line.append(
+            f"  learning: {counters.adoptions} adopted, {counters.rejected_adoptions} rejected, "
+            f"{counters.late_adoptions} late\n"
+        )
+        line.append(
+            f" frames {counters.frames}  samples {counters.samples}  lost {counters.lost_samples}  "
+            f"dropped {self._daemon.dropped}  CRC errors {counters.crc_errors}  "
+            f"sequence errors {counters.sequence_errors}",
+            style="dim",
+        )
+        return line
+
+
+def _plot(shown: _Shown, sample_rate: float) -> str:
+    """Curves of one injection as ANSI text."""
+    time = np.arange(len(shown.rate)) / sample_rate / (1000 * MICROSECOND)
+    plotext.clear_figure()
+    plotext.plotsize(*PLOT_SIZE)
+    plotext.theme("clear")
+    curves = [(reference.name, reference.rate) for reference in shown.references]
+    for name, rate in [*curves, ("estimated", shown.rate)]:
+        known = ~np.isnan(rate)
+        plotext.plot(time[known].tolist(), (rate[known] / MM3_PER_MS).tolist(), label=name, marker="braille")
+    plotext.xlabel("time [ms]")
+    plotext.ylabel("injection rate [mm3/ms]")
+    plotext.title(f"injection {shown.report.number} at {shown.report.rail_pressure / MEGAPASCAL:.0f} MPa")
+    return str(plotext.build())
+
+
+def _table(shown: Sequence[_Shown]) -> Table:
+    table = Table(box=None, padding=(0, 1))
+    names = [reference.name for reference in shown[-1].references]
+    for heading in (
+        "injection",
+        "rail [MPa]",
+        "mass [mg]",
+        *(f"{name} [mg]" for name in names),
+        "v_H [-]",
+        "",
+    ):
+        table.add_column(heading, justify="right")
+    for item in shown:
+        report = item.report
+        wear = report.indicators.nozzle
+        sigma = "" if wear.sigma is None else f" ±{1.96 * wear.sigma:.3f}"
+        table.add_row(
+            str(report.number),
+            f"{report.rail_pressure / MEGAPASCAL:.1f}",
+            f"{report.mass / MILLIGRAM:.2f}",
+            *(f"{reference.mass / MILLIGRAM:.2f}" for reference in item.references),
+            f"{wear.value:+.3f}{sigma}",
+            "[green]valid" if report.valid else f"[yellow]{report.reason.name}",
+        )
+    return table

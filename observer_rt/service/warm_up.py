@@ -1,0 +1,32 @@
+"""Compile, or load from the cache, everything the loop calls, before the first frame needs it."""
+
+import numpy as np
+
+from observer_rt.bus.mapping import BusMap
+from observer_rt.config import Bench
+from observer_rt.estimation.predictor import Window
+from observer_rt.observer.learning import Learner, no_knowledge
+from observer_rt.observer.standstill import Standstill
+from observer_rt.recording.framing import Framer, whole
+from observer_rt.recording.recording import Recording
+from observer_rt.service.core import Core, bench_constants, configured_noise
+
+_SAMPLES = 100
+
+
+def warm_up(bench: Bench, bus: BusMap) -> None:
+    """Run a few samples at rest through a core of its own, and one training."""
+    time = np.arange(_SAMPLES) / bench.config.sampling.rate_hz
+    pressure = np.full(_SAMPLES, 50e6)
+    recording = Recording(time, pressure, np.zeros(_SAMPLES), pressure)
+    core = Core(bench, bus)
+    for frame in Framer(bus).frames(recording, whole(recording)):
+        core.handle(frame.frame_id, frame.is_extended, frame.payload)
+    core.finish()
+    constants = bench_constants(bench)
+    scale = constants.coefficients.pressure_scale
+    learner = Learner(constants, no_knowledge(configured_noise(bench), scale))
+    window = Window(
+        np.full((_SAMPLES, 2), 0.5), np.full(_SAMPLES, 0.5), np.zeros(_SAMPLES, np.bool_), np.zeros(3), 1
+    )
+    learner.learn(window, Standstill(0, 0.0, None), np.zeros_like(learner.belief.mean))

@@ -57,7 +57,9 @@ def obtain_ip() -> str:
             subprocess.run(command, stdin=subprocess.DEVNULL, stdout=2, check=False)
         program = ip_program()
     if program is None:
-        raise UnableError("the command `ip` is missing", "sudo apt-get install -y iproute2")
+        raise UnableError(
+            "the command `ip` is missing", "sudo apt-get update && sudo apt-get install -y iproute2"
+        )
     return program
 
 
@@ -71,15 +73,17 @@ def interface_possible() -> bool:
     return quietly(trial)
 
 
-def create_interface() -> None:
-    """Bring vcan0 up on the host; it stays, since another command may be using it by then."""
+def create_interface() -> bool:
+    """Bring vcan0 up on the host, where it stays: another command may be using it by then. True if it is up."""
     words, program = administrator(), obtain_ip()
     assert words is not None
     if not INTERFACE.exists():
         quietly([*words, program, "link", "add", "dev", "vcan0", "type", "vcan"])
     for arguments in ("down", "mtu 72 txqueuelen 1000 up"):
-        subprocess.run([*words, program, "link", "set", "vcan0", *arguments.split()], check=True)
-    say("made vcan0 on the host; `ip link del vcan0` removes it")
+        quietly([*words, program, "link", "set", "vcan0", *arguments.split()])
+    ready = interface_ready()
+    say("made vcan0 on the host; `ip link del vcan0` removes it" if ready else "the host refuses a vcan0")
+    return ready
 
 
 def run_on_host(command: list[str], timeout_s: float) -> int:

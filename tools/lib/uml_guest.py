@@ -25,6 +25,7 @@ from typing import Any
 LIBC = ctypes.CDLL(None, use_errno=True)
 INIT_MODULE = 175  # system call number on x86-64, the only architecture user-mode Linux is built for
 POWER_OFF = 0x4321FEDC  # LINUX_REBOOT_CMD_POWER_OFF
+RECEIVE_BUFFER_MAX = 64 << 20  # bytes a socket may ask for: the command may lack the right to force more
 DRAIN_S = 2.0  # how long background processes may go on writing after the command has ended
 
 
@@ -44,7 +45,7 @@ def load_module(path: Path) -> None:
 
 
 def prepare_system(modules: list[str]) -> None:
-    """Mount /proc, /sys and /dev, load the CAN modules, bring lo and vcan0 up."""
+    """Mount /proc, /sys and /dev, load the CAN modules, bring lo and vcan0 up with room for receive buffers."""
     mount("proc", "/proc")
     mount("sysfs", "/sys")
     if not Path("/dev").is_mount():  # most kernels mount it themselves
@@ -62,6 +63,7 @@ def prepare_system(modules: list[str]) -> None:
     Path("/dev/shm").chmod(0o1777)
     for module in modules:
         load_module(Path(module))
+    Path("/proc/sys/net/core/rmem_max").write_text(str(RECEIVE_BUFFER_MAX))
     for arguments in (
         "link set lo up",
         "link add dev vcan0 type vcan",

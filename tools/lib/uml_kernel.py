@@ -12,7 +12,7 @@ from pathlib import Path
 from say import UnableError, say
 
 PACKAGE = "user-mode-linux"
-INSTALL = f"sudo apt-get install -y {PACKAGE}"
+INSTALL = f"sudo apt-get update && sudo apt-get install -y {PACKAGE}"
 # In the order they must be loaded; bcm and vxcan are what candump's relatives and gateway tests ask for.
 MODULES = ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan")
 
@@ -87,9 +87,7 @@ def fetch_into(cache: Path) -> None:
             own = [f"Dir::State::Lists={lists}", f"Dir::Cache={folder}", "Debug::NoLocking=1"]
             apt(folder, own, "update")
             if not download(folder, own):
-                raise UnableError(
-                    f"cannot download {PACKAGE}, see above", f"sudo apt-get update && {INSTALL}"
-                )
+                raise UnableError(f"cannot download {PACKAGE}, see above", INSTALL)
         say(f"unpacking it into {cache}")
         package = next(folder.glob(f"{PACKAGE}_*.deb"))
         subprocess.run(["dpkg-deb", "-x", package, folder / "root"], check=True)

@@ -5,6 +5,9 @@ repository=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 venv=$repository/.venv
 needed_python='import sys; sys.exit(sys.version_info < (3, 11))'
 
+# Mends a bare Debian or Ubuntu in one go; tools/vcan needs iproute2.
+bare_system="sudo apt-get update && sudo apt-get install -y python3-venv iproute2"
+
 say() { printf '%s\n' "$*" >&2; }
 
 fail() { # problem, the one command that mends it
@@ -21,10 +24,16 @@ may_install() {
     command -v apt-get >/dev/null && as_root true 2>/dev/null
 }
 
-install_packages() { # Debian packages; quiet unless it fails
+install_packages() { # Debian packages; shows apt's output only when it fails
+    local log code=0
+    log=$(mktemp)
     say "installing Debian packages: $*"
-    as_root apt-get -qq update >&2 || true # the lists at hand may do
-    as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends "$@" </dev/null >/dev/null
+    as_root apt-get -qq update >"$log" 2>&1 || true # the lists at hand may do
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends "$@" \
+        </dev/null >>"$log" 2>&1 || code=$?
+    [ $code = 0 ] || cat "$log" >&2
+    rm -f "$log"
+    return $code
 }
 
 find_python() { # prints the newest suitable interpreter
@@ -41,10 +50,10 @@ find_python() { # prints the newest suitable interpreter
 obtain_python() {
     find_python && return
     if may_install; then
-        install_packages python3 python3-venv >&2 && find_python && return
+        install_packages python3 python3-venv && find_python && return
         fail "Python 3.11 or newer is needed, and this system's packages have none" "uv python install 3.12"
     fi
-    fail "Python 3.11 or newer is missing" "sudo apt-get install -y python3 python3-venv"
+    fail "Python 3.11 or newer is missing" "$bare_system"
 }
 
 make_venv() { # with the interpreter $1: an environment that has pip
@@ -65,7 +74,7 @@ make_venv() { # with the interpreter $1: an environment that has pip
         "$python" -m venv --without-pip "$venv" >&2
         "$python" -m pip --python "$venv/bin/python" install -q pip >&2
     else
-        fail "$python lacks ensurepip" "sudo apt-get install -y python3-venv"
+        fail "$python lacks ensurepip" "$bare_system"
     fi
 }
 

@@ -85,8 +85,10 @@ def _samples(bus: BusMap, role: Role) -> NDArray[np.void]:
 def _step(signal: np.void, value: float) -> float:
     """Step of a signal near a physical value, in the database's unit."""
     scale = abs(float(signal["scale"]))
-    float_type = _FLOAT_TYPES.get(int(signal["kind"]))
-    if float_type is None:
+    kind = int(signal["kind"])
+    if kind not in _FLOAT_TYPES:
         return scale
-    raw = np.clip((value - float(signal["offset"])) / float(signal["scale"]), signal["lowest"], signal["highest"])
-    return scale * abs(float(np.spacing(float_type(raw))))
+    raw = np.clip(
+        (value - float(signal["offset"])) / float(signal["scale"]), signal["lowest"], signal["highest"]
+    )
+    return scale * abs(float(np.spacing(np.asarray(raw, _FLOAT_TYPES[kind]))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -29,6 +30,17 @@ def run(*command: str, folder: Path | None = None, **variables: str) -> subproce
 
 def leftovers(folder: Path) -> list[str]:
     return [path.name for path in folder.iterdir()]
+
+
+def processes_that_mention(word: str) -> list[str]:
+    """Command lines of living processes; a process may end while it is looked at."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            line = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+            if word in line:
+                found.append(line)
+    return found
 
 
 def test_output_exit_code_environment_and_folder_pass_through(tmp_path: Path) -> None:
@@ -84,6 +96,31 @@ def test_a_signal_reaches_the_command_which_ends_in_its_own_way(number: signal.S
         process.send_signal(number)
         assert process.stdout.read() == b"stopped\n"
         assert process.wait(LIMIT_S) == 5
+
+
+def test_nothing_is_left_when_it_is_killed(tmp_path: Path) -> None:
+    command = [sys.executable, str(VCAN), "bash", "-c", "echo ready; sleep 1000"]
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        process.kill()
+        # Every process of the command holds its output open: the end comes when the last one is gone.
+        assert process.stdout.read() == b""
+    end = time.monotonic() + 10.0
+    while leftovers(tmp_path) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert leftovers(tmp_path) == []
+    assert processes_that_mention(str(tmp_path)) == []
+
+
+def test_where_vcan0_is_up_already_the_command_runs_right_there() -> None:
+    done = run(sys.executable, str(VCAN), "bash", "-c", "echo inside; exit 3")
+    assert done.stdout == "inside\n"
+    assert done.returncode == 3
+    assert done.stderr.splitlines()[-1] == "vcan: running on the host's vcan0"
 
 
 def test_a_command_that_hangs_is_killed() -> None:

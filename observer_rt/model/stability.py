@@ -10,12 +10,14 @@ MAX_SUBSTEPS = 64  # beyond this a sample costs more than it is worth: the sampl
 
 
 def fastest_rate(parameters: InjectorParameters) -> float:
-    """Upper bound of the sac's relaxation rate [1/s], at full lift and any pressure.
+    """Upper bound of the healthy sac's relaxation rate [1/s], at full lift and any pressure.
 
     The orifice laws are steepest, 1/sqrt(t), at zero pressure difference; seat and nozzle act in parallel.
     """
     c: Coefficients = coefficients(parameters)
-    seat = c.a5 * full_lift_area(parameters) / c.area_scale
+    seat = (
+        (c.a5 + c.a2_seat) * full_lift_area(parameters) / c.area_scale
+    )  # a seat that drains the line is faster
     return max((seat + c.a6) / math.sqrt(c.transition), math.sqrt(c.a1 * c.a3))
 
 

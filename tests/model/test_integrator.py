@@ -1,0 +1,161 @@
+"""The compiled RK4: its order, what it conserves, and its agreement with an independent integration."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.model.integrator import runge_kutta_step
+from observer_rt.model.network import constant_network, zero_network
+from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from observer_rt.model.right_hand_side import injection_rate
+from observer_rt.model.stability import substeps_needed
+from tests.model.conftest import State, Trajectory
+
+NO_FAULT = zero_network()
+SAMPLE = 1e-5  # s
+RAIL = 0.95
+
+
+def stroke(length: int, sample: float, area: float = 0.95) -> NDArray[np.float64]:
+    """Inputs (length, 2) over 4 ms: rail at RAIL, needle up from 0.5 to 0.75 ms, down from 2 to 2.25 ms."""
+    time = np.arange(length) * sample
+    opening = np.interp(time, [0.5e-3, 0.75e-3, 2.0e-3, 2.25e-3], [0.0, area, area, 0.0])
+    return np.column_stack([np.full(length, RAIL), opening])
+
+
+def _end_state(c: Coefficients, steps: int) -> NDArray[np.float64]:
+    """From an open needle's state through smooth inputs for 50 us."""
+    span = 5e-5
+
+    def inputs(time: float) -> tuple[float, float]:
+        return 0.95 + 0.05 * math.sin(9e4 * time), 0.6 + 0.2 * math.cos(7e4 * time)
+
+    step = span / steps
+    x = (0.9, 1.0, 0.7)
+    for k in range(steps):
+        at = k * step
+        x = runge_kutta_step(
+            x, inputs(at), inputs(at + 0.5 * step), inputs(at + step), step, c, constant_network(0.3, -0.2)
+        )
+    return np.array(x)
+
+
+@pytest.mark.parametrize("component", range(3))
+def test_order_of_convergence_is_four(injector: InjectorParameters, component: int) -> None:
+    c = coefficients(injector)
+    reference = _end_state(c, 4096)
+    errors = [abs(_end_state(c, steps) - reference)[component] for steps in (64, 128, 256)]
+    orders = [math.log2(coarse / fine) for coarse, fine in pairwise(errors)]
+    assert orders == pytest.approx([4.0, 4.0], abs=0.2)
+
+
+def test_conserving_form_conserves_mass(injector: InjectorParameters, integrate: Trajectory) -> None:
+    """What the rail delivered is stored in line and sac or injected; the paper's form misses the sac's share."""
+    sample = 2e-7
+    inputs = stroke(15_001, sample)
+    c = coefficients(injector)
+    states = integrate(inputs, (RAIL, 0.0, 0.0), sample, 1, c)
+    rate = np.array(
+        [injection_rate(tuple(x), tuple(u), c, NO_FAULT) for x, u in zip(states, inputs, strict=True)]
+    )
+    p_0, q_0 = injector.scaling.pressure, injector.scaling.flow
+    in_line = injector.line.volume / injector.fluid.bulk_modulus_line * p_0 * (states[:, 0] - RAIL)
+    in_sac = injector.nozzle.sac_volume / injector.fluid.bulk_modulus_sac * p_0 * states[:, 2]
+    delivered = _integral(states[:, 1] * q_0, sample)
+    injected = _integral(rate, sample)
+    balance = delivered - injected - in_line
+    if injector.line_outflow is LineOutflow.SEAT:
+        balance -= in_sac
+    assert injected[-1] > 0.1e-6  # m3: over 80 mg went through
+    assert np.abs(balance).max() < 1e-6 * injected[-1]
+    assert in_sac.max() > 1e-3 * injected[-1]  # so that the two forms are told apart
+
+
+def _integral(values: NDArray[np.float64], sample: float) -> NDArray[np.float64]:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1])) * sample])
+
+
+@pytest.mark.parametrize(("v_h", "v_s"), [(0.0, 0.0), (0.4, -0.3), (-0.5, 0.4)])
+def test_injection_agrees_with_an_independent_integration(
+    injector: InjectorParameters, integrate: Trajectory, v_h: float, v_s: float
+) -> None:
+    """(19)-(23) in physical units by an implicit method with tight tolerances, from the same inputs."""
+    inputs = stroke(401, SAMPLE)
+    c = coefficients(injector)
+    expected = _by_scipy(injector, inputs, v_h, v_s)
+    network = constant_network(v_h, v_s)
+    fine = integrate(inputs, (RAIL, 0.0, 0.0), SAMPLE, 64, c, network)
+    np.testing.assert_allclose(fine, expected, atol=2e-7)
+    usual = integrate(inputs, (RAIL, 0.0, 0.0), SAMPLE, substeps_needed(injector, 100e3), c, network)
+    # the opening sac moves fastest: 1e-4 of p_0 there is 0.01 MPa, a tenth of the sensors' noise
+    assert np.abs(usual - expected)[:, :2].max() < 1e-4
+    assert np.abs(usual - expected)[:, 2].max() < 5e-3
+
+
+def _by_scipy(
+    injector: InjectorParameters, inputs: NDArray[np.float64], v_h: float, v_s: float
+) -> NDArray[np.float64]:
+    fluid, line, seat, nozzle = injector.fluid, injector.line, injector.seat, injector.nozzle
+    p_0, q_0, p_c = injector.scaling.pressure, injector.scaling.flow, injector.chamber.pressure
+    area_l, area_h = line.area, nozzle.area
+    grid = np.arange(len(inputs)) * SAMPLE
+
+    def orifice(drop: float) -> float:
+        return drop / math.sqrt(math.hypot(drop, 0.5e6)) * math.sqrt(2 / fluid.density_nozzle)
+
+    def rates(time: float, state: NDArray[np.float64]) -> list[float]:
+        p_l, q_l, p_s = state * [p_0, q_0, p_0] + [p_c, 0.0, p_c]
+        p_r = np.interp(time, grid, inputs[:, 0]) * p_0 + p_c
+        area_s = np.interp(time, grid, inputs[:, 1]) * injector.scaling.area
+        q_s = (1 + v_s) * seat.flow_coefficient * area_s * orifice(p_l - p_s)
+        q_h = (1 + v_h) * nozzle.flow_coefficient * area_h * orifice(p_s - p_c)
+        drain = q_s if injector.line_outflow is LineOutflow.SEAT else q_h
+        friction = line.loss_factor / (2 * area_l * line.length) * q_l * abs(q_l)
+        return [
+            fluid.bulk_modulus_line / line.volume * (q_l - drain) / p_0,
+            (area_l / (fluid.density_line * line.length) * (p_r - p_l) - friction) / q_0,
+            fluid.bulk_modulus_sac / nozzle.sac_volume * (q_s - q_h) / p_0,
+        ]
+
+    start: State = (RAIL, 0.0, 0.0)
+    pieces = [np.array([start])]
+    corners = [0, 50, 75, 200, 225, len(inputs) - 1]  # where the inputs bend
+    for first, last in pairwise(corners):
+        solution = solve_ivp(
+            rates,
+            (grid[first], grid[last]),
+            pieces[-1][-1],
+            "Radau" if first in (0, 225) else "LSODA",
+            grid[first : last + 1],
+            rtol=1e-10,
+            atol=1e-11,
+        )
+        pieces.append(solution.y.T[1:])
+    return np.concatenate(pieces)
+
+
+def test_rest_stays_at_rest(injector: InjectorParameters, integrate: Trajectory) -> None:
+    inputs = np.column_stack([np.full(1000, RAIL), np.zeros(1000)])
+    states = integrate(inputs, (RAIL, 0.0, 0.0), SAMPLE, 5, coefficients(injector))
+    assert (states == [RAIL, 0.0, 0.0]).all()
+
+
+@pytest.mark.parametrize("sample", [1e-5, 5e-5])
+def test_fewer_steps_at_rest_follow_the_line_as_well(
+    injector: InjectorParameters, integrate: Trajectory, sample: float
+) -> None:
+    """A ringing line behind a shut needle, for 20 ms: amplitude and phase stay within 1e-4 of p_0."""
+    count = round(20e-3 / sample)
+    c = coefficients(injector)
+    inputs = np.column_stack([np.full(count, RAIL), np.zeros(count)])
+    start = (RAIL + 0.1, 0.0, 0.0)
+    usual = integrate(inputs, start, sample, substeps_needed(injector, 1 / sample), c)
+    # an area too small to matter switches the saving off
+    fine_inputs = inputs + np.array([0.0, 1e-15])
+    fine = integrate(fine_inputs, start, sample, 100, c)
+    assert np.abs(usual[:, 0] - fine[:, 0]).max() < 1e-4

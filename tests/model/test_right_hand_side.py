@@ -1,0 +1,204 @@
+"""The state equations against (19)-(23) in physical units, in every sign, and their steady states."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.model.integrator import advance
+from observer_rt.model.network import Network, constant_network, zero_network
+from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from observer_rt.model.right_hand_side import fault, injection_rate, right_hand_side
+
+NO_FAULT = zero_network()
+PRESSURE = st.floats(-0.5, 2.5)
+FLOW = st.floats(-2, 2)
+AREA = st.one_of(st.just(0.0), st.floats(0.0, 1.5))
+CHANGE = st.floats(-0.8, 0.8)
+STATES = st.tuples(PRESSURE, FLOW, PRESSURE)
+INPUTS = st.tuples(PRESSURE, AREA)
+
+# The injector is immutable, and the first example may compile.
+over_forms = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@st.composite
+def networks(draw: st.DrawFn) -> Network:
+    network = zero_network()
+    network.output[:] = np.array(draw(st.lists(st.floats(-1, 1), min_size=10, max_size=10))).reshape(2, 5)
+    network.bias[:] = draw(st.tuples(CHANGE, CHANGE))
+    return network
+
+
+def physical_rates(
+    x: tuple[float, float, float],
+    u: tuple[float, float],
+    v_h: float,
+    v_s: float,
+    injector: InjectorParameters,
+) -> tuple[tuple[float, float, float], float]:
+    """(19)-(23) in SI units with wear, normalised at the end; and Q_H [m3/s]."""
+    fluid, line, seat, nozzle = injector.fluid, injector.line, injector.seat, injector.nozzle
+    p_0, q_0, area_0 = injector.scaling.pressure, injector.scaling.flow, injector.scaling.area
+    p_c = injector.chamber.pressure
+    p_l, q_l, p_s = x[0] * p_0 + p_c, x[1] * q_0, x[2] * p_0 + p_c
+    p_r, area_s = u[0] * p_0 + p_c, u[1] * area_0
+    area_l = math.pi / 4 * line.diameter**2
+    area_h = nozzle.holes * math.pi / 4 * nozzle.hole_diameter**2
+
+    def orifice(drop: float) -> float:
+        return drop / math.sqrt(math.hypot(drop, 0.5e6)) * math.sqrt(2 / fluid.density_nozzle)
+
+    q_s = (1 + v_s) * seat.flow_coefficient * area_s * orifice(p_l - p_s)
+    q_h = (1 + v_h) * nozzle.flow_coefficient * area_h * orifice(p_s - p_c)
+    drain = q_s if injector.line_outflow is LineOutflow.SEAT else q_h
+    rates = (
+        fluid.bulk_modulus_line / line.volume * (q_l - drain) / p_0,
+        (
+            area_l / (fluid.density_line * line.length) * (p_r - p_l)
+            - line.loss_factor / (2 * area_l * line.length) * q_l * abs(q_l)
+        )
+        / q_0,
+        fluid.bulk_modulus_sac / nozzle.sac_volume * (q_s - q_h) / p_0,
+    )
+    return rates, q_h
+
+
+@over_forms
+@given(x=STATES, u=INPUTS, v_h=CHANGE, v_s=CHANGE)
+def test_equations_are_those_in_physical_units(
+    injector: InjectorParameters,
+    x: tuple[float, float, float],
+    u: tuple[float, float],
+    v_h: float,
+    v_s: float,
+) -> None:
+    c = coefficients(injector)
+    network = constant_network(v_h, v_s)
+    rates, q_h = physical_rates(x, u, v_h, v_s, injector)
+    np.testing.assert_allclose(right_hand_side(x, u, c, network), rates, rtol=1e-9, atol=1e-6)
+    assert injection_rate(x, u, c, network) == pytest.approx(q_h, rel=1e-9, abs=1e-15)
+
+
+@over_forms
+@given(x=STATES, u=INPUTS)
+def test_flow_reverses_with_every_pressure(
+    injector: InjectorParameters, x: tuple[float, float, float], u: tuple[float, float]
+) -> None:
+    """f(-x, -u1, u2) = -f(x, u1, u2): there is no preferred direction in the equations."""
+    c = coefficients(injector)
+    forward = right_hand_side(x, u, c, NO_FAULT)
+    backward = right_hand_side((-x[0], -x[1], -x[2]), (-u[0], u[1]), c, NO_FAULT)
+    np.testing.assert_array_equal(backward, [-rate for rate in forward])
+
+
+@over_forms
+@given(x=STATES, u=INPUTS, network=networks())
+def test_published_rate_obeys_both_balances(
+    injector: InjectorParameters,
+    x: tuple[float, float, float],
+    u: tuple[float, float],
+    network: Network,
+) -> None:
+    """Q_H^ from Q_H,model and the rows of phi, in either outflow form."""
+    c = coefficients(injector)
+    p_0 = injector.scaling.pressure
+    line = injector.line.volume * p_0 / injector.fluid.bulk_modulus_line
+    sac = injector.nozzle.sac_volume * p_0 / injector.fluid.bulk_modulus_sac
+    phi = fault(x, u, c, network)
+    expected = injection_rate(x, u, c, NO_FAULT) - line * phi[0]
+    if injector.line_outflow is LineOutflow.SEAT:
+        expected -= sac * phi[2]
+    assert injection_rate(x, u, c, network) == pytest.approx(expected, rel=1e-9, abs=1e-15)
+
+
+@over_forms
+@given(x=STATES, u=INPUTS, network=networks())
+def test_fault_is_what_the_network_adds(
+    injector: InjectorParameters,
+    x: tuple[float, float, float],
+    u: tuple[float, float],
+    network: Network,
+) -> None:
+    c = coefficients(injector)
+    without = np.array(right_hand_side(x, u, c, NO_FAULT))
+    together = np.array(right_hand_side(x, u, c, network))
+    np.testing.assert_allclose(fault(x, u, c, network), together - without, rtol=1e-6, atol=1e-6)
+    assert fault(x, u, c, network)[1] == 0.0
+
+
+def test_fault_of_the_nozzle_has_the_direction_of_the_paper(injector: InjectorParameters) -> None:
+    """Nozzle wear acts along L = [1 0 12]^T in the paper's form, on the sac alone in the conserving one."""
+    phi = fault((0.9, 1.0, 0.8), (0.95, 0.9), coefficients(injector), constant_network(nozzle=0.3))
+    assert phi[2] < 0.0
+    assert phi[0] == pytest.approx(phi[2] / 12 if injector.line_outflow is LineOutflow.NOZZLE else 0.0)
+
+
+@pytest.mark.parametrize("rail", [0.35, 0.95, 1.55, -0.4])
+@pytest.mark.parametrize("area", [0.2, 0.9])
+def test_steady_state_with_an_open_needle_in_closed_form(
+    injector: InjectorParameters, rail: float, area: float
+) -> None:
+    """Q_L = Q_S = Q_H for either form: three square-root laws in a row share the pressure drop."""
+    c = coefficients(injector)._replace(transition=1e-9)
+    steady = _steady_state(c, rail, area)
+    rates = right_hand_side(steady, (rail, area), c, NO_FAULT)
+    np.testing.assert_allclose(rates, 0.0, atol=1e-8 * c.a5)
+    assert math.copysign(1.0, steady[1]) == math.copysign(1.0, rail)
+
+
+def _steady_state(c: Coefficients, rail: float, area: float) -> tuple[float, float, float]:
+    ratio = (c.a5 * area / c.a6) ** 2
+    nozzle_over_line = (c.a2_nozzle + c.a2_seat * c.a6 / c.a5) / c.a1  # Q_L over root x3, either form
+    sac_share = ratio / (1.0 + ratio)
+    line = abs(rail) / (1.0 + c.a4 / c.a3 * nozzle_over_line**2 * sac_share)
+    sac = line * sac_share
+    sign = math.copysign(1.0, rail)
+    return sign * line, sign * nozzle_over_line * math.sqrt(sac), sign * sac
+
+
+def test_an_open_needle_settles_in_its_steady_state(injector: InjectorParameters) -> None:
+    c = coefficients(injector)
+    x = (0.95, 0.0, 0.0)
+    for _ in range(40_000):
+        x = advance(x, (0.95, 0.9), (0.95, 0.9), 1e-5, 4, c, NO_FAULT)
+    # the transition pressure of 0.5 MPa moves the seat's 6 MPa drop by a part in six hundred
+    np.testing.assert_allclose(x, _steady_state(c, 0.95, 0.9), rtol=2e-3)
+
+
+def test_closed_needle_and_empty_sac_are_at_rest(injector: InjectorParameters) -> None:
+    c = coefficients(injector)
+    worn = constant_network(0.5, 0.5)
+    worn.bias[:] = 0.5
+    assert right_hand_side((0.95, 0.0, 0.0), (0.95, 0.0), c, worn) == (0.0, 0.0, 0.0)
+    assert injection_rate((0.95, 0.0, 0.0), (0.95, 0.0), c, worn) == 0.0
+    assert fault((0.95, 0.3, 0.0), (0.95, 0.0), c, worn) == (0.0, 0.0, 0.0)
+
+
+def test_sac_of_a_closed_needle_empties_through_the_nozzle(injector: InjectorParameters) -> None:
+    c = coefficients(injector)
+    x = (0.95, 0.0, 0.8)
+    sac = [x[2]]
+    for _ in range(100):
+        x = advance(x, (0.95, 0.0), (0.95, 0.0), 1e-5, 4, c, NO_FAULT)
+        sac.append(x[2])
+    assert all(later < earlier for earlier, later in pairwise(sac))
+    assert 0.0 <= sac[-1] < 1e-6
+    if injector.line_outflow is LineOutflow.SEAT:
+        assert x[:2] == pytest.approx((0.95, 0.0), abs=1e-12)  # shut off from the line
+    else:
+        assert x[0] < 0.95 - 1e-3  # the paper's line is drained by the nozzle even so
+
+
+def test_gas_blown_back_raises_the_sac_and_feeds_the_line(injector: InjectorParameters) -> None:
+    """Chamber above sac above line: both flows are reversed."""
+    c = coefficients(injector)
+    x, u = (-0.3, 0.0, -0.1), (-0.3, 0.9)
+    assert injection_rate(x, u, c, NO_FAULT) < 0.0
+    rates = right_hand_side(x, u, c, NO_FAULT)
+    assert rates[0] > 0.0
+    assert right_hand_side((-0.1, 0.0, -0.1), u, c, NO_FAULT)[2] > 0.0

@@ -1,0 +1,110 @@
+"""The number of integration steps: the rate it rests on bounds the truth, and the integration stays stable."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from observer_rt.config import EXAMPLE_BENCH, Bench, SamplingConfig, load_bench
+from observer_rt.errors import UserError
+from observer_rt.model.coefficients import coefficients, full_lift_area
+from observer_rt.model.network import constant_network, zero_network
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.right_hand_side import right_hand_side
+from observer_rt.model.stability import fastest_rate, substeps_needed
+from observer_rt.service.core import bench_constants
+from tests.model.conftest import Trajectory
+
+PRESSURE = st.one_of(st.floats(-0.01, 0.05), st.floats(-0.1, 2.5))
+INJECTORS = settings(
+    max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+@INJECTORS
+@given(x1=PRESSURE, x2=st.floats(-1.5, 1.5), x3=PRESSURE, opened=st.floats(0.0, 1.0), sac=st.floats(0.01, 10))
+@example(x1=0.0, x2=0.0, x3=0.0, opened=1.0, sac=1.0)
+def test_fastest_rate_bounds_every_mode(
+    injector: InjectorParameters, x1: float, x2: float, x3: float, opened: float, sac: float
+) -> None:
+    """Eigenvalues of the equations, linearised numerically, for sacs from a hundredth to ten times nominal."""
+    volume = injector.nozzle.sac_volume * sac
+    injector = injector.model_copy(
+        update={"nozzle": injector.nozzle.model_copy(update={"sac_volume": volume})}
+    )
+    c = coefficients(injector)
+    u = (0.95, opened * full_lift_area(injector) / c.area_scale)
+    step = 1e-6
+    columns = []
+    for k in range(3):
+        ends = []
+        for side in (step, -step):
+            x = [x1, x2, x3]
+            x[k] += side
+            ends.append(np.array(right_hand_side((x[0], x[1], x[2]), u, c, zero_network())))
+        columns.append((ends[0] - ends[1]) / (2 * step))
+    modes = np.linalg.eigvals(np.column_stack(columns))
+    assert np.abs(modes).max() <= fastest_rate(injector) * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rail_pressure", "wear"),
+    [
+        *((pressure, 0.0) for pressure in (5.2e6, 6e6, 10e6, 40e6, 100e6, 200e6)),
+        *((pressure, 0.5) for pressure in (20e6, 40e6, 200e6)),  # no injector opens below
+    ],
+)
+@pytest.mark.parametrize("sample_rate", [20e3, 100e3])
+def test_integration_stays_stable_at_any_pressure(
+    injector: InjectorParameters,
+    integrate: Trajectory,
+    rail_pressure: float,
+    sample_rate: float,
+    wear: float,
+) -> None:
+    """Against ten times finer steps over a stroke: within 1 % of the rail's pressure difference."""
+    c = coefficients(injector)
+    rail = (rail_pressure - c.chamber_pressure) / c.pressure_scale
+    time = np.arange(round(6e-3 * sample_rate)) / sample_rate
+    full = full_lift_area(injector) / c.area_scale
+    area = np.interp(time, [0.5e-3, 0.9e-3, 3.0e-3, 3.3e-3], [0.0, full, full, 0.0])
+    inputs = np.column_stack([np.full(time.size, rail), area])
+    substeps = substeps_needed(injector, sample_rate)
+    network = constant_network(wear, wear)
+    states = integrate(inputs, (rail, 0.0, 0.0), 1 / sample_rate, substeps, c, network)
+    finer = integrate(inputs, (rail, 0.0, 0.0), 1 / sample_rate, 10 * substeps, c, network)
+    assert np.isfinite(states).all()
+    assert np.abs(states - finer)[:, [0, 2]].max() < 0.01 * rail
+
+
+def test_steps_are_the_stable_ones(injector: InjectorParameters) -> None:
+    """RK4 is stable to 2.785 time constants: not exceeded, and not wasted by more than a step and a reserve."""
+    for sample_rate in (6e3, 20e3, 50e3, 100e3, 1e6):
+        per_step = fastest_rate(injector) / (sample_rate * substeps_needed(injector, sample_rate))
+        assert per_step < 2.785
+        steps = substeps_needed(injector, sample_rate)
+        assert steps == 1 or fastest_rate(injector) / (sample_rate * (steps - 1)) > 2.5
+
+
+def _bench_at(sample_rate: float) -> Bench:
+    bench = load_bench(EXAMPLE_BENCH)
+    config = bench.config.model_copy(update={"sampling": SamplingConfig(rate_hz=sample_rate)})
+    return bench.model_copy(update={"config": config})
+
+
+@pytest.mark.parametrize("sample_rate", [1e3, 2500.0, 5123.4])
+def test_too_slow_a_sample_rate_is_refused_with_one_that_works(sample_rate: float) -> None:
+    with pytest.raises(UserError, match="integration steps a sample") as refusal:
+        bench_constants(_bench_at(sample_rate))
+    assert "sampling.rate_hz" in refusal.value.place
+    enough = float(refusal.value.remedy.split("sample at ")[1].split(" Hz")[0])
+    assert enough > sample_rate
+    assert bench_constants(_bench_at(enough)).interval == pytest.approx(1 / enough)
+
+
+def test_sac_too_small_for_explicit_steps_is_refused() -> None:
+    bench = _bench_at(100e3)
+    nozzle = bench.injector.nozzle.model_copy(update={"sac_volume": 0.5e-9})
+    tiny = bench.injector.model_copy(update={"nozzle": nozzle})
+    with pytest.raises(UserError, match="relaxes at up to"):
+        bench_constants(bench.model_copy(update={"injector": tiny}))

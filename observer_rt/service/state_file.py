@@ -1,0 +1,218 @@
+"""The learned state on disk: one file, replaced as a whole, restored only where it belongs and makes sense."""
+
+import hashlib
+import json
+import math
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt import __version__
+from observer_rt.errors import RunError, UserError
+from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.model.parameters import InjectorParameters, Scaling
+from observer_rt.observer.learning import _BOUND, Knowledge, _per_parameter
+from observer_rt.units import MEGAPASCAL, MICROMETRE
+
+VERSION = 1
+LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
+LARGEST_COUNT = 1 << 53
+PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
+LARGEST_NOISE = NoiseLevels(  # beyond these the sensor is broken, or the needle would never count as open
+    rail_pressure=10 * MEGAPASCAL, line_pressure=10 * MEGAPASCAL, needle_lift=20 * MICROMETRE
+)
+
+
+@dataclass(frozen=True)
+class Restored:
+    """What was found: the knowledge, None if there was none to use, and a message that says so."""
+
+    knowledge: Knowledge | None
+    message: str
+
+
+class _UnusableError(Exception):
+    """Why a file's content is not restored."""
+
+
+def model_hash(parameters: InjectorParameters) -> str:
+    """SHA-256 (hexadecimal) of the parameters, however the file they were read from is written."""
+    return _digest(parameters.model_dump(mode="json"))
+
+
+def save_knowledge(
+    path: Path, knowledge: Knowledge, model: str, pressure_scale: float = PRESSURE_SCALE
+) -> None:
+    """Replace the file at `path` by this knowledge; whatever happens meanwhile, the old or the new one is whole.
+
+    model: `model_hash` of the injector it was learned for; pressure_scale: its p_0 [Pa].
+
+    Raises:
+        RunError: it cannot be written, or is nothing that could be restored; the old file is then unchanged.
+    """
+    problem = _problem(knowledge, pressure_scale)
+    if problem is not None:
+        raise RunError(f"{path}: what was learned is not saved, for {problem}")
+    content = {
+        "package_version": __version__,
+        "model_sha256": model,
+        "phi_version": knowledge.phi_version,
+        "events": knowledge.events,
+        "in_force": knowledge.in_force.tolist(),
+        "mean": knowledge.belief.mean.tolist(),
+        "covariance": knowledge.belief.covariance.tolist(),
+        "noise": asdict(knowledge.noise),
+    }
+    document = {"version": VERSION, "sha256": _digest(content), "content": content}
+    try:
+        _replace(
+            Path(os.path.realpath(path)), json.dumps(document, indent=1, allow_nan=False).encode() + b"\n"
+        )
+    except OSError as error:
+        raise RunError(f"{path}: the learned state cannot be written: {error.strerror or error}") from error
+
+
+def load_knowledge(path: Path, model: str, pressure_scale: float = PRESSURE_SCALE) -> Restored:
+    """Restore what `save_knowledge` wrote for the same model; arguments as there.
+
+    A file that does not belong to the model, was damaged or holds what cannot be true is renamed to
+    `NAME.set-aside-N`, with the reason in the message.
+
+    Raises:
+        UserError: the file cannot be read, or not be set aside.
+    """
+    path = Path(os.path.realpath(path))
+    try:
+        if path.exists() and not path.is_file():
+            raise UserError(str(path), "is no file", "name a file for the learned state")
+        with path.open("rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+    except FileNotFoundError:
+        if not path.parent.is_dir():
+            raise UserError(str(path), "is in no existing folder", "create the folder first") from None
+        return Restored(None, f"no learned state at {path}, starting from the prior")
+    except OSError as error:
+        raise UserError(str(path), f"cannot be read: {error.strerror}", "check path and rights") from None
+    try:
+        knowledge = _knowledge_in(data, model)
+        problem = _problem(knowledge, pressure_scale)
+        if problem is not None:
+            raise _UnusableError(problem)
+    except _UnusableError as reason:
+        return Restored(None, f"learned state not restored, for {reason}; kept as {_set_aside(path)}")
+    return Restored(
+        knowledge,
+        f"learned state restored from {path}: phi version {knowledge.phi_version}, "
+        f"learned from {knowledge.events} events",
+    )
+
+
+def _digest(content: object) -> str:
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _replace(path: Path, data: bytes) -> None:
+    new = path.with_name(path.name + ".new")
+    try:
+        with new.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+    except OSError:
+        new.unlink(missing_ok=True)
+        raise
+    folder = os.open(path.parent, os.O_RDONLY)  # the new name must reach the disk too
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
+
+
+def _set_aside(path: Path) -> Path:
+    number = 1
+    while (target := path.with_name(f"{path.name}.set-aside-{number}")).exists():
+        number += 1
+    try:
+        path.rename(target)
+    except OSError as error:
+        raise UserError(
+            str(path),
+            f"cannot be used, nor set aside: {error.strerror}",
+            "move it away, or name another file for the learned state",
+        ) from None
+    return target
+
+
+def _knowledge_in(data: bytes, model: str) -> Knowledge:
+    try:
+        document = json.loads(data.decode("ascii"))
+        version = document["version"]
+        if version != VERSION:
+            raise _UnusableError(f"its format is version {version!r}, not {VERSION}")
+        content = document["content"]
+        if document["sha256"] != _digest(content):
+            raise _UnusableError("it was changed or damaged: its content does not match its checksum")
+        if content["model_sha256"] != model:
+            raise _UnusableError("it was learned for another injector model")
+        return Knowledge(
+            belief=Belief(
+                _array(content["mean"], (PARAMETERS,)),
+                _array(content["covariance"], (PARAMETERS, PARAMETERS)),
+            ),
+            in_force=_array(content["in_force"], (PARAMETERS,)),
+            noise=NoiseLevels(**{key: float(value) for key, value in content["noise"].items()}),
+            phi_version=_count(content["phi_version"]),
+            events=_count(content["events"]),
+        )
+    except (ValueError, OverflowError, RecursionError):
+        raise _UnusableError("it is not a learned state as this program writes it") from None
+    except (KeyError, TypeError, AttributeError) as error:
+        raise _UnusableError(f"its content is not as expected ({type(error).__name__}: {error})") from None
+
+
+def _array(content: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    array = np.array(content, np.float64)
+    if array.shape != shape:
+        raise _UnusableError(f"it holds parameters of another kind: shape {array.shape} instead of {shape}")
+    return array
+
+
+def _count(content: Any) -> int:
+    if type(content) is not int or not 0 <= content < LARGEST_COUNT:
+        raise _UnusableError(f"{content!r} is no count")
+    return content
+
+
+def _problem(knowledge: Knowledge, pressure_scale: float) -> str | None:
+    """What makes knowledge impossible or implausible; None if nothing does."""
+    covariance = knowledge.belief.covariance
+    bounds = _per_parameter(_BOUND, pressure_scale)
+    for name, theta in (("the mean", knowledge.belief.mean), ("the parameters in force", knowledge.in_force)):
+        if not np.all(np.isfinite(theta)):
+            return f"{name} are not finite numbers"
+        if np.any(np.abs(theta) > bounds):
+            return f"{name} lie beyond what an injector can do"
+    if not np.all(np.isfinite(covariance)):
+        return "the covariance is not finite"
+    if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
+        return "the covariance is not symmetric and positive definite"
+    for signal, sigma in asdict(knowledge.noise).items():
+        if not (math.isfinite(sigma) and 0.0 < sigma <= getattr(LARGEST_NOISE, signal)):
+            return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"
+    return None
+
+
+def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True

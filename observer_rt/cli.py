@@ -152,12 +152,12 @@ def replay(
     as_json: Annotated[bool, typer.Option("--json", help="Statistics as JSON on stdout.")] = False,
 ) -> None:
     """Send a recording onto a bus as the measuring devices would, on an absolute time grid."""
-    from observer_rt.recording.replay import replay_onto
+    from observer_rt.recording.replay import ReplayOptions, replay_onto
 
     chosen = _with_link(_load(bench), interface, channel)
-    statistics = replay_onto(chosen, recording, speed, loop, start, stop, windowed, messages)
+    statistics = replay_onto(chosen, recording, ReplayOptions(speed, loop, start, stop, windowed), messages)
     if as_json:
-        print(json.dumps(statistics.as_json()))
+        print(json.dumps(statistics.as_json(), indent=2))
     else:
         print(statistics.as_text())
 
@@ -266,13 +266,14 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="Findings as JSON on stdout.")] = False,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
+    from observer_rt.screen import results
     from observer_rt.service.checkup import Level, as_json_document, as_table, checkup
 
     findings = checkup(_load(bench, model))
     if as_json:
         print(json.dumps(as_json_document(findings), indent=2))
     else:
-        Console().print(as_table(findings))
+        results().print(as_table(findings))
     if any(finding.level is Level.ERROR for finding in findings):
         raise typer.Exit(1)
 

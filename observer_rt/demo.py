@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from observer_rt.bus.codec import decode
 from observer_rt.bus.link import open_link
@@ -25,6 +26,7 @@ from observer_rt.recording.files import file_errors
 from observer_rt.recording.framing import Framer, whole
 from observer_rt.recording.player import play
 from observer_rt.recording.recording import Recording
+from observer_rt.screen import results
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.main import draw
 from observer_rt.service.report import InjectionReport
@@ -66,7 +68,7 @@ def run_demo(wear: float, injections: int, speed: float, seed: int, figure: Path
     result = scene.run(speed, draw if console.is_terminal else _wait)
     with file_errors(figure):
         write_figure(result, wear, figure)
-    Console().print(_table(result))
+    results().print(_table(result))
     console.print(f"picture: {figure}", highlight=False, markup=False)
 
 
@@ -78,7 +80,7 @@ def _table(result: DemoResult) -> Table:
     """Masses and their errors, injection by injection."""
     table = Table(title=f"Injected mass from the frames on {result.link}", title_justify="left", box=None)
     for heading in ("injection", "true [mg]", "nominal [mg]", "error", "observer [mg]", "error", "valid"):
-        table.add_column(heading, justify="right")
+        table.add_column(Text(heading), justify="right", no_wrap=True)
     for row in result.masses:
         true = row.reference or math.nan
         table.add_row(

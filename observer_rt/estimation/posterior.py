@@ -16,8 +16,7 @@ class Belief:
     @property
     def sigma(self) -> NDArray[np.float64]:
         """Standard deviations (m,)."""
-        sigma: NDArray[np.float64] = np.sqrt(np.diag(self.covariance)).astype(np.float64)
-        return sigma
+        return np.array(np.sqrt(np.diag(self.covariance)), np.float64)
 
     def drifted(self, drift: NDArray[np.float64]) -> "Belief":
         """The belief one event later, when each parameter may have moved by `drift` (m,) (one sigma)."""

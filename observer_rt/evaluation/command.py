@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from observer_rt.config import Bench
 from observer_rt.errors import UserError
@@ -17,10 +18,10 @@ from observer_rt.evaluation.results import SCHEMA, InjectionResult, injection_re
 from observer_rt.evaluation.trace_file import SUFFIX, write_trace
 from observer_rt.model.coefficients import Coefficients, coefficients
 from observer_rt.observer.learning import Knowledge
-from observer_rt.progress import progress_bar
 from observer_rt.recording.files import file_errors, read_recording
 from observer_rt.recording.framing import bench_for
 from observer_rt.recording.recording import Recording
+from observer_rt.screen import progress_bar, results
 from observer_rt.service.main import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
 from observer_rt.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
@@ -62,8 +63,9 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
         }
         print(json.dumps(document, indent=2))
     else:
+        results_console = results()
         for evaluation in evaluations:
-            Console().print(_table(evaluation, injection_results(evaluation, c)))
+            results_console.print(_table(evaluation, injection_results(evaluation, c)))
 
 
 def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
@@ -120,18 +122,18 @@ def _plot(path: Path, evaluations: Sequence[Evaluation], c: Coefficients) -> Non
     from observer_rt.evaluation.figures import evaluation_curves, evaluation_masses, plot_injections
 
     evaluation = evaluations[0]
-    results = injection_results(evaluation, c)
+    injections = injection_results(evaluation, c)
     with file_errors(path):
         plot_injections(
             path,
             f"{evaluation.recording.path}",
-            evaluation_curves(evaluation, results),
-            evaluation_masses(results),
+            evaluation_curves(evaluation, injections),
+            evaluation_masses(injections),
             "measured",
         )
 
 
-def _table(evaluation: Evaluation, results: Sequence[InjectionResult]) -> Table:
+def _table(evaluation: Evaluation, injections: Sequence[InjectionResult]) -> Table:
     recording = evaluation.recording
     counters = evaluation.counters
     table = Table(
@@ -145,8 +147,8 @@ def _table(evaluation: Evaluation, results: Sequence[InjectionResult]) -> Table:
     if measured:
         headings += ["measured [mg]", "error [%]", "RMSE [mm3/ms]"]
     for heading in [*headings, "v_H [-]", "v_S [-]", "state", "valid"]:
-        table.add_column(heading, justify="right")
-    for result in results:
+        table.add_column(Text(heading), justify="right", no_wrap=True)
+    for result in injections:
         report = result.report
         cells = [
             str(report.number),

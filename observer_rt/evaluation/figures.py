@@ -129,4 +129,4 @@ def _draw_masses(axes: Axes, masses: Sequence[MassRow], reference: str) -> None:
     axes.set(xlabel="injection (hatched: observer not valid yet)", ylabel=label)
     axes.set_xticks(numbers)
     axes.grid(axis="y", alpha=0.3)
-    axes.legend(frameon=False)
+    axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)

@@ -1,10 +1,7 @@
 """`observer-rt run`: the daemon with its signals, its learned state and its view."""
 
-import contextlib
-import signal
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 from rich.console import Console
@@ -21,6 +18,7 @@ from observer_rt.service.report import InjectionReport
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
+from observer_rt.signals import stop_on_signals
 from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM
 
 FRAMES_PER_SECOND = 8  # of the view
@@ -49,7 +47,7 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
             console.print(_line(report), highlight=False, markup=False)
 
     with (
-        _stop_on_signals() as stop,
+        stop_on_signals() as stop,
         open_link(link_config.interface, link_config.channel, link_config.fd, wanted) as link,
     ):
         daemon = Daemon(bench, bus, link, knowledge, on_report)
@@ -88,20 +86,6 @@ def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
         highlight=False,
         markup=False,
     )
-
-
-@contextlib.contextmanager
-def _stop_on_signals() -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set."""
-    stop = threading.Event()
-    previous = {
-        number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield stop
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
 
 
 def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event) -> None:

@@ -122,7 +122,7 @@ def _table(shown: Sequence[_Shown]) -> Table:
         "v_H [-]",
         "",
     ):
-        table.add_column(heading, justify="right")
+        table.add_column(Text(heading), justify="right", no_wrap=True)
     for item in shown:
         report = item.report
         wear = report.indicators.nozzle

@@ -7,8 +7,8 @@ from rich.console import Console
 
 from observer_rt.config import load_injector
 from observer_rt.errors import UserError
-from observer_rt.progress import progress_bar
 from observer_rt.recording.files import write_recording
+from observer_rt.screen import progress_bar
 from observer_rt.simulation.effects import parse_effects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import (

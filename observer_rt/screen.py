@@ -1,4 +1,4 @@
-"""Progress bars on stderr, so that stdout stays for results."""
+"""Results on stdout, progress bars and messages on stderr."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -14,3 +14,9 @@ def progress_bar(console: Console, text: str, total: float | None) -> Iterator[C
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(text, total=total)
         yield lambda done: progress.update(task, completed=done)
+
+
+def results() -> Console:
+    """Console for tables on stdout: as wide as they are when stdout is a file or a pipe."""
+    console = Console()
+    return console if console.is_terminal else Console(width=160)

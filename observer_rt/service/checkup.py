@@ -1,0 +1,115 @@
+"""Everything that can be said of a bench before it runs, without touching the bus."""
+
+import math
+
+from observer_rt.bus.database import database_hash
+from observer_rt.bus.mapping import map_bus
+from observer_rt.config import Bench
+from observer_rt.errors import UserError
+from observer_rt.estimation.gain import gain_schedule
+from observer_rt.model.coefficients import coefficients
+from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
+from observer_rt.observer.front_end import LOOKAHEAD
+from observer_rt.observer.learning import dead_band
+from observer_rt.observer.state import MAX_EVENT
+from observer_rt.service.checkup_bus import bus_findings
+from observer_rt.service.checkup_host import interface_findings, real_time_findings, this_host
+from observer_rt.service.core import bench_constants, configured_noise
+from observer_rt.service.findings import Finding, Level, as_json_document, as_table, failed, graded
+from observer_rt.service.state_file import model_hash
+from observer_rt.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
+
+__all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup"]
+
+SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
+LARGEST_DEAD_BAND = 0.1  # of the full lift
+
+
+def checkup(bench: Bench) -> list[Finding]:
+    """Findings about files, bus, observer and machine. What a file's error keeps from being looked at is left out."""
+    findings = _files(bench)
+    try:
+        findings += bus_findings(bench, map_bus(bench))
+    except UserError as error:
+        findings.append(failed("mapping", error))
+    findings += _integration(bench)
+    findings += _observer(bench)
+    findings += real_time_findings(this_host())
+    if bench.config.link.interface == "socketcan":
+        findings += interface_findings(bench.config.link)
+    return findings
+
+
+def _files(bench: Bench) -> list[Finding]:
+    findings = [
+        Finding("files", Level.OK, f"bench {bench.path}"),
+        Finding("files", Level.OK, f"injector {bench.injector_path}, SHA-256 {model_hash(bench.injector)}"),
+    ]
+    names = ", ".join(str(path) for path in bench.databases)
+    try:
+        findings.append(
+            Finding("files", Level.OK, f"bus database {names}, hash {database_hash(bench.databases):08X}")
+        )
+    except UserError as error:
+        findings.append(failed("files", error))
+    return findings
+
+
+def _integration(bench: Bench) -> list[Finding]:
+    try:
+        substeps = bench_constants(bench).substeps
+    except UserError as error:
+        return [failed("integration", error)]
+    return [
+        Finding(
+            "integration",
+            Level.OK,
+            f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {bench.config.sampling.rate_hz:g} Hz, "
+            f"for a fastest rate of {fastest_rate(bench.injector):.3g} 1/s",
+        )
+    ]
+
+
+def _observer(bench: Bench) -> list[Finding]:
+    c = coefficients(bench.injector)
+    rate = bench.config.sampling.rate_hz
+    noise = configured_noise(bench)
+    line_mode = math.sqrt(c.a1 * c.a3) / (2 * math.pi)
+    schedule = gain_schedule(c, noise, rate)
+    opens, shuts = dead_band(noise.needle_lift)
+    return [
+        graded(
+            "line mode",
+            rate >= SAMPLES_PER_PERIOD * line_mode,
+            f"{line_mode:.0f} Hz, {rate / line_mode:.3g} samples a period",
+            f"sample at {SAMPLES_PER_PERIOD * line_mode:.0f} Hz or more, for {SAMPLES_PER_PERIOD} a period",
+        ),
+        Finding(
+            "gain",
+            Level.OK,
+            f"steady gain {schedule.gains[-1, 0]:.3g} on p_L and {schedule.gains[-1, 1]:.3g} on Q_L (normalised); "
+            f"innovation sigma {schedule.innovation_sigma * c.pressure_scale / MEGAPASCAL:.3g} MPa",
+        ),
+        graded(
+            "dead band",
+            opens <= LARGEST_DEAD_BAND * bench.injector.seat.max_lift,
+            f"opens above {opens / MICROMETRE:.3g} um of lift, shuts below {shuts / MICROMETRE:.3g} um",
+            f"above {LARGEST_DEAD_BAND:.0%} of the full lift short injections are missed: "
+            "lower the noise of the needle lift",
+        ),
+        Finding("look-ahead", Level.OK, f"{LOOKAHEAD} samples, {LOOKAHEAD / rate / MICROSECOND:.4g} us"),
+        _event_timing(bench),
+    ]
+
+
+def _event_timing(bench: Bench) -> Finding:
+    learning = bench.config.learning
+    longest = MAX_EVENT / bench.config.sampling.rate_hz / MILLISECOND
+    return graded(
+        "events",
+        longest >= 2 * learning.event_gap_ms,
+        f"openings within {learning.event_gap_ms:g} ms are one event; a new phi takes force "
+        f"{learning.event_gap_ms + learning.learning_delay_ms:g} ms after the needle shuts; learned from events "
+        f"up to {longest:.3g} ms, gap included",
+        "shorten learning.event_gap_ms or sample slower",
+    )

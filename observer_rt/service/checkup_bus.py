@@ -1,0 +1,169 @@
+"""Findings about the bus: mapping, sampling, frames, identifiers, load."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from observer_rt.bus.database import MessageLayout
+from observer_rt.bus.load import frame_time
+from observer_rt.bus.mapping import ROLES, BusMap, frame_key
+from observer_rt.config import Bench, LinkConfig, Role
+from observer_rt.recording.bus_range import message_of, role_range, role_resolution
+from observer_rt.service.core import configured_noise
+from observer_rt.service.findings import Finding, Level, graded
+from observer_rt.units import LENGTH_UNITS, MEGAPASCAL, MICROMETRE, MILLISECOND, PRESSURE_UNITS
+
+HIGHEST_PRESSURE = 200 * MEGAPASCAL
+INJECTIONS_PER_SECOND = 17.0
+WINDOW = 6 * MILLISECOND  # of samples that a windowed source sends for an injection
+HIGH_LOAD = 0.6
+CLASSIC_LENGTH = 8  # bytes
+PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take
+
+
+@dataclass(frozen=True)
+class BusLoad:
+    """Expected share of the bus's time, inputs and outputs together."""
+
+    continuous: float
+    windowed: float
+
+
+def bus_findings(bench: Bench, bus: BusMap) -> list[Finding]:
+    """All findings about the bus of a bench."""
+    findings = [_mapping(bench, bus, role) for role in ROLES]
+    findings += _sample_periods(bench, bus)
+    findings += _identifiers(bus)
+    frames = _frames(bench.config.link, _layouts(bus))
+    findings += frames
+    if all(finding.level is Level.OK for finding in frames):
+        findings += _load_findings(expected_load(bench, bus), bench.config.link)
+    return findings
+
+
+def expected_load(bench: Bench, bus: BusMap) -> BusLoad:
+    """Load by everything that is sent; windowed: only `WINDOW` of samples for each injection.
+
+    Raises:
+        ValueError: a message does not fit its kind of frame.
+    """
+    link = bench.config.link
+    rate = bench.config.sampling.rate_hz
+
+    def time_of(layout: MessageLayout) -> float:
+        return frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
+
+    blocks = [
+        (time_of(layout), int(message["samples"]))
+        for layout, message in zip(bus.input_layouts, bus.inputs.messages, strict=True)
+    ]
+    blocks.append((time_of(bus.rate.layout), bus.rate_samples))
+    other = INJECTIONS_PER_SECOND * time_of(bus.summary.layout)
+    other += time_of(bus.status.layout) / (bench.config.outputs.status_period_ms * MILLISECOND)
+    samples = round(WINDOW * rate)
+    return BusLoad(
+        continuous=other + sum(time * rate / size for time, size in blocks),
+        windowed=other + sum(time * INJECTIONS_PER_SECOND * -(-samples // size) for time, size in blocks),
+    )
+
+
+def _layouts(bus: BusMap) -> list[MessageLayout]:
+    return [*bus.input_layouts, bus.rate.layout, bus.summary.layout, bus.status.layout]
+
+
+def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:
+    number = message_of(bus, role)
+    layout, message = bus.input_layouts[number], bus.inputs.messages[number]
+    is_lift = role is Role.NEEDLE_LIFT
+    needed = bench.injector.seat.max_lift if is_lift else HIGHEST_PRESSURE
+    unit, factor = ("um", MICROMETRE) if is_lift else ("MPa", MEGAPASCAL)
+    limits = role_range(bus, role)
+    resolution = role_resolution(bus, role, needed)
+    noise: float = getattr(configured_noise(bench), role.value)
+    text = (
+        f"{role}: {layout.name} 0x{layout.frame_id:X}, {int(message['samples'])} samples a frame in "
+        f"{_unit(role, float(message['factor'][ROLES.index(role)]))}, {limits.lowest / factor:.6g} to "
+        f"{limits.highest / factor:.6g} {unit} in steps of {resolution / factor:.3g} {unit}"
+    )
+    if not (limits.lowest <= 0.0 and limits.highest >= needed):
+        return graded("mapping", False, text, f"cannot hold 0 to {needed / factor:g} {unit}")
+    is_fine = resolution <= noise
+    return graded("mapping", is_fine, text, f"coarser than the noise configured, {noise / factor:g} {unit}")
+
+
+def _unit(role: Role, factor: float) -> str:
+    units = LENGTH_UNITS if role is Role.NEEDLE_LIFT else PRESSURE_UNITS
+    return next(unit for unit, known in units.items() if known == factor)
+
+
+def _sample_periods(bench: Bench, bus: BusMap) -> list[Finding]:
+    rate = bench.config.sampling.rate_hz
+    expected = 1e9 / rate
+    findings = [Finding("sampling", Level.OK, f"{rate:g} Hz, a sample every {expected:.6g} ns")]
+    for layout in (*bus.input_layouts, bus.rate.layout):
+        stated = layout.sample_period_ns
+        if stated is not None and abs(stated - expected) > PERIOD_TOLERANCE:
+            findings.append(
+                Finding(
+                    "sampling",
+                    Level.WARNING,
+                    f"{layout.name} states a sample period of {stated} ns in the bus database; "
+                    f"set sampling.rate_hz = {1e9 / stated:g}, or its SamplePeriodNs to {expected:.0f}",
+                )
+            )
+    return findings
+
+
+def _identifiers(bus: BusMap) -> list[Finding]:
+    owners: dict[int, list[str]] = {}
+    for layout in _layouts(bus):
+        owners.setdefault(frame_key(layout.frame_id, layout.is_extended), []).append(layout.name)
+    clashes = [
+        Finding(
+            "identifiers",
+            Level.ERROR,
+            f"{' and '.join(names)} share 0x{key & 0x1FFFFFFF:X}; give every message its own identifier",
+        )
+        for key, names in owners.items()
+        if len(names) > 1
+    ]
+    return clashes or [Finding("identifiers", Level.OK, f"{len(owners)} messages, all different")]
+
+
+def _frames(link: LinkConfig, layouts: Sequence[MessageLayout]) -> list[Finding]:
+    findings = []
+    for layout in layouts:
+        if not layout.is_fd and layout.length > CLASSIC_LENGTH:
+            problem = (
+                f"{layout.name} is a classic CAN message of {layout.length} bytes, more than {CLASSIC_LENGTH}; "
+                "set its VFrameFormat to 14 (StandardCAN_FD) or 15 (ExtendedCAN_FD)"
+            )
+        elif layout.is_fd and not link.fd:
+            problem = f"{layout.name} is a CAN FD message, but link.fd is false; set link.fd = true"
+        else:
+            continue
+        findings.append(Finding("frames", Level.ERROR, problem))
+    return findings or [Finding("frames", Level.OK, "every message fits its kind of frame")]
+
+
+def _load_findings(load: BusLoad, link: LinkConfig) -> list[Finding]:
+    rates = f"at {link.bit_rate / 1e3:g}k/{link.data_bit_rate / 1e6:g}M bit/s"
+    windowed = (
+        f"windowed, {INJECTIONS_PER_SECOND:g} injections/s of {WINDOW / MILLISECOND:g} ms: "
+        f"{load.windowed:.0%} {rates}"
+    )
+    continuous = f"continuous: {load.continuous:.0%} {rates}"
+    return [
+        Finding("bus load", _level(load.windowed, load.windowed), windowed),
+        Finding(
+            "bus load",
+            _level(load.continuous, load.windowed),
+            f"{continuous}; the source must send windowed" if load.continuous > 1.0 else continuous,
+        ),
+    ]
+
+
+def _level(load: float, at_least: float) -> Level:
+    """Of a load [share], when another way of sending would need `at_least`."""
+    if load <= HIGH_LOAD:
+        return Level.OK
+    return Level.ERROR if at_least > 1.0 else Level.WARNING

@@ -75,7 +75,7 @@ def interface_findings(link: LinkConfig, network: Path = NETWORK) -> list[Findin
         )
         state = (folder / "operstate").read_text().strip()
     except OSError:
-        return [Finding(topic, Level.WARNING, f"{name} does not exist; {_bring_up(link)}")]
+        return [Finding(topic, Level.WARNING, f"{name} does not exist; {_create(link)}")]
     if kind != _CAN_INTERFACE:
         return [Finding(topic, Level.WARNING, f"{name} is no CAN interface; set link.channel to one")]
     is_up = bool(flags & _INTERFACE_IS_UP) and state != "down"
@@ -100,13 +100,22 @@ def interface_findings(link: LinkConfig, network: Path = NETWORK) -> list[Findin
     return findings
 
 
+def _create(link: LinkConfig) -> str:
+    if _is_virtual(link):
+        return f"sudo ip link add {link.channel} type vcan && {_bring_up(link)}"
+    return "connect the device and load its driver; `ip -details link show type can` lists what there is"
+
+
 def _bring_up(link: LinkConfig) -> str:
     name = link.channel
-    if name.startswith("vcan"):
-        mtu = f" mtu {_CAN_FD_MTU}" if link.fd else ""
-        return f"sudo ip link add {name} type vcan; sudo ip link set {name}{mtu} up"
+    if _is_virtual(link):
+        return f"sudo ip link set {name}{f' mtu {_CAN_FD_MTU}' if link.fd else ''} up"
     fd = f" dbitrate {link.data_bit_rate:.0f} fd on" if link.fd else ""
     return f"sudo ip link set {name} up type can bitrate {link.bit_rate:.0f}{fd} restart-ms 100"
+
+
+def _is_virtual(link: LinkConfig) -> bool:
+    return link.channel.startswith("vcan")
 
 
 def _effective_capabilities() -> int:

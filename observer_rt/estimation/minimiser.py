@@ -58,9 +58,9 @@ def minimise(
             inverse = inverse_hessian
             direction = -inverse @ gradient
             slope = float(gradient @ direction)
-        if not -slope > tolerance:
+        if 0.0 <= -slope <= tolerance:
             return Minimum(theta, value, gradient, iteration, -slope, converged=True)
-        step = _armijo(objective, theta, value, direction, slope)
+        step = _armijo(objective, theta, value, direction, slope) if slope < 0.0 else 0.0  # or no number
         if step == 0.0:
             return Minimum(theta, value, gradient, iteration, -slope, converged=False)
         previous_gradient = gradient

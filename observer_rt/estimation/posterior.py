@@ -24,14 +24,15 @@ class Belief:
 
     def information(self) -> NDArray[np.float64]:
         """Inverse covariance (m, m). Raises numpy.linalg.LinAlgError when singular."""
-        return np.linalg.inv(self.covariance)
+        return np.asarray(np.linalg.inv(self.covariance), np.float64)
 
 
 def belief_from_information(mean: NDArray[np.float64], information: NDArray[np.float64]) -> Belief:
     """Belief with the inverse covariance `information` (m, m), symmetrised.
 
-    Raises numpy.linalg.LinAlgError when it is singular or not positive definite.
+    Raises numpy.linalg.LinAlgError when it is singular, not positive definite or holds NaN.
     """
-    np.linalg.cholesky(information)
+    if not np.isfinite(np.linalg.cholesky(information)).all():  # LAPACK lets NaN pass
+        raise np.linalg.LinAlgError("information is not finite")
     covariance = np.linalg.inv(information)
     return Belief(mean, 0.5 * (covariance + covariance.T))

@@ -1,0 +1,92 @@
+"""Shared by the tests of the estimation engine: events simulated with the model itself: the truth is known."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config import load_injector
+from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
+from observer_rt.estimation.prediction_error import network_of
+from observer_rt.estimation.predictor import Setting, Window
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.model.integrator import advance
+from observer_rt.model.network import HIDDEN, Network
+from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from observer_rt.model.stability import substeps_needed
+
+SAMPLE_RATE = 100e3
+NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
+RAIL = 0.95
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model with its gain at 100 kHz."""
+
+    c: Coefficients
+    schedule: GainSchedule
+    setting: Setting
+
+
+@pytest.fixture(scope="session", params=list(LineOutflow), ids=str)
+def case(request: pytest.FixtureRequest) -> Case:
+    """The nominal injector in both outflow forms."""
+    return make_case(load_injector().model_copy(update={"line_outflow": request.param}))
+
+
+@pytest.fixture(scope="session")
+def nominal() -> Case:
+    """The nominal injector in the paper's form."""
+    return make_case(load_injector())
+
+
+def make_case(injector: InjectorParameters) -> Case:
+    c = coefficients(injector)
+    schedule = gain_schedule(c, NOISE, SAMPLE_RATE)
+    substeps = substeps_needed(injector, SAMPLE_RATE)
+    return Case(c, schedule, Setting(1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy()))
+
+
+def worn_theta(seed: int = 1) -> NDArray[np.float64]:
+    """A parameter vector (PARAMETERS,) with every entry away from 0; the offset is 0.4 MPa."""
+    random = np.random.default_rng(seed)
+    theta = np.zeros(PARAMETERS)
+    theta[Parameter.NOZZLE_BIAS] = 0.25
+    theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN] = random.uniform(0.02, 0.08, HIDDEN)
+    theta[Parameter.SEAT_BIAS] = -0.15
+    theta[Parameter.LINE_PRESSURE_OFFSET] = 0.004
+    return theta
+
+
+def event_inputs(rail: float = RAIL, samples: int = 600) -> NDArray[np.float64]:
+    """Inputs (samples, 2) at 100 kHz: a stroke from 1 to 2.4 ms."""
+    time = np.arange(samples) / SAMPLE_RATE
+    area = np.interp(time, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
+    return np.column_stack([np.full(samples, rail), area])
+
+
+def simulated_event(
+    case: Case, theta: NDArray[np.float64], inputs: NDArray[np.float64], seed: int | None = None
+) -> Window:
+    """What is measured of an injector that is exactly `theta`; `seed` adds the noise of NOISE."""
+    network: Network = network_of(theta)
+    x = (float(inputs[0, 0]), 0.0, 0.0)
+    line = [x[0]]
+    for before, after in pairwise(inputs):
+        u_start, u_end = (float(before[0]), float(before[1])), (float(after[0]), float(after[1]))
+        x = advance(x, u_start, u_end, case.setting.interval, case.setting.substeps, case.c, network)
+        line.append(x[0])
+    output = np.array(line) + theta[Parameter.LINE_PRESSURE_OFFSET]
+    measured = inputs.copy()
+    if seed is not None:
+        random = np.random.default_rng(seed)
+        output += random.normal(0.0, NOISE.line_pressure / case.c.pressure_scale, output.size)
+        measured[:, 0] += random.normal(0.0, NOISE.rail_pressure / case.c.pressure_scale, output.size)
+    opened = np.flatnonzero(inputs[:, 1])
+    opening = int(opened[0]) if opened.size else output.size
+    resting = np.arange(output.size) < opening
+    return Window(measured, output, resting, np.array([inputs[0, 0], 0.0, 0.0]), opening)

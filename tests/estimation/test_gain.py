@@ -1,0 +1,139 @@
+"""The gain of the identification system against a Riccati solver and against simulated noise."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import expm, solve_discrete_are
+
+from observer_rt.estimation.gain import NoiseLevels, gain_schedule
+from observer_rt.estimation.prediction_error import network_of
+from observer_rt.estimation.predictor import Setting, Window, innovations
+from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.network import zero_network
+from tests.estimation.conftest import NOISE, SAMPLE_RATE, Case, event_inputs, simulated_event, worn_theta
+
+
+def steady_kalman(
+    c: Coefficients, noise: NoiseLevels, sample_rate: float
+) -> tuple[NDArray[np.float64], float]:
+    """Gain (2,) and innovation sigma by matrix exponential and the algebraic Riccati equation."""
+    rates = np.array([[0.0, c.a1, 0.0], [-c.a3, 0.0, c.a3], [0.0, 0.0, 0.0]]) / sample_rate
+    sampled = expm(rates)
+    transition, rail = sampled[:2, :2], sampled[:2, 2]
+    process = np.outer(rail, rail) * (noise.rail_pressure / c.pressure_scale) ** 2
+    measurement = np.array([[(noise.line_pressure / c.pressure_scale) ** 2]])
+    covariance = solve_discrete_are(transition.T, np.array([[1.0], [0.0]]), process, measurement)
+    variance = covariance[0, 0] + measurement[0, 0]
+    return covariance[:, 0] / variance, math.sqrt(variance)
+
+
+@pytest.mark.parametrize("sample_rate", [20e3, 50e3, 100e3])
+@pytest.mark.parametrize("rail_noise", [0.05e6, 0.1e6, 0.5e6])
+def test_steady_gain_solves_the_riccati_equation(
+    nominal: Case, sample_rate: float, rail_noise: float
+) -> None:
+    noise = NoiseLevels(rail_noise, 0.15e6, 0.4e-6)
+    schedule = gain_schedule(nominal.c, noise, sample_rate)
+    gain, sigma = steady_kalman(nominal.c, noise, sample_rate)
+    np.testing.assert_allclose(schedule.gains[-1], gain, rtol=0.02)
+    assert schedule.innovation_sigma == pytest.approx(sigma, rel=2e-3)
+
+
+def test_gain_is_the_one_known_to_work(nominal: Case) -> None:
+    """p_L += 0.0494 e, Q_L += 0.0702 mm3/ms per MPa, innovations of 0.1538 MPa at the nominal noise, 100 kHz."""
+    schedule = nominal.schedule
+    pressure, flow = schedule.gains[-1]
+    assert pressure == pytest.approx(0.0494, rel=0.02)
+    scale = nominal.c.flow_scale / nominal.c.pressure_scale  # m3/s per Pa
+    assert flow * scale == pytest.approx(0.0702e-6 / 1e6, rel=0.02)
+    assert schedule.innovation_sigma * nominal.c.pressure_scale == pytest.approx(0.1538e6, rel=0.002)
+
+
+def test_first_gain_trusts_the_measurement_where_the_start_is_unknown(nominal: Case) -> None:
+    """Q_L is unknown by 10 mm3/ms at the start: its gain falls by far more than that of p_L, known as y."""
+    gains = nominal.schedule.gains
+    assert gains[:, 1].max() > 3 * gains[-1, 1]
+    assert (gains[:, 0] > 0.0).all()
+    assert (gains[:, 0] < 1.0).all()
+
+
+def test_start_in_a_ringing_line_is_good_after_a_millisecond(nominal: Case) -> None:
+    """From p_L = y and Q_L = 0 in a line that swings by 10 mm3/ms: then within five steady sigmas of x~."""
+    c, setting = nominal.c, nominal.setting
+    time = np.arange(300) / SAMPLE_RATE
+    angle = math.sqrt(c.a1 * c.a3) * time
+    flow = 1e-5 / c.flow_scale
+    line = 0.95 + flow * math.sqrt(c.a1 / c.a3) * np.sin(angle)
+    random = np.random.default_rng(5)
+    output = line + random.normal(0.0, NOISE.line_pressure / c.pressure_scale, line.size)
+    x = np.array([output[0], 0.0, 0.0])
+    for k in range(1, 101):
+        pair = Window(np.array([[0.95, 0.0]] * 2), output[k - 1 : k + 1], np.ones(2, np.bool_), x, opening=2)
+        error = np.empty(2)
+        gain = nominal.schedule.gains[min(k - 1, len(nominal.schedule.gains) - 1)]
+        innovations(pair, setting._replace(gain=gain), zero_network(), 0.0, error)
+        predicted = output[k] - error[1]
+        x = _free_line(c, x)
+        assert x[0] == pytest.approx(predicted, abs=1e-4)
+        x = x + np.array([gain[0], gain[1], 0.0]) * error[1]
+    sigma = nominal.schedule.innovation_sigma
+    assert abs(x[0] - line[100]) < sigma
+    assert abs(x[1] - flow * math.cos(angle[100])) < 2e-6 / c.flow_scale
+
+
+def _free_line(c: Coefficients, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A shut line one sample later, its friction by one Euler step."""
+    rates = np.array([[0.0, c.a1], [-c.a3, 0.0]]) / SAMPLE_RATE
+    moved = expm(rates) @ np.array([x[0] - 0.95, x[1]])
+    friction = c.a4 * x[1] * abs(x[1]) / SAMPLE_RATE
+    return np.array([moved[0] + 0.95, moved[1] - friction, 0.0])
+
+
+def test_innovations_are_white_and_of_the_predicted_size(nominal: Case) -> None:
+    """A shut line under the stated noise of both sensors, for two seconds."""
+    c = nominal.c
+    count = 200_000
+    random = np.random.default_rng(11)
+    rail = 0.95 + random.normal(0.0, NOISE.rail_pressure / c.pressure_scale, count)
+    line = 0.95 + random.normal(0.0, NOISE.line_pressure / c.pressure_scale, count)
+    window = Window(
+        np.column_stack([rail, np.zeros(count)]),
+        line,
+        np.ones(count, np.bool_),
+        np.array([0.95, 0.0, 0.0]),
+        count,
+    )
+    result = np.empty(count)
+    innovations(window, nominal.setting, zero_network(), 0.0, result)
+    _check_white(result[1000:], nominal.schedule.innovation_sigma, 0.01)
+
+
+def test_innovations_of_injections_are_white_with_the_true_wear(case: Case) -> None:
+    theta = worn_theta()
+    pieces = []
+    for seed in range(40):
+        window = simulated_event(case, theta, event_inputs(rail=0.4 + 0.03 * seed), seed=seed)
+        result = np.empty(window.output.size)
+        offset = float(theta[Parameter.LINE_PRESSURE_OFFSET])
+        innovations(window, case.setting, network_of(theta), offset, result)
+        pieces.append(result[50:])
+    _check_white(np.concatenate(pieces), case.schedule.innovation_sigma, 0.03)
+
+
+def _check_white(e: NDArray[np.float64], sigma: float, tolerance: float) -> None:
+    assert e.std() == pytest.approx(sigma, rel=tolerance)
+    assert abs(e.mean()) < tolerance * sigma
+    correlations = [np.corrcoef(e[lag:], e[:-lag])[0, 1] for lag in (1, 2, 3, 5, 8, 20, 80)]
+    assert np.abs(correlations).max() < tolerance
+
+
+def test_wrong_wear_colours_the_innovations(nominal: Case) -> None:
+    """So that the tests above can fail."""
+    window = simulated_event(nominal, worn_theta(), event_inputs(), seed=1)
+    result = np.empty(window.output.size)
+    setting: Setting = nominal.setting
+    innovations(window, setting, zero_network(), 0.004, result)
+    assert np.corrcoef(result[51:], result[50:-1])[0, 1] > 0.2

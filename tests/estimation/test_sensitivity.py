@@ -1,0 +1,68 @@
+"""The filtered gradient against differences of the innovations themselves."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.estimation.prediction_error import network_of
+from observer_rt.estimation.predictor import Window, innovations, innovations_with_sensitivity
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from tests.estimation.conftest import Case, event_inputs, simulated_event, worn_theta
+
+OFFSET = Parameter.LINE_PRESSURE_OFFSET
+
+
+def innovations_at(case: Case, window: Window, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    result = np.empty(window.output.size)
+    innovations(window, case.setting, network_of(theta), float(theta[OFFSET]), result)
+    return result
+
+
+def with_slopes(
+    case: Case, window: Window, theta: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    result = np.empty(window.output.size)
+    slopes = np.empty((window.output.size, PARAMETERS))
+    innovations_with_sensitivity(
+        window, case.setting, network_of(theta), float(theta[OFFSET]), result, slopes
+    )
+    return result, slopes
+
+
+@pytest.mark.parametrize("theta", [np.zeros(PARAMETERS), worn_theta()], ids=["healthy", "worn"])
+@pytest.mark.parametrize("parameter", range(PARAMETERS))
+def test_slopes_are_the_derivatives_of_the_innovations(
+    case: Case, theta: NDArray[np.float64], parameter: int
+) -> None:
+    window = simulated_event(case, worn_theta(seed=7), event_inputs(), seed=3)
+    _, slopes = with_slopes(case, window, theta)
+    step = np.zeros(PARAMETERS)
+    step[parameter] = 1e-5
+    numeric = (innovations_at(case, window, theta + step) - innovations_at(case, window, theta - step)) / 2e-5
+    largest = np.abs(numeric).max()
+    assert largest > 0.0
+    np.testing.assert_allclose(slopes[:, parameter], numeric, atol=1e-6 * largest)
+
+
+def test_innovations_are_the_same_with_and_without_slopes(case: Case) -> None:
+    window = simulated_event(case, worn_theta(seed=7), event_inputs(), seed=3)
+    theta = worn_theta()
+    np.testing.assert_array_equal(with_slopes(case, window, theta)[0], innovations_at(case, window, theta))
+
+
+def test_nothing_flows_and_nothing_is_learned_while_shut(case: Case) -> None:
+    """Before the opening no flow parameter moves an innovation; the offset of the sensor does."""
+    window = simulated_event(case, worn_theta(), event_inputs(), seed=3)
+    _, slopes = with_slopes(case, window, worn_theta())
+    shut = slopes[1 : window.opening]
+    flow_parameters = [p for p in range(PARAMETERS) if p != OFFSET]
+    assert not shut[:, flow_parameters].any()
+    assert shut[:, OFFSET].all()
+
+
+def test_true_parameters_leave_no_innovation(case: Case) -> None:
+    """Noise-free, the predictor that is the truth is never corrected."""
+    theta = worn_theta()
+    window = simulated_event(case, theta, event_inputs())
+    assert np.abs(innovations_at(case, window, theta)).max() < 1e-12
+    assert np.abs(innovations_at(case, window, np.zeros(PARAMETERS))).max() > 1e-3

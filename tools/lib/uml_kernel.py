@@ -5,14 +5,12 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
 from say import UnableError, say
+from uml_package import PACKAGE, unpack_package
 
-PACKAGE = "user-mode-linux"
-INSTALL = f"sudo apt-get update && sudo apt-get install -y {PACKAGE}"
 # In the order they must be loaded; bcm and vxcan are what candump's relatives and gateway tests ask for.
 MODULES = ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan")
 
@@ -74,39 +72,14 @@ def obtain_kernel() -> Kernel:
 
 
 def fetch_into(cache: Path) -> None:
-    """Download the package with apt (no rights needed) and unpack it into `cache`; the lock must be held."""
+    """Download the package and unpack it into `cache`; the lock must be held."""
     folder = cache.with_suffix(".partial")
     shutil.rmtree(folder, ignore_errors=True)  # left by a download that was killed
     folder.mkdir()
     try:
-        say(f"downloading Debian package {PACKAGE} (about 40 MB)")
-        if not download(folder, []):
-            # A bare machine has no package lists yet, and only root may write the system's: use our own.
-            lists = folder / "lists"
-            (lists / "partial").mkdir(parents=True)
-            own = [f"Dir::State::Lists={lists}", f"Dir::Cache={folder}", "Debug::NoLocking=1"]
-            apt(folder, own, "update")
-            if not download(folder, own):
-                raise UnableError(f"cannot download {PACKAGE}, see above", INSTALL)
-        say(f"unpacking it into {cache}")
-        package = next(folder.glob(f"{PACKAGE}_*.deb"))
-        subprocess.run(["dpkg-deb", "-x", package, folder / "root"], check=True)
+        root = unpack_package(folder)
         shutil.rmtree(cache, ignore_errors=True)
-        (folder / "root").rename(cache)
+        root.rename(cache)
+        say(f"unpacked into {cache}")
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def download(folder: Path, options: list[str]) -> bool:
-    """True if `apt-get download` put the package into `folder`."""
-    return apt(folder, options, "download", PACKAGE) and any(folder.glob(f"{PACKAGE}_*.deb"))
-
-
-def apt(folder: Path, options: list[str], *arguments: str) -> bool:
-    """Run apt-get quietly in `folder`; True if it succeeded."""
-    # apt's download user cannot write a private folder; as the invoking user it can.
-    settings = ["APT::Sandbox::User=root", *options]
-    command = ["apt-get", "-qq", *(word for option in settings for word in ("-o", option)), *arguments]
-    return (
-        subprocess.run(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=2, check=False).returncode == 0
-    )

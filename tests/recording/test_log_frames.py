@@ -1,0 +1,79 @@
+"""Logs as frames: as recorded, in parts, in loops."""
+
+from pathlib import Path
+
+import pytest
+
+from observer_rt.errors import UserError
+from observer_rt.recording.framing import TimedFrame
+from observer_rt.recording.player import log_extent, log_frames
+
+LOG = """(1700000000.000000) can0 100##1AA01
+(1700000000.250000) can0 200#0102
+(1700000000.500000) can0 1ABCDEF0##0
+(1700000001.000000) can1 100##5AA02
+"""
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    path = tmp_path / "bus.log"
+    path.write_text(LOG)
+    return path
+
+
+def test_a_log_is_sent_as_recorded(log: Path) -> None:
+    assert list(log_frames(log)) == [
+        TimedFrame(0.0, 0x100, False, True, b"\xaa\x01"),
+        TimedFrame(0.25, 0x200, False, False, b"\x01\x02"),
+        TimedFrame(0.5, 0x1ABCDEF0, True, True, b""),
+        TimedFrame(1.0, 0x100, False, True, b"\xaa\x02"),
+    ]
+    extent = log_extent(log)
+    assert (extent.duration, extent.frames) == (1.0, 4)
+
+
+def test_a_part_of_a_log_begins_at_its_start(log: Path) -> None:
+    frames = list(log_frames(log, start=0.2, stop=1.0))
+    assert [frame.frame_id for frame in frames] == [0x200, 0x1ABCDEF0]
+    assert [frame.time for frame in frames] == pytest.approx([0.05, 0.3])
+
+
+def test_frames_can_be_left_out_of_a_log(log: Path) -> None:
+    frames = list(log_frames(log, leave_out=[(0x200, False), (0x1ABCDEF0, False)]))
+    assert [frame.frame_id for frame in frames] == [0x100, 0x1ABCDEF0, 0x100]
+
+
+def test_the_time_of_a_looped_log_goes_on(log: Path) -> None:
+    frames = list(log_frames(log, loop=2))
+    assert [frame.payload for frame in frames] == [frame.payload for frame in log_frames(log)] * 2
+    assert [frame.time for frame in frames[4:]] == pytest.approx([4 / 3 + t for t in (0.0, 0.25, 0.5, 1.0)])
+    endless = log_frames(log, loop=0)
+    times = [next(endless).time for _ in range(100)]
+    assert times == sorted(times)
+
+
+def test_a_log_of_one_instant_cannot_be_looped(tmp_path: Path) -> None:
+    path = tmp_path / "short.log"
+    path.write_text("(1.5) can0 100#\n")
+    assert len(list(log_frames(path))) == 1
+    with pytest.raises(UserError, match="no duration"):
+        list(log_frames(path, loop=2))
+
+
+@pytest.mark.parametrize(("start", "stop"), [(1.5, None), (None, 0.0), (0.6, 0.9), (1.0, 0.5)])
+def test_an_empty_part_of_a_log(log: Path, start: float | None, stop: float | None) -> None:
+    with pytest.raises(UserError, match="--start, --stop"):
+        log_frames(log, start=start, stop=stop)
+
+
+def test_an_empty_part_of_a_log_names_its_range(log: Path) -> None:
+    with pytest.raises(UserError, match=r"bus\.log, which runs from 0 to 1 s"):
+        log_frames(log, start=7.0)
+
+
+def test_a_malformed_log_is_refused_before_anything_is_sent(log: Path) -> None:
+    with log.open("a") as file:
+        file.write("(1700000001.500000) can0 100##1A\n")
+    with pytest.raises(UserError, match="line 5"):
+        log_extent(log)

@@ -142,11 +142,11 @@ def test_a_part_in_the_recordings_own_time(
 
 
 def test_a_short_part_keeps_the_rate_of_the_whole(bus: BusMap) -> None:
-    """30 kHz in printed microseconds: three stamps alone would not tell the rate."""
-    time_s = np.round(np.arange(3000) / 30e3, 6)
+    """48 kHz in printed microseconds: three stamps alone would not tell the rate."""
+    time_s = np.round(np.arange(3000) / 48e3, 6)
     recording = replace(recording_of(3000), time=time_s)
-    frames = recording_frames(recording, bus, False, start=0.05, stop=0.0501)
-    assert next(frames).time == pytest.approx(8 / 30e3, rel=1e-12)
+    frames = recording_frames(recording, bus, False, start=0.05, stop=0.05006)
+    assert next(frames).time == pytest.approx(8 / 48e3, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -8,23 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from observer_rt.bus.link import Link
-from observer_rt.recording.bus_range import recorded_out_of_range
 from observer_rt.recording.framing import TimedFrame
 from observer_rt.recording.lateness import LATE, Lateness, LatenessCounter
-from observer_rt.recording.log_frames import log_extent, log_frames
-from observer_rt.recording.recording_frames import Extent, recording_extent, recording_frames
 from observer_rt.units import MICROSECOND, MILLISECOND
-
-__all__ = [
-    "Extent",
-    "PlayStatistics",
-    "log_extent",
-    "log_frames",
-    "play",
-    "recorded_out_of_range",
-    "recording_extent",
-    "recording_frames",
-]
 
 NANOSECONDS = 1_000_000_000  # in a second
 SLEEP_MARGIN = 1_000_000  # ns before a frame is due, from which on the sleep is exact and not interruptible

@@ -6,7 +6,7 @@ import pytest
 
 from observer_rt.errors import UserError
 from observer_rt.recording.framing import TimedFrame
-from observer_rt.recording.player import log_extent, log_frames
+from observer_rt.recording.log_frames import log_extent, log_frames
 
 LOG = """(1700000000.000000) can0 100##1AA01
 (1700000000.250000) can0 200#0102

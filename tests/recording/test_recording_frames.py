@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import EXAMPLE_BENCH, load_bench
 from observer_rt.errors import UserError
+from observer_rt.recording.bus_range import recorded_out_of_range
 from observer_rt.recording.framing import TimedFrame
-from observer_rt.recording.player import recorded_out_of_range, recording_extent, recording_frames
 from observer_rt.recording.recording import Recording
+from observer_rt.recording.recording_frames import recording_extent, recording_frames
 
 RATE = 100e3
 DATABASE = cantools.database.load_file(EXAMPLE_BENCH.with_name("observer_fd.dbc"))

@@ -33,9 +33,11 @@ _RESTART = int(Break.RESTART)
 STREAM = np.dtype(
     [
         ("seen", np.bool_),
-        ("next_index", np.int64),  # of the sample expected next, unwrapped
+        ("first_index", np.int64),  # of the first sample, unwrapped
+        ("next_index", np.int64),  # of the sample expected next
         ("last_start", np.int64),  # of the last accepted block
-        ("jump_from", np.int64),  # the last gap of this message: [jump_from, jump_to)
+        ("jump_block", np.int64),  # start of the last block before the last gap of this message
+        ("jump_from", np.int64),  # that gap: [jump_from, jump_to)
         ("jump_to", np.int64),
         ("jump_contiguous", np.bool_),  # by the E2E counter
         ("old_blocks", np.int64),  # consecutive
@@ -130,8 +132,13 @@ def place_block(
         _begin_anew(alignment)
         _begin_stream(stream, raw_index, count)
         return 3, raw_index
+    if raw_index == 0 and start > stream.next_index + SLOTS:
+        _begin_anew(alignment)  # not lost up to the wrap of the index, but counting from 0 again
+        _begin_stream(stream, raw_index, count)
+        return 3, raw_index
     stream.old_blocks = 0
     if start > stream.next_index:
+        stream.jump_block = stream.last_start
         stream.jump_from = stream.next_index
         stream.jump_to = start
         stream.jump_contiguous = contiguous
@@ -190,8 +197,10 @@ def _unwrapped(alignment: Alignment, message: int, raw_index: int) -> int:
 @njit(cache=True, nogil=True)
 def _begin_stream(stream, start, count):  # type: ignore[no-untyped-def]
     stream.seen = True
+    stream.first_index = start
     stream.last_start = start
     stream.next_index = start + count
+    stream.jump_block = start
     stream.jump_from = start
     stream.jump_to = start
     stream.jump_contiguous = False
@@ -236,9 +245,8 @@ def _decide_until(alignment: Alignment, frontier: int) -> None:
         for m in range(memory.stream_count):
             if not memory.streams[m].seen:
                 return
-            memory.next_index = (
-                max(memory.next_index, memory.streams[m].jump_to) if m else (memory.streams[m].jump_to)
-            )
+            first = memory.streams[m].first_index
+            memory.next_index = max(memory.next_index, first) if m else first
         memory.begun = True
     index = memory.next_index
     missing = 0
@@ -305,12 +313,15 @@ def _append(alignment: Alignment, index: int):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _is_legal_jump(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
-    """Rule 6: every message jumped here, with a contiguous counter, and the needle is closed on both sides."""
+    """Rule 6: every message jumped here, with a contiguous counter, and the needle is closed on both sides.
+
+    The last block before the jump may end in samples that are not available.
+    """
     memory = alignment.memory[0]
     for m in range(memory.stream_count):
         stream = memory.streams[m]
         if (
-            stream.jump_from != memory.last_index + 1
+            not stream.jump_block <= memory.last_index < stream.jump_from
             or stream.jump_to != slot.index
             or not stream.jump_contiguous
         ):

@@ -1,0 +1,118 @@
+"""The main test: replay player, daemon and listener are three processes on a real SocketCAN interface."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config import load_bench, load_injector
+from observer_rt.evaluation.evaluate import History, evaluate
+from observer_rt.evaluation.results import injection_results
+from observer_rt.model.coefficients import coefficients
+from observer_rt.recording.files import read_recording, write_recording
+from observer_rt.simulation.effects import PlantEffects
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+from tests.service.end_to_end import (
+    RATE,
+    SUMMARY,
+    Heard,
+    decoded,
+    published_rates,
+    run_over,
+    write_bench,
+)
+
+SPEED = 0.05
+RAIL_PRESSURE = 100e6
+ENERGIZING_TIME = 1.9e-3
+PERIOD = 0.06
+
+
+@dataclass(frozen=True)
+class Run:
+    """One recording over vcan0, and the same through `evaluate`."""
+
+    heard: Heard
+    history: History
+    rate: NDArray[np.float64]  # published, mm3/ms
+    count: NDArray[np.int64]
+    true_rate: NDArray[np.float64]  # mm3/ms
+
+
+def over_vcan(
+    folder: Path, channel: str, rate_hz: float, v_h: float, injections: int, noise: NoiseLevels | None
+) -> Run:
+    schedule = make_schedule([RAIL_PRESSURE], injections, PERIOD, [ENERGIZING_TIME])
+    simulation = simulate(load_injector(), schedule, rate_hz, PlantEffects(orifice_area=v_h), noise, seed=7)
+    path = folder / "recording.csv"
+    write_recording(path, simulation.recording)
+    bench = write_bench(folder, "socketcan", channel, rate_hz)
+    samples = simulation.recording.samples
+    with can.Bus(interface="socketcan", channel=channel, fd=True) as bus:
+        heard = run_over(bench, path, bus, SPEED, samples)
+    if heard.last_status()["DroppedFrames"]:
+        pytest.fail("machine too slow: the daemon's socket dropped frames")
+    rate, count = published_rates(heard.rates, samples)
+    history = evaluate(load_bench(bench), [read_recording(path)])
+    return Run(heard, history, rate, count, simulation.truth.injection_rate / 1e-6)
+
+
+@pytest.fixture
+def run_noise_free(tmp_path: Path, vcan: str) -> Run:
+    return over_vcan(tmp_path, vcan, 100e3, 0.0, 3, None)
+
+
+@pytest.fixture(params=[0.3, -0.3, 0.0])
+def run_noisy(request: pytest.FixtureRequest, tmp_path: Path, vcan: str) -> Run:
+    return over_vcan(tmp_path, vcan, 50e3, request.param, 10, NoiseLevels())
+
+
+@pytest.mark.vcan
+def test_healthy_noise_free_recording_comes_back_as_the_true_rate(run_noise_free: Run) -> None:
+    run = run_noise_free
+    assert_published_once(run)
+    assert_equal_to_evaluation(run)
+    known = ~np.isnan(run.rate)
+    assert known[1000:].all()  # available since 3 ms of standstill, long before the first injection
+    assert np.sqrt(np.mean((run.rate - run.true_rate)[known] ** 2)) <= 0.3
+
+
+@pytest.mark.vcan
+def test_worn_nozzle_is_learned_on_the_bus(run_noisy: Run) -> None:
+    run = run_noisy
+    assert_published_once(run)
+    assert_equal_to_evaluation(run)
+    summaries = [decoded(SUMMARY, payload) for payload in run.heard.summaries]
+    assert [s["InjectionNumber"] for s in summaries] == list(range(1, 11))
+    assert [s["Valid"] for s in summaries] == [0, 0] + 8 * [1]
+    c = coefficients(load_injector())
+    nominal = [r.nominal_mass for r in injection_results(run.history.evaluations[0], c)]
+    healthy = np.allclose(run.true_rate.max(), 69, atol=1.0)
+    squares = []
+    for summary, nominal_mass in list(zip(summaries, nominal, strict=True))[3:]:
+        window = slice(int(summary["SampleIndex"]), int(summary["EndIndex"]) + 1)
+        squares.append(np.mean((run.rate[window] - run.true_rate[window]) ** 2))
+        true_mass = float(np.trapezoid(run.true_rate[window])) / 50e3 * 1e3 * 1e-9 * 830.0 * 1e6
+        assert abs(summary["Mass"] / true_mass - 1) <= 0.01
+        if not healthy:
+            assert abs(nominal_mass * 1e6 / true_mass - 1) > 0.15
+    assert np.sqrt(np.mean(squares)) <= 1.0
+
+
+def assert_published_once(run: Run) -> None:
+    assert (run.count == 1).all()
+    assert len(run.heard.rates) == -(-len(run.count) // 28)  # and none extra
+    starts = [int(decoded(RATE, payload)["SampleIndex"]) for payload in run.heard.rates]
+    assert starts == sorted(starts)
+
+
+def assert_equal_to_evaluation(run: Run) -> None:
+    """`evaluate --bench` and the daemon on vcan give the same frames, bit for bit, learning included."""
+    expected = {RATE.frame_id: run.heard.rates, SUMMARY.frame_id: run.heard.summaries}
+    for frame_id, heard in expected.items():
+        assert [f.payload for f in run.history.frames if f.frame_id == frame_id] == heard

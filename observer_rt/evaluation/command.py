@@ -45,12 +45,13 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
     _refuse_ambiguous(paths, options)
     recordings = [read_recording(path) for path in paths]
     model = model_hash(bench.injector)
-    knowledge = restored_knowledge(options.state, model, console)
+    pressure_scale = bench.injector.scaling.pressure
+    knowledge = restored_knowledge(options.state, model, pressure_scale, console)
     histories = _histories(bench, recordings, knowledge, options, console)
     evaluations = [evaluation for history in histories for evaluation in history.evaluations]
     c = coefficients(bench.injector)
     if options.save_state is not None:
-        save_knowledge(options.save_state, histories[-1].knowledge, model)
+        save_knowledge(options.save_state, histories[-1].knowledge, model, pressure_scale)
     if options.output is not None:
         _write_traces(options.output, evaluations)
     if options.plot is not None:
@@ -104,7 +105,7 @@ def _histories(
     return histories
 
 
-def _report_progress(progress: Callable[[float], None], before: int, samples: int, _total: int) -> None:
+def _report_progress(progress: Callable[[float], None], before: int, samples: int) -> None:
     progress(before + samples)
 
 

@@ -17,7 +17,8 @@ from observer_rt.service.core import Core, Counters
 from observer_rt.service.output import OutputFrame
 from observer_rt.service.report import InjectionReport
 
-Progress = Callable[[int, int], None]  # samples done, samples in all
+Progress = Callable[[int], None]  # samples done
+PAUSE = 1.0  # s, between two recordings of a history
 _READ_EVERY = 64  # frames between two looks at the observer's memory
 
 
@@ -68,26 +69,54 @@ def evaluate(
     """Evaluate recordings as one history, learning in lockstep.
 
     Every recording goes through the bench's bus codec, so that the result equals that of the daemon bit for bit.
+    Between two recordings the sample index jumps, as between two windows of a windowed source.
     Raises `UserError` for a recording whose sample rate is not the bench's.
     """
     bench = bench_for(bench, recordings[0])
     for recording in recordings[1:]:
         bench_for(bench, recording)
-    run = _Run(bench, map_bus(bench), knowledge, learning, sum(r.samples for r in recordings), progress)
-    counters = []
+    run = _Run(bench, map_bus(bench), knowledge, learning, progress)
     for recording in recordings:
         run.take(recording)
-        counters.append((run.core.counters, run.core.standstill))
     run.finish()
-    counters[-1] = (run.core.counters, run.core.standstill)
-    evaluations = []
-    first = 0
-    for recording, (counts, standstill) in zip(recordings, counters, strict=True):
-        end = first + recording.samples
-        reports = tuple(r for r in run.reports if first <= r.start_index < end)
-        evaluations.append(Evaluation(recording, first, run.trace(first, end), reports, counts, standstill))
-        first = end
-    return History(tuple(evaluations), run.core.knowledge, tuple(run.frames))
+    return run.history()
+
+
+class _Part:
+    """What is seen of one recording while it is evaluated."""
+
+    def __init__(self, recording: Recording, first_index: int) -> None:
+        samples = recording.samples
+        self.recording = recording
+        self.first_index = first_index
+        self.trace = Trace(
+            injection_rate=np.full(samples, np.nan),
+            valid=np.zeros(samples, np.bool_),
+            state=np.full(samples, State.STARTING, np.int8),
+            x=np.full((samples, 3), np.nan),
+            phi=np.full((samples, 3), np.nan),
+            nominal_rate=np.full(samples, np.nan),
+        )
+
+    def places(self, rows: NDArray[np.void]) -> tuple[NDArray[np.void], NDArray[np.int64]]:
+        """The rows that belong to this recording, and their places in it."""
+        place = rows["index"] - self.first_index
+        mine = (place >= 0) & (place < self.recording.samples)
+        return rows[mine], place[mine]
+
+    def note(self, rows: NDArray[np.void]) -> None:
+        rows, place = self.places(rows)
+        trace = self.trace
+        available = ~np.isnan(rows["injection_rate"])
+        trace.injection_rate[place] = rows["injection_rate"]
+        trace.valid[place] = rows["valid"]
+        trace.state[place] = rows["state"]
+        trace.x[place[available]] = rows["x_hat"][available]
+        trace.phi[place[available]] = rows["phi"][available]
+
+    def note_nominal(self, rows: NDArray[np.void]) -> None:
+        rows, place = self.places(rows)
+        self.trace.nominal_rate[place] = rows["injection_rate"]
 
 
 class _Run:
@@ -99,58 +128,54 @@ class _Run:
         bus: BusMap,
         knowledge: Knowledge | None,
         learning: bool,
-        samples: int,
         progress: Progress | None,
     ) -> None:
-        self.reports: list[InjectionReport] = []
-        self.frames: list[OutputFrame] = []
-        self.core = Core(bench, bus, knowledge, learning=learning, on_report=self.reports.append)
+        self._reports: list[InjectionReport] = []
+        self._frames: list[OutputFrame] = []
+        self._core = Core(bench, bus, knowledge, learning=learning, on_report=self._reports.append)
         self._nominal = Core(bench, bus, learning=False)
         self._framer = Framer(bus)
-        self._progress = progress or (lambda done, total: None)
-        self._samples = samples
+        self._progress = progress or (lambda _: None)
         self._seen = 0
         self._nominal_seen = 0
-        self._rate = np.full(samples, np.nan)
-        self._nominal_rate = np.full(samples, np.nan)
-        self._valid = np.zeros(samples, np.bool_)
-        self._state = np.full(samples, State.STARTING, np.int8)
-        self._x = np.full((samples, 3), np.nan)
-        self._phi = np.full((samples, 3), np.nan)
+        self._parts: list[_Part] = []
+        self._ends: list[tuple[Counters, Standstill]] = []
 
     def take(self, recording: Recording) -> None:
+        if self._parts:
+            self._framer.pause(round(PAUSE * recording.sample_rate))
+        self._parts.append(_Part(recording, self._framer.next_index))
         for count, frame in enumerate(self._framer.frames(recording, whole(recording))):
-            self.frames += self.core.handle(frame.frame_id, frame.is_extended, frame.payload)
+            self._frames += self._core.handle(frame.frame_id, frame.is_extended, frame.payload)
             self._nominal.handle(frame.frame_id, frame.is_extended, frame.payload)
             if count % _READ_EVERY == 0:
                 self._read()
+        self._read()
+        self._ends.append((self._core.counters, self._core.standstill))
 
     def finish(self) -> None:
-        self.frames += self.core.finish()
+        self._frames += self._core.finish()
         self._nominal.finish()
         self._read()
+        self._ends[-1] = (self._core.counters, self._core.standstill)
 
-    def trace(self, start: int, end: int) -> Trace:
-        return Trace(
-            self._rate[start:end],
-            self._valid[start:end],
-            self._state[start:end],
-            self._x[start:end],
-            self._phi[start:end],
-            self._nominal_rate[start:end],
-        )
+    def history(self) -> History:
+        evaluations = []
+        for part, (counters, standstill) in zip(self._parts, self._ends, strict=True):
+            end = part.first_index + part.recording.samples
+            reports = tuple(r for r in self._reports if part.first_index <= r.start_index < end)
+            evaluations.append(
+                Evaluation(part.recording, part.first_index, part.trace, reports, counters, standstill)
+            )
+        return History(tuple(evaluations), self._core.knowledge, tuple(self._frames))
 
     def _read(self) -> None:
-        rows = self.core.rows(self._seen, self.core.processed)
-        self._seen = self.core.processed
-        index = rows["index"]
-        available = ~np.isnan(rows["injection_rate"])
-        self._rate[index] = rows["injection_rate"]
-        self._valid[index] = rows["valid"]
-        self._state[index] = rows["state"]
-        self._x[index[available]] = rows["x_hat"][available]
-        self._phi[index[available]] = rows["phi"][available]
-        nominal = self._nominal.rows(self._nominal_seen, self._nominal.processed)
+        """Note what was processed since the last look; the end of one recording shows with the next one's start."""
+        rows = self._core.rows(self._seen, self._core.processed)
+        nominal_rows = self._nominal.rows(self._nominal_seen, self._nominal.processed)
+        self._seen = self._core.processed
         self._nominal_seen = self._nominal.processed
-        self._nominal_rate[nominal["index"]] = nominal["injection_rate"]
-        self._progress(self._seen, self._samples)
+        for part in self._parts[-2:]:
+            part.note(rows)
+            part.note_nominal(nominal_rows)
+        self._progress(self._seen)

@@ -43,6 +43,11 @@ def _per_parameter(values: tuple[float, float, float, float], pressure_scale: fl
     return np.array([b_h, *[w] * HIDDEN, b_s, offset / pressure_scale])
 
 
+def theta_bounds(pressure_scale: float) -> NDArray[np.float64]:
+    """Largest admissible |theta| (PARAMETERS,); pressure_scale p_0 [Pa]."""
+    return _per_parameter(_BOUND, pressure_scale)
+
+
 def dead_band(lift_noise: float) -> tuple[float, float]:
     """Lift above which the needle counts as open and below which as shut again [m], from the lift noise [m]."""
     opens = max(DEAD_BAND_FLOOR, DEAD_BAND_SIGMAS * lift_noise)
@@ -113,7 +118,7 @@ class Learner:
                 setting,
                 self._schedule.innovation_sigma,
                 self._prior(standstill),
-                _per_parameter(_BOUND, self._coefficients.pressure_scale),
+                theta_bounds(self._coefficients.pressure_scale),
                 round(BURN_IN / self._constants.interval),
             )
             start, _ = objective.value_and_gradient(self._belief.mean)

@@ -1,5 +1,6 @@
 """A recording as the frames a measuring device would send, by the bench's bus map."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -86,6 +87,19 @@ class Framer:
         self._bus = bus
         self._counters = [0] * len(bus.input_layouts)
         self._index = 0
+
+    @property
+    def next_index(self) -> int:
+        """Sample index of the next recording's first sample."""
+        return self._index
+
+    def pause(self, samples: int) -> None:
+        """Let the index go on by at least `samples` that are not sent, as over a pause of a windowed source.
+
+        The index then begins a frame of every message, so that no frame sent before reaches into it.
+        """
+        block = math.lcm(*(int(message["samples"]) for message in self._bus.inputs.messages))
+        self._index = -(-(self._index + samples) // block) * block
 
     def frames(self, recording: Recording, spans: Sequence[Span]) -> Iterator[TimedFrame]:
         """Frames of the spans in order of time: each is sent with its last sample.

@@ -31,7 +31,8 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
     """
     bus = map_bus(bench)
     model = model_hash(bench.injector)
-    knowledge = restored_knowledge(state, model, console)
+    pressure_scale = bench.injector.scaling.pressure
+    knowledge = restored_knowledge(state, model, pressure_scale, console)
     _announce(bench, bus, console)
     warm_up(bench, bus)
     link_config = bench.config.link
@@ -60,16 +61,18 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
                 daemon.run(stop)
         finally:
             if state is not None:
-                save_knowledge(state, daemon.core.knowledge, model)
+                save_knowledge(state, daemon.core.knowledge, model, pressure_scale)
                 console.print(f"learned state saved in {state}", highlight=False, markup=False)
     _farewell(daemon, console)
 
 
-def restored_knowledge(path: Path | None, model: str, console: Console) -> Knowledge | None:
+def restored_knowledge(
+    path: Path | None, model: str, pressure_scale: float, console: Console
+) -> Knowledge | None:
     """What a state file holds for this model, saying on the console what became of it; None without one."""
     if path is None:
         return None
-    restored = load_knowledge(path, model)
+    restored = load_knowledge(path, model, pressure_scale)
     console.print(restored.message, highlight=False, markup=False)
     return restored.knowledge
 

@@ -17,7 +17,7 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.model.parameters import InjectorParameters, Scaling
-from observer_rt.observer.learning import _BOUND, Knowledge, _per_parameter
+from observer_rt.observer.learning import Knowledge, theta_bounds
 from observer_rt.units import MEGAPASCAL, MICROMETRE
 
 VERSION = 1
@@ -194,7 +194,7 @@ def _count(content: Any) -> int:
 def _problem(knowledge: Knowledge, pressure_scale: float) -> str | None:
     """What makes knowledge impossible or implausible; None if nothing does."""
     covariance = knowledge.belief.covariance
-    bounds = _per_parameter(_BOUND, pressure_scale)
+    bounds = theta_bounds(pressure_scale)
     for name, theta in (("the mean", knowledge.belief.mean), ("the parameters in force", knowledge.in_force)):
         if not np.all(np.isfinite(theta)):
             return f"{name} are not finite numbers"

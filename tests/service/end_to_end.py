@@ -62,7 +62,7 @@ def decoded(message: cantools.database.Message, payload: bytes) -> dict[str, flo
     """Signals as numbers, by cantools."""
     values = message.decode(payload, decode_choices=False, scaling=True)
     assert isinstance(values, dict)
-    return {name: float(value) for name, value in values.items()}  # type: ignore[arg-type]
+    return {name: float(value) for name, value in values.items()}
 
 
 def published_rates(payloads: Sequence[bytes], samples: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -72,9 +72,9 @@ def published_rates(payloads: Sequence[bytes], samples: int) -> tuple[NDArray[np
     for payload in payloads:
         signals = RATE.decode(payload, decode_choices=False, scaling=False)
         assert isinstance(signals, dict)
-        index = int(signals["SampleIndex"])  # type: ignore[arg-type]
+        index = int(signals["SampleIndex"])
         for k in range(28):
-            raw = int(signals[f"InjectionRate_{k:02d}"])  # type: ignore[arg-type]
+            raw = int(signals[f"InjectionRate_{k:02d}"])
             if index + k < samples:
                 count[index + k] += 1
                 if raw < 0xFFFE:
@@ -111,12 +111,12 @@ class Listener:
         return self.heard
 
 
-def run_over(bench: Path, recording: Path, bus: can.BusABC, speed: float, samples: int, *options: str) -> Heard:
+def run_over(
+    bench: Path, recording: Path, bus: can.BusABC, speed: float, samples: int, *options: str
+) -> Heard:
     """Replay a recording to the daemon, both as processes of their own, and listen on `bus`."""
     listener = Listener(bus)
-    daemon = subprocess.Popen(
-        command("run", "--bench", bench, *options), stderr=subprocess.PIPE, text=True
-    )
+    daemon = subprocess.Popen(command("run", "--bench", bench, *options), stderr=subprocess.PIPE, text=True)
     try:
         _wait_until(lambda: bool(listener.heard.statuses), START_TIMEOUT, daemon)
         player = subprocess.run(

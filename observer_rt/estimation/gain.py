@@ -4,8 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.estimation.sensor import lagged_slopes
 from observer_rt.model.coefficients import Coefficients
 
 START_DURATION = 2e-3  # s, after which the gain is steady
@@ -23,39 +25,59 @@ class NoiseLevels:
 
 @dataclass(frozen=True)
 class GainSchedule:
-    """Kalman gains of x~ on (p_L, Q_L), normalised, from a start with x1 = y, x2 = 0 to the steady state.
+    """Kalman gains of x~ on (p_L, Q_L, indicated pressure), from a start with x1 = y, x2 = 0 to the steady state.
 
-    gains: (n, 2), row k is used k samples after the start, the last row from then on.
-    innovation_sigma: steady standard deviation of e~ = y - C x~, in units of p_0.
+    gains: (n, 3), normalised; row k is used k samples after the start, the last row from then on.
+    innovation_sigma: steady standard deviation of e~, in units of p_0.
     """
 
     gains: NDArray[np.float64]
     innovation_sigma: float
 
 
-def gain_schedule(c: Coefficients, noise: NoiseLevels, sample_rate: float) -> GainSchedule:
+def gain_schedule(
+    c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float = 0.0
+) -> GainSchedule:
     """Gains for the line at rest (friction 0), rail-pressure noise driving it and line noise on y.
 
-    p_S gets no gain: it relaxes within microseconds. sample_rate in Hz.
+    p_S gets no gain: it relaxes within microseconds. sample_rate in Hz, lag of the sensor in s.
     """
     interval = 1.0 / sample_rate
     angle = math.sqrt(c.a1 * c.a3) * interval
     impedance = math.sqrt(c.a1 / c.a3)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    by_self, by_start, by_end, _ = lagged_slopes(0.0, 0.0, 0.0, interval, lag)
     transition = np.array(
         [
-            [math.cos(angle), impedance * math.sin(angle)],
-            [-math.sin(angle) / impedance, math.cos(angle)],
+            [cosine, impedance * sine, 0.0],
+            [-sine / impedance, cosine, 0.0],
+            [by_start + by_end * cosine, by_end * impedance * sine, by_self],
         ]
     )
-    rail_effect = np.array([1.0 - math.cos(angle), math.sin(angle) / impedance])
+    rail_effect = np.array([1.0 - cosine, sine / impedance, by_end * (1.0 - cosine)])
     process = np.outer(rail_effect, rail_effect) * (noise.rail_pressure / c.pressure_scale) ** 2
     measurement = (noise.line_pressure / c.pressure_scale) ** 2
-    covariance = np.diag([measurement, (START_FLOW_SIGMA / c.flow_scale) ** 2])
-    gains = np.zeros((max(2, round(START_DURATION * sample_rate)), 2))
-    innovation_variance = measurement
-    for row in gains:
+    covariance = np.zeros((3, 3))
+    covariance[[0, 0, 2, 2], [0, 2, 0, 2]] = measurement
+    covariance[1, 1] = (START_FLOW_SIGMA / c.flow_scale) ** 2
+    gains = np.zeros((max(2, round(START_DURATION * sample_rate)), 3))
+    variance = _riccati(transition, process, measurement, covariance, gains)
+    return GainSchedule(gains, math.sqrt(variance))
+
+
+@njit(cache=True, nogil=True)
+def _riccati(
+    transition: NDArray[np.float64],
+    process: NDArray[np.float64],
+    measurement: float,
+    covariance: NDArray[np.float64],
+    gains: NDArray[np.float64],
+) -> float:
+    """Fill `gains` from a start `covariance` on; returns the last innovation variance."""
+    variance = measurement
+    for k in range(gains.shape[0]):
         covariance = transition @ covariance @ transition.T + process
-        innovation_variance = float(covariance[0, 0]) + measurement
-        row[:] = covariance[:, 0] / innovation_variance
-        covariance = covariance - np.outer(row, covariance[0])
-    return GainSchedule(gains, math.sqrt(innovation_variance))
+        variance = covariance[2, 2] + measurement
+        gains[k] = covariance[:, 2] / variance
+        covariance = covariance - np.outer(gains[k], covariance[2])
+    return variance

@@ -1,30 +1,22 @@
-"""The cost of prediction-error learning: whitened innovations and a prior."""
+"""The cost of prediction-error learning: whitened innovations of one event, robustly weighted."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import (
     Setting,
     Window,
     innovations,
     innovations_with_sensitivity,
 )
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.model.network import HIDDEN, Network, zero_network
+from observer_rt.estimation.sensitivity import PARAMETERS
 
 HUBER = 4.0  # sigma beyond which an innovation counts linearly
-
-
-def network_of(theta: NDArray[np.float64]) -> Network:
-    """The network part of a parameter vector (PARAMETERS,)."""
-    network = zero_network()
-    network.output[0, :] = theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN]
-    network.bias[:] = theta[[Parameter.NOZZLE_BIAS, Parameter.SEAT_BIAS]]
-    return network
 
 
 @njit(cache=True, nogil=True)
@@ -54,81 +46,58 @@ def weigh(
         weight = 1.0 if math.fabs(z) <= HUBER else HUBER / math.fabs(z)
         scale = weight / (sigma * sigma)
         for i in range(PARAMETERS):
-            gradient[i] += scale * e[k] * slopes[k, i]
-            for j in range(i + 1):
-                information[i, j] += scale * slopes[k, i] * slopes[k, j]
-    for i in range(PARAMETERS):
-        for j in range(i):
-            information[j, i] = information[i, j]
+            weighted = scale * slopes[k, i]
+            gradient[i] += weighted * e[k]
+            for j in range(PARAMETERS):
+                information[i, j] += weighted * slopes[k, j]
 
 
-class PredictionError:
-    """J(theta) = robust sum of (e~/sigma)^2 / 2 over one event + (theta - m)' P^-1 (theta - m) / 2.
+@dataclass(frozen=True)
+class Linearisation:
+    """Cost of an event round theta: value, gradient (m,) and Gauss-Newton information (m, m)."""
+
+    theta: NDArray[np.float64]
+    value: float
+    gradient: NDArray[np.float64]
+    information: NDArray[np.float64]
+
+    @property
+    def vector(self) -> NDArray[np.float64]:
+        """information @ (the minimum of the quadratic approximation), (m,)."""
+        return self.information @ self.theta - self.gradient
+
+
+class EventCost:
+    """J(theta) = robust sum of (e~/sigma)^2 / 2 over one event.
 
     Innovations of the first `burn_in` samples do not count: x~ started from another theta.
     """
 
-    def __init__(
-        self,
-        window: Window,
-        setting: Setting,
-        innovation_sigma: float,
-        prior: Belief,
-        bounds: NDArray[np.float64],
-        burn_in: int,
-    ) -> None:
-        """bounds: (m,), |theta| beyond them is inadmissible; raises LinAlgError for a singular prior."""
+    def __init__(self, window: Window, setting: Setting, sigma: float, burn_in: int) -> None:
+        """sigma: standard deviation of the innovations, in units of p_0."""
         self._window = window
         self._setting = setting
-        self._sigma = innovation_sigma
-        self._mean = prior.mean
-        self._prior_information = prior.information()
-        self._bounds = bounds
+        self._sigma = sigma
         self._burn_in = burn_in
         samples = window.output.shape[0]
-        self._innovations = np.zeros(samples)
         self._slopes = np.zeros((samples, PARAMETERS))
-        self._gradient = np.zeros(PARAMETERS)
-        self._data_information = np.zeros((PARAMETERS, PARAMETERS))
-
-    @property
-    def information(self) -> NDArray[np.float64]:
-        """Gauss-Newton information (m, m), prior included, where the gradient was last computed."""
-        return self._data_information + self._prior_information
+        self.innovations = np.zeros(samples)
 
     def value(self, theta: NDArray[np.float64]) -> float:
-        """J(theta); inf outside the bounds or where the prediction is not finite."""
-        if np.any(np.abs(theta) > self._bounds):
-            return math.inf
-        innovations(self._window, self._setting, network_of(theta), self._offset(theta), self._innovations)
-        return self._cost(theta)
+        """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
+        innovations(self._window, self._setting, learned_of(theta), self.innovations)
+        return self._cost()
 
-    def value_and_gradient(self, theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        """J(theta) and its gradient (m,)."""
+    def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
+        """J round theta (m,); leaves the innovations behind."""
         innovations_with_sensitivity(
-            self._window,
-            self._setting,
-            network_of(theta),
-            self._offset(theta),
-            self._innovations,
-            self._slopes,
+            self._window, self._setting, learned_of(theta), self.innovations, self._slopes
         )
-        weigh(
-            self._innovations,
-            self._slopes,
-            self._burn_in,
-            self._sigma,
-            self._gradient,
-            self._data_information,
-        )
-        return self._cost(theta), self._gradient + self._prior_information @ (theta - self._mean)
+        gradient = np.zeros(PARAMETERS)
+        information = np.zeros((PARAMETERS, PARAMETERS))
+        weigh(self.innovations, self._slopes, self._burn_in, self._sigma, gradient, information)
+        return Linearisation(theta, self._cost(), gradient, information)
 
-    def _cost(self, theta: NDArray[np.float64]) -> float:
-        distance = theta - self._mean
-        prior_cost = 0.5 * float(distance @ self._prior_information @ distance)
-        cost = robust_cost(self._innovations, self._burn_in, self._sigma) + prior_cost
+    def _cost(self) -> float:
+        cost = robust_cost(self.innovations, self._burn_in, self._sigma)
         return cost if math.isfinite(cost) else math.inf
-
-    @staticmethod
-    def _offset(theta: NDArray[np.float64]) -> float:
-        return float(theta[Parameter.LINE_PRESSURE_OFFSET])

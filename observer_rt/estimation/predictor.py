@@ -6,19 +6,22 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.estimation.learned import Learned
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter, advance_with_sensitivity
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.estimation.sensor import LAG_UNIT, lagged, lagged_slopes
+from observer_rt.model.coefficients import Coefficients, with_line_terms
 from observer_rt.model.integrator import advance
-from observer_rt.model.network import Network
 
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
+_LAG = int(Parameter.SENSOR_LAG)
 
 
 class Window(NamedTuple):
     """Consecutive samples round one event, normalised by (24); n samples.
 
     inputs: (n, 2) u = [p_R, A_S]; output: (n,) y; resting: (n,) needle shut so long that p_S = p_C;
-    start: (3,) x~ at the first sample; opening: index of the first sample with an open needle.
+    start: (4,) x~ and the indicated pressure at the first sample; opening: index of the first sample with an open
+    needle.
     """
 
     inputs: NDArray[np.float64]
@@ -29,7 +32,7 @@ class Window(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What stays the same while parameters are sought: sample interval [s], substeps, model, gain (2,)."""
+    """What stays the same while parameters are sought: sample interval [s], substeps, model, gain (3,)."""
 
     interval: float
     substeps: int
@@ -46,18 +49,22 @@ def correct(
 
 
 @njit(cache=True, nogil=True)
-def innovations(
-    window: Window, setting: Setting, network: Network, offset: float, result: NDArray[np.float64]
-) -> None:
-    """Innovations e~ = y - o - C x~ of every sample into `result` (n,); result[0] is 0."""
+def innovations(window: Window, setting: Setting, learned: Learned, result: NDArray[np.float64]) -> None:
+    """Innovations e~ = y - o - (indicated pressure of x~) of every sample into `result` (n,); result[0] is 0."""
+    c = with_line_terms(setting.coefficients, learned.line)
     x = (window.start[0], window.start[1], window.start[2])
+    indicated = window.start[3]
     result[0] = 0.0
     for k in range(1, window.output.shape[0]):
         u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
         u_end = (window.inputs[k, 0], window.inputs[k, 1])
-        x = advance(x, u_start, u_end, setting.interval, setting.substeps, setting.coefficients, network)
-        result[k] = window.output[k] - offset - x[0]
-        x = correct(x, result[k], setting.gain[0], setting.gain[1])
+        before = x[0]
+        x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network)
+        indicated = lagged(indicated, before, x[0], setting.interval, learned.lag)
+        innovation = window.output[k] - learned.offset - indicated
+        result[k] = innovation
+        x = correct(x, innovation, setting.gain[0], setting.gain[1])
+        indicated += setting.gain[2] * innovation
         if window.resting[k]:
             x = (x[0], x[1], 0.0)
 
@@ -66,20 +73,25 @@ def innovations(
 def innovations_with_sensitivity(
     window: Window,
     setting: Setting,
-    network: Network,
-    offset: float,
+    learned: Learned,
     result: NDArray[np.float64],
     slopes: NDArray[np.float64],
 ) -> None:
     """`innovations` and their derivatives de~/dtheta into `slopes` (n, PARAMETERS): the filtered gradient."""
+    c = with_line_terms(setting.coefficients, learned.line)
     x = (window.start[0], window.start[1], window.start[2])
+    indicated = window.start[3]
     sensitivity = np.zeros((3, PARAMETERS))
-    work = np.zeros((5, 3, PARAMETERS))
+    before_slope = np.zeros(PARAMETERS)
+    indicated_slope = np.zeros(PARAMETERS)
+    work = np.zeros((6, 3, PARAMETERS))
     result[0] = 0.0
     slopes[0, :] = 0.0
     for k in range(1, window.output.shape[0]):
         u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
         u_end = (window.inputs[k, 0], window.inputs[k, 1])
+        before = x[0]
+        before_slope[:] = sensitivity[0]
         x = advance_with_sensitivity(
             x,
             u_start,
@@ -87,37 +99,53 @@ def innovations_with_sensitivity(
             setting.interval,
             setting.substeps,
             setting.coefficients,
-            network,
+            c,
+            learned.network,
             sensitivity,
             work,
         )
-        result[k] = window.output[k] - offset - x[0]
-        x = correct(x, result[k], setting.gain[0], setting.gain[1])
+        by_self, by_start, by_end, by_lag = lagged_slopes(
+            indicated, before, x[0], setting.interval, learned.lag
+        )
+        indicated = lagged(indicated, before, x[0], setting.interval, learned.lag)
+        innovation = window.output[k] - learned.offset - indicated
+        result[k] = innovation
+        x = correct(x, innovation, setting.gain[0], setting.gain[1])
+        indicated += setting.gain[2] * innovation
         for j in range(PARAMETERS):
-            slope = -sensitivity[0, j] - (1.0 if j == _OFFSET else 0.0)
+            predicted = by_self * indicated_slope[j] + by_start * before_slope[j] + by_end * sensitivity[0, j]
+            if j == _LAG:
+                predicted += by_lag * LAG_UNIT
+            slope = -predicted - (1.0 if j == _OFFSET else 0.0)
             slopes[k, j] = slope
             sensitivity[0, j] += setting.gain[0] * slope
             sensitivity[1, j] += setting.gain[1] * slope
+            indicated_slope[j] = predicted + setting.gain[2] * slope
         if window.resting[k]:
             x = (x[0], x[1], 0.0)
             sensitivity[2, :] = 0.0
 
 
 @njit(cache=True, nogil=True)
-def open_loop_error(window: Window, setting: Setting, network: Network, offset: float) -> float:
-    """Sum of squared output errors (y - o - C x^)^2 of the observer re-simulated over a window.
+def open_loop_error(window: Window, setting: Setting, learned: Learned) -> float:
+    """Sum of squared output errors of the observer re-simulated over a window, through the sensor's lag.
 
     x^ follows x~ up to the opening and runs open loop from there, as it does live.
     """
+    c = with_line_terms(setting.coefficients, learned.line)
     x = (window.start[0], window.start[1], window.start[2])
+    indicated = window.start[3]
     total = 0.0
     for k in range(1, window.output.shape[0]):
         u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
         u_end = (window.inputs[k, 0], window.inputs[k, 1])
-        x = advance(x, u_start, u_end, setting.interval, setting.substeps, setting.coefficients, network)
-        error = window.output[k] - offset - x[0]
+        before = x[0]
+        x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network)
+        indicated = lagged(indicated, before, x[0], setting.interval, learned.lag)
+        error = window.output[k] - learned.offset - indicated
         if k < window.opening:
             x = correct(x, error, setting.gain[0], setting.gain[1])
+            indicated += setting.gain[2] * error
         else:
             total += error * error
         if window.resting[k]:

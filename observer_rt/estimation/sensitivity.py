@@ -1,5 +1,6 @@
-"""How state and flows move with named parameters: the tangent of the right-hand side, through RK4."""
+"""How the state moves with named parameters: the tangent of the right-hand side, through RK4."""
 
+import math
 from enum import IntEnum
 
 import numpy as np
@@ -7,10 +8,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.integrator import along, between, steps_in
+from observer_rt.model.integrator import along, between, emptied, steps_in
 from observer_rt.model.laws import root, root_slope
-from observer_rt.model.network import HIDDEN, Network, activation, flow_changes
-from observer_rt.model.right_hand_side import is_at_rest, right_hand_side
+from observer_rt.model.network import HIDDEN, Network, activation
+from observer_rt.model.right_hand_side import is_at_rest
 
 
 class Parameter(IntEnum):
@@ -20,44 +21,62 @@ class Parameter(IntEnum):
     NOZZLE_WEIGHT = 1  # w_1; w_2 .. w_q follow
     SEAT_BIAS = 1 + HIDDEN  # b_S
     LINE_PRESSURE_OFFSET = 2 + HIDDEN  # o, in units of p_0; acts in the sensor only
+    LINE_FRICTION = 3 + HIDDEN  # k
+    GUIDE_LEAKAGE = 4 + HIDDEN  # c p_0 / Q_0
+    BULK_MODULUS = 5 + HIDDEN  # r
+    SENSOR_LAG = 6 + HIDDEN  # tau, in units of LAG_UNIT; acts in the sensor only
 
 
-PARAMETERS = 3 + HIDDEN
+PARAMETERS = 7 + HIDDEN
 _NOZZLE_BIAS = int(Parameter.NOZZLE_BIAS)
 _NOZZLE_WEIGHT = int(Parameter.NOZZLE_WEIGHT)
 _SEAT_BIAS = int(Parameter.SEAT_BIAS)
+_FRICTION = int(Parameter.LINE_FRICTION)
+_LEAKAGE = int(Parameter.GUIDE_LEAKAGE)
+_STIFFNESS = int(Parameter.BULK_MODULUS)
 
 
 @njit(cache=True, nogil=True)
-def tangent(
+def rate_and_tangent(
     x: tuple[float, float, float],
     u: tuple[float, float],
+    nominal: Coefficients,
     c: Coefficients,
     network: Network,
     direction: NDArray[np.float64],
     rate: NDArray[np.float64],
-) -> None:
-    """Derivative of f + phi along state directions and parameters, into `rate`.
+    sigmas: NDArray[np.float64],
+) -> tuple[float, float, float]:
+    """x' = f + phi, and its derivative along state directions and parameters, into `rate`.
 
     direction, rate: (3, PARAMETERS); column j of `direction` is dx/dtheta_j, of `rate` d(x')/dtheta_j [1/s].
+    c: coefficients with the line terms in force, `nominal` without them; sigmas: (q,) scratch.
     """
-    friction_slope = 2.0 * c.a4 * abs(x[1])
+    friction_slope = 2.0 * c.a4 * math.fabs(x[1])
+    friction = x[1] * math.fabs(x[1])
+    second = c.a3 * (u[0] - x[0]) - c.a4 * friction
+    stiffer = c.a1 / nominal.a1
     if is_at_rest(x, u):
+        first = c.a1 * x[1] - c.leak * x[0]
         for j in range(PARAMETERS):
-            rate[0, j] = c.a1 * direction[1, j]
+            rate[0, j] = c.a1 * direction[1, j] - c.leak * direction[0, j]
             rate[1, j] = -c.a3 * direction[0, j] - friction_slope * direction[1, j]
             rate[2, j] = 0.0
-        return
+        rate[0, _LEAKAGE] -= c.a1 * x[0]
+        rate[0, _STIFFNESS] += first / stiffer
+        rate[1, _FRICTION] -= nominal.a4 * friction
+        return first, second, 0.0
     nozzle_flow = root(x[2], c.transition)
-    nozzle_slope = root_slope(x[2], c.transition)
     seat_flow = u[1] * root(x[0] - x[2], c.transition)
-    seat_slope = u[1] * root_slope(x[0] - x[2], c.transition)
-    nozzle_change, seat_change = flow_changes(x, u, network)
-    # dq_H/dx and dq_S/dx, with the network's own dependence on the state
-    h_1, h_2, h_3 = 0.0, 0.0, nozzle_slope * (1.0 + nozzle_change)
-    s_1, s_2, s_3 = seat_slope * (1.0 + seat_change), 0.0, -seat_slope * (1.0 + seat_change)
+    nozzle_change = network.bias[0]
+    seat_change = network.bias[1]
+    # dq_H/dx and dq_S/dx: of the network first, of the orifice laws below
+    h_1, h_2, h_3, s_1, s_2, s_3 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for neuron in range(network.hidden.shape[0]):
         sigma = activation(x, u, network.hidden, neuron)
+        sigmas[neuron] = sigma
+        nozzle_change += network.output[0, neuron] * sigma
+        seat_change += network.output[1, neuron] * sigma
         bend = 1.0 - sigma * sigma
         to_nozzle = nozzle_flow * network.output[0, neuron] * bend
         to_seat = seat_flow * network.output[1, neuron] * bend
@@ -67,20 +86,36 @@ def tangent(
         s_1 += to_seat * network.hidden[neuron, 0]
         s_2 += to_seat * network.hidden[neuron, 1]
         s_3 += to_seat * network.hidden[neuron, 2]
-        rate[2, _NOZZLE_WEIGHT + neuron] = nozzle_flow * sigma  # explicit part of dq_H, completed below
+    seat_slope = u[1] * root_slope(x[0] - x[2], c.transition) * (1.0 + seat_change)
+    h_3 += root_slope(x[2], c.transition) * (1.0 + nozzle_change)
+    s_1 += seat_slope
+    s_3 -= seat_slope
+    q_h = nozzle_flow * (1.0 + nozzle_change)
+    q_s = seat_flow * (1.0 + seat_change)
+    first = c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0]
+    # the rows of the Jacobian df/dx
+    j_11 = -c.a2_nozzle * h_1 - c.a2_seat * s_1 - c.leak
+    j_12 = c.a1 - c.a2_nozzle * h_2 - c.a2_seat * s_2
+    j_13 = -c.a2_nozzle * h_3 - c.a2_seat * s_3
+    j_31 = c.a5 * s_1 - c.a6 * h_1
+    j_32 = c.a5 * s_2 - c.a6 * h_2
+    j_33 = c.a5 * s_3 - c.a6 * h_3
     for j in range(PARAMETERS):
         d_1, d_2, d_3 = direction[0, j], direction[1, j], direction[2, j]
-        d_q_h = h_1 * d_1 + h_2 * d_2 + h_3 * d_3
-        d_q_s = s_1 * d_1 + s_2 * d_2 + s_3 * d_3
-        if j == _NOZZLE_BIAS:
-            d_q_h += nozzle_flow
-        elif j == _SEAT_BIAS:
-            d_q_s += seat_flow
-        elif _NOZZLE_WEIGHT <= j < _SEAT_BIAS:
-            d_q_h += rate[2, j]
-        rate[0, j] = c.a1 * d_2 - c.a2_nozzle * d_q_h - c.a2_seat * d_q_s
+        rate[0, j] = j_11 * d_1 + j_12 * d_2 + j_13 * d_3
         rate[1, j] = -c.a3 * d_1 - friction_slope * d_2
-        rate[2, j] = c.a5 * d_q_s - c.a6 * d_q_h
+        rate[2, j] = j_31 * d_1 + j_32 * d_2 + j_33 * d_3
+    rate[0, _NOZZLE_BIAS] -= c.a2_nozzle * nozzle_flow
+    rate[2, _NOZZLE_BIAS] -= c.a6 * nozzle_flow
+    for neuron in range(network.hidden.shape[0]):
+        rate[0, _NOZZLE_WEIGHT + neuron] -= c.a2_nozzle * nozzle_flow * sigmas[neuron]
+        rate[2, _NOZZLE_WEIGHT + neuron] -= c.a6 * nozzle_flow * sigmas[neuron]
+    rate[0, _SEAT_BIAS] -= c.a2_seat * seat_flow
+    rate[2, _SEAT_BIAS] += c.a5 * seat_flow
+    rate[0, _LEAKAGE] -= c.a1 * x[0]
+    rate[0, _STIFFNESS] += first / stiffer
+    rate[1, _FRICTION] -= nominal.a4 * friction
+    return first, second, c.a5 * q_s - c.a6 * q_h
 
 
 @njit(cache=True, nogil=True)
@@ -90,6 +125,7 @@ def advance_with_sensitivity(
     u_end: tuple[float, float],
     interval: float,
     substeps: int,
+    nominal: Coefficients,
     c: Coefficients,
     network: Network,
     sensitivity: NDArray[np.float64],
@@ -97,38 +133,40 @@ def advance_with_sensitivity(
 ) -> tuple[float, float, float]:
     """`integrator.advance`, carrying dx/dtheta with it: the exact derivative of the RK4 step.
 
-    sensitivity: (3, PARAMETERS), updated in place; work: (5, 3, PARAMETERS) scratch.
+    sensitivity: (3, PARAMETERS), updated in place; work: (6, 3, PARAMETERS) scratch.
     """
     steps = steps_in(x, u_start, u_end, interval, substeps, c)
     step = interval / steps
-    k_1, k_2, k_3, k_4, moved = work[0], work[1], work[2], work[3], work[4]
+    sixth = step / 6.0
+    k_1, k_2, k_3, k_4, moved, sigmas = work[0], work[1], work[2], work[3], work[4], work[5, 0]
     for i in range(steps):
         u_0 = between(u_start, u_end, i / steps)
         u_mid = between(u_start, u_end, (i + 0.5) / steps)
         u_1 = between(u_start, u_end, (i + 1.0) / steps)
-        rate_1 = right_hand_side(x, u_0, c, network)
-        tangent(x, u_0, c, network, sensitivity, k_1)
-        x_2 = along(x, 0.5 * step, rate_1)
-        rate_2 = right_hand_side(x_2, u_mid, c, network)
+        r_1 = rate_and_tangent(x, u_0, nominal, c, network, sensitivity, k_1, sigmas)
         _move(sensitivity, 0.5 * step, k_1, moved)
-        tangent(x_2, u_mid, c, network, moved, k_2)
-        x_3 = along(x, 0.5 * step, rate_2)
-        rate_3 = right_hand_side(x_3, u_mid, c, network)
+        r_2 = rate_and_tangent(
+            along(x, 0.5 * step, r_1), u_mid, nominal, c, network, moved, k_2, sigmas
+        )
         _move(sensitivity, 0.5 * step, k_2, moved)
-        tangent(x_3, u_mid, c, network, moved, k_3)
-        x_4 = along(x, step, rate_3)
-        rate_4 = right_hand_side(x_4, u_1, c, network)
+        r_3 = rate_and_tangent(
+            along(x, 0.5 * step, r_2), u_mid, nominal, c, network, moved, k_3, sigmas
+        )
         _move(sensitivity, step, k_3, moved)
-        tangent(x_4, u_1, c, network, moved, k_4)
-        sixth = step / 6.0
+        r_4 = rate_and_tangent(along(x, step, r_3), u_1, nominal, c, network, moved, k_4, sigmas)
         x = (
-            x[0] + sixth * (rate_1[0] + 2.0 * (rate_2[0] + rate_3[0]) + rate_4[0]),
-            x[1] + sixth * (rate_1[1] + 2.0 * (rate_2[1] + rate_3[1]) + rate_4[1]),
-            x[2] + sixth * (rate_1[2] + 2.0 * (rate_2[2] + rate_3[2]) + rate_4[2]),
+            x[0] + sixth * (r_1[0] + 2.0 * (r_2[0] + r_3[0]) + r_4[0]),
+            x[1] + sixth * (r_1[1] + 2.0 * (r_2[1] + r_3[1]) + r_4[1]),
+            x[2] + sixth * (r_1[2] + 2.0 * (r_2[2] + r_3[2]) + r_4[2]),
         )
         for row in range(3):
             for j in range(PARAMETERS):
-                sensitivity[row, j] += sixth * (k_1[row, j] + 2.0 * (k_2[row, j] + k_3[row, j]) + k_4[row, j])
+                sensitivity[row, j] += sixth * (
+                    k_1[row, j] + 2.0 * (k_2[row, j] + k_3[row, j]) + k_4[row, j]
+                )
+    x = emptied(x, u_start, u_end)
+    if x[2] == 0.0 and u_end[1] == 0.0:
+        sensitivity[2, :] = 0.0
     return x
 
 

@@ -3,6 +3,8 @@
 import math
 from typing import NamedTuple
 
+from numba import njit
+
 from observer_rt.model.laws import seat_area
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
@@ -22,6 +24,7 @@ class Coefficients(NamedTuple):
     a4: float  # line friction
     a5: float  # sac filled through the seat
     a6: float  # sac drained through the nozzle
+    leak: float  # line drained by p_L - p_C, 0 for a tight injector
     transition: float  # of the orifice laws, in units of p_0
     nozzle_flow: float  # Q_H = nozzle_flow * root(x3), m3/s
     pressure_scale: float  # p_0, Pa
@@ -51,6 +54,7 @@ def coefficients(parameters: InjectorParameters) -> Coefficients:
         a4=line.loss_factor * q_0 / (2 * line.area * line.length),
         a5=sac_stiffness * seat_flow,
         a6=sac_stiffness * nozzle_flow,
+        leak=0.0,
         transition=TRANSITION_PRESSURE / p_0,
         nozzle_flow=nozzle_flow,
         pressure_scale=p_0,
@@ -67,3 +71,40 @@ def full_lift_area(parameters: InjectorParameters) -> float:
     """Seat area A_S at the needle's stop [m2]."""
     seat = parameters.seat
     return float(seat_area(seat.max_lift, seat.diameter, math.radians(seat.cone_angle / 2)))
+
+
+class LineTerms(NamedTuple):
+    """Departures of line and guide from the nominal injector; all 0 when there are none.
+
+    friction k: loss factor times 1 + k; leakage: flow past the guide at p_0, in units of Q_0; stiffness r: bulk
+    modulus of the line times 1 + r.
+    """
+
+    friction: float
+    leakage: float
+    stiffness: float
+
+
+@njit(cache=True, nogil=True)
+def with_line_terms(c: Coefficients, terms: LineTerms) -> Coefficients:
+    """Coefficients of an injector with these line terms."""
+    stiffer = 1.0 + terms.stiffness
+    return Coefficients(
+        c.a1 * stiffer,
+        c.a2_nozzle * stiffer,
+        c.a2_seat * stiffer,
+        c.a3,
+        c.a4 * (1.0 + terms.friction),
+        c.a5,
+        c.a6,
+        c.leak + c.a1 * stiffer * terms.leakage,
+        c.transition,
+        c.nozzle_flow,
+        c.pressure_scale,
+        c.flow_scale,
+        c.area_scale,
+        c.chamber_pressure,
+        c.seat_diameter,
+        c.half_cone_angle,
+        c.density,
+    )

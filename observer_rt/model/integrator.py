@@ -8,6 +8,7 @@ from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import is_at_rest, right_hand_side
 
+EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
 LINE_STEP = 0.1  # radians of the line mode an RK4 step may span while nothing flows through the needle
 
 
@@ -85,4 +86,14 @@ def advance(
             c,
             network,
         )
+    return emptied(x, u_start, u_end)
+
+
+@njit(cache=True, nogil=True)
+def emptied(
+    x: tuple[float, float, float], u_start: tuple[float, float], u_end: tuple[float, float]
+) -> tuple[float, float, float]:
+    """The state with a sac that has drained behind a shut needle at exactly chamber pressure."""
+    if u_start[1] == 0.0 and u_end[1] == 0.0 and math.fabs(x[2]) < EMPTY_SAC:
+        return x[0], x[1], 0.0
     return x

@@ -1,55 +1,102 @@
-"""Learning between events: prediction error over the event's window, adoption by re-simulation."""
+"""Learning between events: everything jointly, by prediction error, as a Bayesian update."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
-from observer_rt.estimation.minimiser import minimise
+from observer_rt.estimation.gating import Gate, best_subset, conditional_covariance
+from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.open_loop import rate_with_sensitivity
+from observer_rt.estimation.phases import (
+    AFTERGLOW,
+    EDGE,
+    PhaseStatistics,
+    no_statistics,
+    phase_statistics,
+    phases_of,
+)
 from observer_rt.estimation.posterior import Belief, belief_from_information
-from observer_rt.estimation.prediction_error import PredictionError, network_of
+from observer_rt.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.estimation.predictor import Setting, Window, open_loop_error
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.estimation.sensor import LAG_UNIT
+from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.network import HIDDEN
+from observer_rt.observer.adequacy import POOLING, Finding, findings, tempering
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import Constants
 
 BURN_IN = 0.5e-3  # s of the window before innovations count
-MAX_ITERATIONS = 8
-TOLERANCE = 0.02  # of the decrement, in units of chi2: a seventh of a standard deviation
+FIRST_ITERATIONS = 5
+ITERATIONS = 2
+TOLERANCE = 0.02  # of the expected decrease, in units of chi2
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 DEAD_BAND_SIGMAS = 5.0
 DEAD_BAND_FLOOR = 2.0e-6  # m
+CHANGE_SCORE = 60.0  # of the score test; without change it is 12 +- 5
+CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 
-# Prior, drift per event (one sigma) and bounds of b_H, w, b_S, o (o in Pa).
-_PRIOR = (0.45, 0.05, 0.4, 2.5e6)
-_DRIFT = (5e-4, 1e-3, 5e-4, 2e3)
-_BOUND = (0.8, 1.0, 0.8, 10e6)
+
+@dataclass(frozen=True)
+class _Scales:
+    """A number for every group of parameters, in the units the comments name."""
+
+    nozzle_bias: float  # -
+    nozzle_weight: float  # -
+    seat_bias: float  # -
+    offset: float  # Pa
+    friction: float  # -
+    leakage: float  # of Q_0 at p_0
+    stiffness: float  # -
+    lag: float  # s
+
+    def vector(self, pressure_scale: float) -> NDArray[np.float64]:
+        """In the order of `Parameter`, (PARAMETERS,); pressure_scale p_0 [Pa]."""
+        result = np.zeros(PARAMETERS)
+        result[Parameter.NOZZLE_BIAS] = self.nozzle_bias
+        result[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN] = self.nozzle_weight
+        result[Parameter.SEAT_BIAS] = self.seat_bias
+        result[Parameter.LINE_PRESSURE_OFFSET] = self.offset / pressure_scale
+        result[Parameter.LINE_FRICTION] = self.friction
+        result[Parameter.GUIDE_LEAKAGE] = self.leakage
+        result[Parameter.BULK_MODULUS] = self.stiffness
+        result[Parameter.SENSOR_LAG] = self.lag / LAG_UNIT
+        return result
+
+
+PRIOR = _Scales(0.45, 0.05, 0.4, 2.5e6, 1.75, 0.09, 0.18, 35e-6)
+DRIFT = _Scales(5e-4, 1e-3, 5e-4, 2e3, 2e-3, 3.3e-4, 2e-4, 0.1e-6)
+LOWEST = _Scales(-0.8, -1.0, -0.8, -10e6, -0.95, 0.0, -0.6, 0.0)
+HIGHEST = _Scales(1.5, 1.0, 1.5, 10e6, 10.0, 1.0, 1.0, 0.5e-3)
+GATE = Gate(
+    columns=(
+        int(Parameter.LINE_FRICTION),
+        int(Parameter.GUIDE_LEAKAGE),
+        int(Parameter.BULK_MODULUS),
+        int(Parameter.SENSOR_LAG),
+    ),
+    lowest=(-0.95, 0.0, -0.6, 0.0),
+)
 
 
 class Verdict(StrEnum):
     """What came of learning from an event."""
 
     ADOPTED = "adopted"
-    REJECTED = "rejected"  # the new phi does not lower the re-simulated output error
+    REJECTED = "rejected"  # the new theta does not lower the re-simulated output error
     FAILED = "failed"  # singular information, or no finite cost
 
 
-def _per_parameter(values: tuple[float, float, float, float], pressure_scale: float) -> NDArray[np.float64]:
-    b_h, w, b_s, offset = values
-    return np.array([b_h, *[w] * HIDDEN, b_s, offset / pressure_scale])
-
-
-def theta_bounds(pressure_scale: float) -> NDArray[np.float64]:
-    """Largest admissible |theta| (PARAMETERS,); pressure_scale p_0 [Pa]."""
-    return _per_parameter(_BOUND, pressure_scale)
+def theta_bounds(pressure_scale: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest and highest admissible theta (PARAMETERS,); pressure_scale p_0 [Pa]."""
+    return LOWEST.vector(pressure_scale), HIGHEST.vector(pressure_scale)
 
 
 def dead_band(lift_noise: float) -> tuple[float, float]:
-    """Lift above which the needle counts as open and below which as shut again [m], from the lift noise [m]."""
+    """Lift [m] above which the needle is open and below which it is shut again, from the lift noise [m]."""
     opens = max(DEAD_BAND_FLOOR, DEAD_BAND_SIGMAS * lift_noise)
     return opens, 0.5 * opens
 
@@ -58,31 +105,55 @@ def dead_band(lift_noise: float) -> tuple[float, float]:
 class Knowledge:
     """All that was learned, as one value that can be saved and restored.
 
-    belief: about theta; in_force: theta (m,) the observer carries, 0 at start; noise: levels in use.
+    belief: about all parameters jointly; active: the gated columns in use; in_force: theta (m,) the observer carries,
+    0 at start; noise: levels in use.
     """
 
     belief: Belief
     in_force: NDArray[np.float64]
     noise: NoiseLevels
+    active: frozenset[int] = frozenset()
     phi_version: int = 0
     events: int = 0  # learned from
+    statistics: PhaseStatistics = field(default_factory=no_statistics)
 
 
 def no_knowledge(noise: NoiseLevels, pressure_scale: float) -> Knowledge:
     """Knowledge of a new part: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
-    prior = Belief(np.zeros(PARAMETERS), np.diag(_per_parameter(_PRIOR, pressure_scale) ** 2))
+    prior = Belief(np.zeros(PARAMETERS), np.diag(PRIOR.vector(pressure_scale) ** 2))
     return Knowledge(prior, np.zeros(PARAMETERS), noise)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of learning from one event: what to carry from the adoption point on."""
+    """Result of learning from one event: what to carry from the adoption point on, and what to say of the event.
+
+    theta: to be in force, the new one when adopted, else the old one; estimate: the new one in any case, with its
+    covariance; rate_slopes: (n, m) derivatives of the injection rate over the event's window.
+    """
 
     verdict: Verdict
-    theta: NDArray[np.float64]  # to be in force: the new one when adopted, else the old one
+    theta: NDArray[np.float64]
+    estimate: NDArray[np.float64]
+    covariance: NDArray[np.float64]
     belief: Belief
+    active: frozenset[int]
     noise: NoiseLevels
     schedule: GainSchedule
+    statistics: PhaseStatistics
+    findings: tuple[Finding, ...]
+    rate_slopes: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """One event fitted from a prior: estimate, joint belief before tempering, and what led there."""
+
+    theta: NDArray[np.float64]
+    active: frozenset[int]
+    linearisation: Linearisation
+    prior: Belief
+    cost: float
 
 
 class Learner:
@@ -90,15 +161,20 @@ class Learner:
 
     def __init__(self, constants: Constants, knowledge: Knowledge) -> None:
         self._constants = constants
+        self._coefficients = constants.coefficients
+        self._scale = constants.coefficients.pressure_scale
         self._belief = knowledge.belief
+        self._theta = knowledge.in_force
+        self._active = knowledge.active
         self._noise = knowledge.noise
         self._events = knowledge.events
-        self._schedule = self._gains(knowledge.noise)
+        self._statistics = knowledge.statistics
+        self._schedule = self._gains()
         self._previous: Window | None = None
 
     @property
     def schedule(self) -> GainSchedule:
-        """Gains for the noise levels in use."""
+        """Gains for the noise levels and the sensor lag in use."""
         return self._schedule
 
     @property
@@ -107,63 +183,142 @@ class Learner:
         return self._belief
 
     def learn(self, window: Window, standstill: Standstill, in_force: NDArray[np.float64]) -> Outcome:
-        """Update the belief from one event and decide whether its mean is adopted in place of `in_force` (m,)."""
+        """Update the belief from one event; decide whether its estimate is adopted in place of `in_force` (m,)."""
         if standstill.noise is not None:
             self._noise = standstill.noise
-            self._schedule = self._gains(standstill.noise)
-        setting = self._setting()
+        self._schedule = self._gains()
         try:
-            objective = PredictionError(
-                window,
-                setting,
-                self._schedule.innovation_sigma,
-                self._prior(standstill),
-                theta_bounds(self._coefficients.pressure_scale),
-                round(BURN_IN / self._constants.interval),
-            )
-            start, _ = objective.value_and_gradient(self._belief.mean)
-            if not np.isfinite(start):
-                return self._outcome(Verdict.FAILED, in_force)
-            inverse = belief_from_information(self._belief.mean, objective.information).covariance
-            minimum = minimise(objective, self._belief.mean, inverse, TOLERANCE, MAX_ITERATIONS)
-            self._belief = belief_from_information(minimum.theta, objective.information)
+            fit = self._fit(window, self._prior(standstill))
+            if fit is None:
+                return self._failed(window, in_force)
+            statistics = self._event_statistics(window, fit.theta)
+            self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
-            return self._outcome(Verdict.FAILED, in_force)
+            return self._failed(window, in_force)
         self._events += 1
-        adopted = self._is_better(window, setting, in_force)
+        self._statistics = self._statistics.faded(POOLING, statistics)
+        adopted = self._is_better(window, in_force)
         self._previous = window
-        if adopted:
-            return self._outcome(Verdict.ADOPTED, self._belief.mean)
-        return self._outcome(Verdict.REJECTED, in_force)
+        verdict = Verdict.ADOPTED if adopted else Verdict.REJECTED
+        return self._outcome(verdict, window, self._theta if adopted else in_force)
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
         if self._events > 0:
-            drift = _per_parameter(_DRIFT, self._coefficients.pressure_scale)
-            self._belief = self._belief.drifted(drift)
-        elif standstill.samples >= STANDSTILL_ENOUGH:
-            mean = self._belief.mean.copy()
-            mean[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
-            self._belief = Belief(mean, self._belief.covariance)
-        return self._belief
+            return self._belief.drifted(DRIFT.vector(self._scale))
+        if standstill.samples < STANDSTILL_ENOUGH:
+            return self._belief
+        mean = self._belief.mean.copy()
+        mean[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
+        self._theta = self._theta.copy()
+        self._theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
+        return Belief(mean, self._belief.covariance)
 
-    def _is_better(self, window: Window, setting: Setting, in_force: NDArray[np.float64]) -> bool:
+    def _fit(self, window: Window, prior: Belief) -> _Fit | None:
+        """Fit the event; after a sudden change from a wide prior, if that explains it much better."""
+        cost = self._cost(window)
+        first = cost.linearised(self._theta)
+        if not np.isfinite(first.value):
+            return None
+        iterations = ITERATIONS if self._events else FIRST_ITERATIONS
+        fit = self._iterate(cost, first, prior, iterations)
+        if self._events and _score(first, prior) > CHANGE_SCORE:
+            wide = Belief(prior.mean, prior.covariance + np.diag(PRIOR.vector(self._scale) ** 2))
+            other = self._iterate(cost, fit.linearisation, wide, FIRST_ITERATIONS)
+            if other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN:
+                return other
+        return fit
+
+    def _iterate(
+        self, cost: EventCost, start: Linearisation, prior: Belief, iterations: int
+    ) -> _Fit:
+        """Gauss-Newton with step halving, the subset of gated scalars chosen anew in every iteration."""
+        prior_information = prior.information()
+        prior_vector = prior_information @ prior.mean
+        lowest, highest = theta_bounds(self._scale)
+
+        def total(theta: NDArray[np.float64], value: float) -> float:
+            distance = theta - prior.mean
+            return value + 0.5 * float(distance @ prior_information @ distance)
+
+        here, active = start, self._active
+        here_total = total(here.theta, here.value)
+        for _ in range(iterations):
+            target, active = best_subset(
+                prior_information + here.information, prior_vector + here.vector, GATE, active
+            )
+            target = np.clip(target, lowest, highest)
+            step = 1.0
+            while True:
+                candidate = here.theta + step * (target - here.theta)
+                value = total(candidate, cost.value(candidate))
+                if value < here_total or step < 1e-2:
+                    break
+                step *= 0.5
+            before = here_total
+            here = cost.linearised(candidate)
+            here_total = total(here.theta, here.value)
+            if abs(before - here_total) < TOLERANCE:
+                break
+        return _Fit(here.theta, active, here, prior, here_total)
+
+    def _take_in(self, fit: _Fit, temper: float) -> None:
+        """The fitted event into the belief, its information divided by `temper`."""
+        information = fit.prior.information() + fit.linearisation.information / temper
+        vector = fit.prior.information() @ fit.prior.mean + fit.linearisation.vector / temper
+        self._belief = belief_from_information(np.linalg.solve(information, vector), information)
+        self._theta, self._active = fit.theta, fit.active
+
+    def _event_statistics(self, window: Window, theta: NDArray[np.float64]) -> PhaseStatistics:
+        cost = self._cost(window)
+        cost.value(theta)
+        interval = self._constants.interval
+        phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
+        return phase_statistics(
+            cost.innovations, self._schedule.innovation_sigma, phases, round(BURN_IN / interval)
+        )
+
+    def _is_better(self, window: Window, in_force: NDArray[np.float64]) -> bool:
         """Whether the new theta lowers the re-simulated output error over this and the previous event."""
         windows = [window] if self._previous is None else [self._previous, window]
+        setting = self._setting()
         errors = [
-            sum(
-                open_loop_error(w, setting, network_of(theta), float(theta[Parameter.LINE_PRESSURE_OFFSET]))
-                for w in windows
-            )
-            for theta in (self._belief.mean, in_force)
+            sum(open_loop_error(w, setting, learned_of(theta)) for w in windows)
+            for theta in (self._theta, in_force)
         ]
         return bool(errors[0] < errors[1])
 
-    def _outcome(self, verdict: Verdict, theta: NDArray[np.float64]) -> Outcome:
-        return Outcome(verdict, theta.copy(), self._belief, self._noise, self._schedule)
+    def _failed(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
+        return self._outcome(Verdict.FAILED, window, in_force)
 
-    def _gains(self, noise: NoiseLevels) -> GainSchedule:
-        return gain_schedule(self._coefficients, noise, 1.0 / self._constants.interval)
+    def _outcome(self, verdict: Verdict, window: Window, theta: NDArray[np.float64]) -> Outcome:
+        rate = np.zeros(window.output.shape[0])
+        slopes = np.zeros((window.output.shape[0], PARAMETERS))
+        rate_with_sensitivity(window, self._setting(), learned_of(self._theta), rate, slopes)
+        offset = float(self._theta[Parameter.LINE_PRESSURE_OFFSET]) * self._scale
+        lag = float(self._theta[Parameter.SENSOR_LAG]) * LAG_UNIT
+        return Outcome(
+            verdict=verdict,
+            theta=theta.copy(),
+            estimate=self._theta.copy(),
+            covariance=conditional_covariance(self._belief.information(), GATE, self._active),
+            belief=self._belief,
+            active=self._active,
+            noise=self._noise,
+            schedule=self._schedule,
+            statistics=self._statistics,
+            findings=tuple(findings(self._statistics, offset, lag)),
+            rate_slopes=slopes,
+        )
+
+    def _cost(self, window: Window) -> EventCost:
+        burn_in = round(BURN_IN / self._constants.interval)
+        return EventCost(window, self._setting(), self._schedule.innovation_sigma, burn_in)
+
+    def _gains(self) -> GainSchedule:
+        learned = learned_of(self._theta)
+        c = with_line_terms(self._coefficients, learned.line)
+        return gain_schedule(c, self._noise, 1.0 / self._constants.interval, learned.lag)
 
     def _setting(self) -> Setting:
         return Setting(
@@ -173,6 +328,9 @@ class Learner:
             self._schedule.gains[-1].copy(),
         )
 
-    @property
-    def _coefficients(self) -> Coefficients:
-        return self._constants.coefficients
+
+def _score(linearisation: Linearisation, prior: Belief) -> float:
+    """Score test of the prior belief: g' (G + G C G)^-1 g, chi2 with m degrees of freedom without change."""
+    g, information = linearisation.gradient, linearisation.information
+    spread = information + information @ prior.covariance @ information
+    return float(g @ np.linalg.solve(spread, g))

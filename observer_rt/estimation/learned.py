@@ -1,0 +1,45 @@
+"""What a parameter vector theta means: network, line terms and sensor."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.sensor import LAG_UNIT
+from observer_rt.model.coefficients import LineTerms
+from observer_rt.model.network import HIDDEN, Network, zero_network
+
+_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
+_FRICTION = int(Parameter.LINE_FRICTION)
+_LEAKAGE = int(Parameter.GUIDE_LEAKAGE)
+_STIFFNESS = int(Parameter.BULK_MODULUS)
+_LAG = int(Parameter.SENSOR_LAG)
+
+
+class Learned(NamedTuple):
+    """theta taken apart: phi's network, the line terms, sensor offset [p_0] and lag [s]."""
+
+    network: Network
+    line: LineTerms
+    offset: float
+    lag: float
+
+
+def learned_of(theta: NDArray[np.float64]) -> Learned:
+    """Meaning of a parameter vector (PARAMETERS,)."""
+    network = zero_network()
+    network.output[0, :] = theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN]
+    network.bias[:] = theta[[Parameter.NOZZLE_BIAS, Parameter.SEAT_BIAS]]
+    line = LineTerms(float(theta[_FRICTION]), float(theta[_LEAKAGE]), float(theta[_STIFFNESS]))
+    return Learned(network, line, float(theta[_OFFSET]), float(theta[_LAG]) * LAG_UNIT)
+
+
+@njit(cache=True, nogil=True)
+def line_terms_of(theta: NDArray[np.float64]) -> LineTerms:
+    """The line terms of a parameter vector (PARAMETERS,)."""
+    return LineTerms(theta[_FRICTION], theta[_LEAKAGE], theta[_STIFFNESS])
+
+
+NOTHING_LEARNED = np.zeros(PARAMETERS)

@@ -1,0 +1,85 @@
+"""The observer x^ over an event, open loop, with the sensitivity of its injection rate."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.estimation.learned import Learned
+from observer_rt.estimation.predictor import Setting, Window, correct
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter, advance_with_sensitivity
+from observer_rt.estimation.sensor import lagged
+from observer_rt.model.coefficients import with_line_terms
+from observer_rt.model.laws import root, root_slope
+from observer_rt.model.network import activation
+from observer_rt.model.right_hand_side import is_at_rest
+
+_NOZZLE_BIAS = int(Parameter.NOZZLE_BIAS)
+_NOZZLE_WEIGHT = int(Parameter.NOZZLE_WEIGHT)
+
+
+@njit(cache=True, nogil=True)
+def rate_with_sensitivity(
+    window: Window,
+    setting: Setting,
+    learned: Learned,
+    rate: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+) -> None:
+    """Injection rate Q_H^ [m3/s] (n,) of x^ over a window, and its derivatives (n, PARAMETERS).
+
+    x^ follows x~ up to the opening, where its sensitivities start at 0, and runs open loop from there.
+    """
+    c = with_line_terms(setting.coefficients, learned.line)
+    network = learned.network
+    x = (window.start[0], window.start[1], window.start[2])
+    indicated = window.start[3]
+    sensitivity = np.zeros((3, PARAMETERS))
+    work = np.zeros((6, 3, PARAMETERS))
+    rate[:] = 0.0
+    slopes[:, :] = 0.0
+    for k in range(1, window.output.shape[0]):
+        u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
+        u = (window.inputs[k, 0], window.inputs[k, 1])
+        before = x[0]
+        x = advance_with_sensitivity(
+            x,
+            u_start,
+            u,
+            setting.interval,
+            setting.substeps,
+            setting.coefficients,
+            c,
+            network,
+            sensitivity,
+            work,
+        )
+        if k < window.opening:
+            indicated = lagged(indicated, before, x[0], setting.interval, learned.lag)
+            innovation = window.output[k] - learned.offset - indicated
+            x = correct(x, innovation, setting.gain[0], setting.gain[1])
+            indicated += setting.gain[2] * innovation
+            sensitivity[:, :] = 0.0
+        if window.resting[k]:
+            x = (x[0], x[1], 0.0)
+            sensitivity[2, :] = 0.0
+        if is_at_rest(x, u):
+            continue
+        flow = root(x[2], c.transition)
+        change = network.bias[0]
+        h_1, h_2, h_3 = 0.0, 0.0, 0.0
+        for neuron in range(network.hidden.shape[0]):
+            sigma = activation(x, u, network.hidden, neuron)
+            weight = network.output[0, neuron]
+            change += weight * sigma
+            bent = flow * weight * (1.0 - sigma * sigma)
+            h_1 += bent * network.hidden[neuron, 0]
+            h_2 += bent * network.hidden[neuron, 1]
+            h_3 += bent * network.hidden[neuron, 2]
+            slopes[k, _NOZZLE_WEIGHT + neuron] = c.nozzle_flow * flow * sigma
+        slopes[k, _NOZZLE_BIAS] = c.nozzle_flow * flow
+        h_3 += root_slope(x[2], c.transition) * (1.0 + change)
+        rate[k] = c.nozzle_flow * flow * (1.0 + change)
+        for j in range(PARAMETERS):
+            slopes[k, j] += c.nozzle_flow * (
+                h_1 * sensitivity[0, j] + h_2 * sensitivity[1, j] + h_3 * sensitivity[2, j]
+            )

@@ -1,0 +1,159 @@
+"""Phases of an event, and what the innovations in each of them say of the model."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.estimation.predictor import Window
+
+EDGE = 0.3e-3  # s after the needle leaves its seat, and before it is back on it
+AFTERGLOW = 0.05e-3  # s after it is shut that still count as closing
+BLOCKS = (8, 20)  # samples in a block; the means of blocks show what single samples hide
+
+
+class Phase(IntEnum):
+    """Where in an event a sample lies."""
+
+    STANDSTILL = 0
+    OPENING = 1
+    OPEN = 2
+    CLOSING = 3
+    AFTER = 4
+
+
+PHASES = len(Phase)
+_STANDSTILL, _OPENING, _OPEN, _CLOSING, _AFTER = (int(phase) for phase in Phase)
+
+
+@njit(cache=True, nogil=True)
+def phases_of(window: Window, edge: int, afterglow: int) -> NDArray[np.int8]:
+    """`Phase` of every sample of a window; edge and afterglow in samples.
+
+    An opening shorter than two edges is all opening in its first half and all closing in its second.
+    """
+    n = window.output.shape[0]
+    result = np.empty(n, np.int8)
+    shut_since = -n
+    k = 0
+    while k < n:
+        if window.inputs[k, 1] > 0.0:
+            end = k
+            while end < n and window.inputs[end, 1] > 0.0:
+                end += 1
+            for i in range(k, end):
+                from_start, to_end = i - k, end - 1 - i
+                if from_start < edge and from_start <= to_end:
+                    result[i] = _OPENING
+                elif to_end < edge:
+                    result[i] = _CLOSING
+                else:
+                    result[i] = _OPEN
+            shut_since = end
+            k = end
+            continue
+        if k - shut_since < afterglow:
+            result[k] = _CLOSING
+        elif window.resting[k] or k < window.opening:
+            result[k] = _STANDSTILL
+        else:
+            result[k] = _AFTER
+        k += 1
+    return result
+
+
+@dataclass(frozen=True)
+class PhaseStatistics:
+    """Sums over samples and blocks of normalised innovations, by phase; they add up over events.
+
+    squares, samples: (PHASES,); block_squares, blocks: (PHASES, len(BLOCKS)). Each quotient is 1 for an adequate model.
+    """
+
+    squares: NDArray[np.float64]
+    samples: NDArray[np.float64]
+    block_squares: NDArray[np.float64]
+    blocks: NDArray[np.float64]
+
+    def faded(self, factor: float, newer: "PhaseStatistics") -> "PhaseStatistics":
+        """These statistics weighted by `factor`, and newer ones added."""
+        return PhaseStatistics(
+            factor * self.squares + newer.squares,
+            factor * self.samples + newer.samples,
+            factor * self.block_squares + newer.block_squares,
+            factor * self.blocks + newer.blocks,
+        )
+
+    def variance(self, phase: Phase) -> float:
+        """Mean square of the normalised innovations, 1 without samples."""
+        return _quotient(self.squares[phase], self.samples[phase])
+
+    def colour(self, phase: Phase) -> float:
+        """Largest mean square of scaled block means over the block lengths, 1 without blocks."""
+        return max(
+            _quotient(self.block_squares[phase, i], self.blocks[phase, i]) for i in range(len(BLOCKS))
+        )
+
+    def excess(self, phase: Phase) -> float:
+        """Largest deviation of variance and colours above 1, in standard deviations of white noise."""
+        deviations = [(self.variance(phase) - 1.0) * np.sqrt(self.samples[phase] / 2.0)]
+        for i in range(len(BLOCKS)):
+            quotient = _quotient(self.block_squares[phase, i], self.blocks[phase, i])
+            deviations.append((quotient - 1.0) * np.sqrt(self.blocks[phase, i] / 2.0))
+        return float(max(deviations))
+
+
+def no_statistics() -> PhaseStatistics:
+    """Nothing seen yet."""
+    return PhaseStatistics(
+        np.zeros(PHASES), np.zeros(PHASES), np.zeros((PHASES, len(BLOCKS))), np.zeros((PHASES, len(BLOCKS)))
+    )
+
+
+def phase_statistics(
+    innovations: NDArray[np.float64], sigma: float, phases: NDArray[np.int8], first: int
+) -> PhaseStatistics:
+    """Statistics of innovations (n,) with standard deviation `sigma`, from sample `first` on."""
+    result = no_statistics()
+    _gather(
+        innovations[first:] / sigma,
+        phases[first:],
+        np.array(BLOCKS),
+        result.squares,
+        result.samples,
+        result.block_squares,
+        result.blocks,
+    )
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _gather(
+    z: NDArray[np.float64],
+    phases: NDArray[np.int8],
+    lengths: NDArray[np.int64],
+    squares: NDArray[np.float64],
+    samples: NDArray[np.float64],
+    block_squares: NDArray[np.float64],
+    blocks: NDArray[np.float64],
+) -> None:
+    for k in range(z.shape[0]):
+        squares[phases[k]] += z[k] * z[k]
+        samples[phases[k]] += 1.0
+    for i in range(lengths.shape[0]):
+        total = 0.0
+        count = 0
+        for k in range(z.shape[0]):
+            if k > 0 and phases[k] != phases[k - 1]:
+                total, count = 0.0, 0
+            total += z[k]
+            count += 1
+            if count == lengths[i]:
+                block_squares[phases[k], i] += total * total / count
+                blocks[phases[k], i] += 1.0
+                total, count = 0.0, 0
+
+
+def _quotient(total: float, count: float) -> float:
+    return float(total / count) if count > 0 else 1.0

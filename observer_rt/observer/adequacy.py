@@ -1,0 +1,64 @@
+"""Whether an event can be believed: innovation statistics and plausibility against limits."""
+
+from dataclasses import dataclass
+
+from observer_rt.estimation.phases import Phase, PhaseStatistics
+from observer_rt.observer.state import Reason
+
+# A phase is coloured when some statistic, pooled over recent events, exceeds white noise by this many of its
+# standard deviations and by this factor. The first keeps false alarms rare (below 1e-6 an event for white noise),
+# the second keeps a model that is good enough from being refused by very long recordings.
+SIGNIFICANT = 6.0
+RELEVANT_COLOUR = 1.6
+RELEVANT_VARIANCE = 1.15
+TEMPER_ABOVE = 1.6  # colour beyond which an event's information counts for less
+POOLING = 0.7  # weight of the statistics before this event
+LARGEST_OFFSET = 2e6  # Pa, between line and rail pressure
+LARGEST_LAG = 0.2e-3  # s
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Why an event is not believed, and the phase in which it shows."""
+
+    reason: Reason
+    phase: Phase | None = None
+
+
+def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
+    """The phase that contradicts the model most, None when every phase is compatible with white innovations."""
+    worst, worst_excess = None, SIGNIFICANT
+    for phase in Phase:
+        relevant = (
+            statistics.colour(phase) > RELEVANT_COLOUR or statistics.variance(phase) > RELEVANT_VARIANCE
+        )
+        excess = statistics.excess(phase)
+        if relevant and excess > worst_excess:
+            worst, worst_excess = phase, excess
+    return worst
+
+
+def tempering(statistics: PhaseStatistics) -> float:
+    """Factor on the variance of an event's innovations: above 1 when they are coloured."""
+    colour = max(
+        (
+            statistics.colour(phase)
+            for phase in Phase
+            if statistics.excess(phase) > 3.0 and statistics.colour(phase) > TEMPER_ABOVE
+        ),
+        default=1.0,
+    )
+    return colour
+
+
+def findings(statistics: PhaseStatistics, offset: float, lag: float) -> list[Finding]:
+    """What speaks against an event; offset [Pa] and lag [s] as identified. Empty: it passed."""
+    result = []
+    phase = inadequate_phase(statistics)
+    if phase is not None:
+        result.append(Finding(Reason.MODEL_INADEQUATE, phase))
+    if abs(offset) > LARGEST_OFFSET:
+        result.append(Finding(Reason.PRESSURE_OFFSET))
+    if lag > LARGEST_LAG:
+        result.append(Finding(Reason.SENSOR_LAG))
+    return result

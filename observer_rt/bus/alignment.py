@@ -22,6 +22,8 @@ MAX_INTERPOLATED = 2
 OLD_BLOCKS_OF_RESTART = (
     3  # consecutive old blocks that mean: the device began anew, its first blocks were lost
 )
+# What no sensor of an injector can mean [Pa, m, Pa]: a value beyond it, or none at all, is missing.
+IMPOSSIBLE = np.array([1e-2 if role is Role.NEEDLE_LIFT else 1e9 for role in ROLES])
 _MASK = SLOTS - 1
 _NEEDLE_LIFT = ROLES.index(Role.NEEDLE_LIFT)
 _NONE = int(Break.NONE)
@@ -150,12 +152,12 @@ def place_block(
 
 @njit(cache=True, nogil=True)
 def store(alignment: Alignment, index: int, role: int, value: float) -> None:
-    """Put one value [SI] of a role at its index; NaN counts as missing."""
+    """Put one value [SI] of a role at its index; NaN and impossible values count as missing."""
     slot = alignment.slots[index & _MASK]
     if slot.index != index:
         slot.index = index
         slot.present = 0
-    if not np.isnan(value):
+    if abs(value) < IMPOSSIBLE[role]:
         slot.present |= 1 << role
         slot.values[role] = value
 

@@ -27,6 +27,8 @@ def begin_injection(observer: Observer, position: int) -> None:
         memory.event_opening = position
         memory.event_learnable = memory.synchronised
     _end_open_window(observer, position)
+    if memory.injections_begun - memory.injections_reported == INJECTIONS:
+        memory.injections_reported += 1
     injection = memory.injections[memory.injections_begun % INJECTIONS]
     memory.injections_begun += 1
     injection.number = memory.injections_begun
@@ -117,6 +119,10 @@ def _end_open_window(observer: Observer, position: int) -> None:
     injection.end_index = observer.ring[position & _MASK].index
     injection.phi_version = memory.phi_version
     injection.state = observer.ring[position & _MASK].state
+    middle = observer.ring[((injection.start + position) // 2) & _MASK]
+    injection.middle_x[:] = middle.x_hat
+    injection.middle_u[0] = middle.rail_pressure
+    injection.middle_u[1] = middle.seat_area
     volume = 0.0
     peak = 0.0
     reason = 0

@@ -8,13 +8,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.observer.state import RING, Observer
+from observer_rt.observer.state import RING, Observer, Reason
 
 ENOUGH_SAMPLES = 10_000  # of standstill, before measured noise replaces the configured
 FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 _ORDER = 4  # differences: order 4 leaves the ringing of the line below the noise even at 20 kHz
 _GAIN = 70.0  # sum of squares of 1 4 6 4 1
 _MASK = RING - 1
+_NUMERICAL = int(Reason.NUMERICAL)
 
 
 @njit(cache=True, nogil=True)
@@ -22,7 +23,7 @@ def gather(observer: Observer, position: int) -> None:
     """Take the sample at `position` into the statistics of the standstill."""
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
-    if not row.resting or row.interpolated:
+    if not row.resting or row.interpolated or memory.unsynchronised_by == _NUMERICAL:
         memory.rest_run = 0
         return
     memory.rest_run += 1

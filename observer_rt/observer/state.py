@@ -12,8 +12,8 @@ from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
 
 RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
-PENDING_EVENTS = 8  # closed, not yet judged
-INJECTIONS = 64  # finished, not yet reported
+PENDING_EVENTS = 512  # closed, not yet judged: the longest learning delay over the shortest event gap
+INJECTIONS = 1024  # finished, not yet reported; of more, the oldest are forgotten
 
 
 class State(IntEnum):
@@ -91,6 +91,8 @@ INJECTION = np.dtype(
         ("reason", np.int8),  # Reason of its first sample that is not valid
         ("phi_version", np.int64),
         ("state", np.int8),
+        ("middle_x", np.float64, (3,)),  # x^ and inputs in the middle of the window
+        ("middle_u", np.float64, (2,)),
     ],
     align=True,
 )

@@ -260,13 +260,12 @@ class Core:
 
     def _report(self, injection: np.void, outcome: Outcome | None) -> InjectionReport:
         c = self._constants.coefficients
-        middle = self._observer.ring[(int(injection["start"]) + int(injection["end"])) // 2 % RING]
         learned = outcome is not None or self._restored or self._known.events > 0
         indicators = indicators_of(
             self._known.belief.mean if outcome is not None else in_force(self._observer),
             self._known.belief if learned else None,
-            middle["x_hat"],
-            np.array([middle["rail_pressure"], middle["seat_area"]]),
+            injection["middle_x"],
+            injection["middle_u"],
         )
         return InjectionReport(
             number=int(injection["number"]),

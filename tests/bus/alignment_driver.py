@@ -51,10 +51,14 @@ class Block:
 
 @dataclass
 class Aligner:
-    """The alignment driven as the service does it. `roles` of every message."""
+    """The alignment driven as the service does it.
+
+    `roles` of every message; `bad` values instead of those of a role at an index; the functions are for mutants.
+    """
 
     roles: Sequence[Sequence[int]]
     rows: list[Row] = field(default_factory=list)
+    bad: dict[tuple[int, int], float] = field(default_factory=dict)
     place_at: Callable[[int], int] = lambda index: index
     role_of: Callable[[int], int] = lambda role: role
 
@@ -70,6 +74,7 @@ class Aligner:
                     number = value(role, block.index + k, block.is_open, block.epoch)
                     if k >= block.count - block.missing:
                         number = np.nan
+                    number = self.bad.get((role, block.index + k), number)
                     store(self._alignment, self.place_at(start + k), self.role_of(role), number)
             decide(self._alignment)
         memory = self._alignment.memory

@@ -1,5 +1,6 @@
 """Alignment by sample index: named cases of every rule. Any sequence of faults: `test_alignment_faults`."""
 
+import numpy as np
 import pytest
 
 from observer_rt.bus.alignment import Placing
@@ -66,6 +67,18 @@ def test_sample_that_one_sensor_lacks_is_interpolated_for_all() -> None:
     aligner = Aligner(THREE).take_all([Block(0, 0, 4), Block(1, 0, 4, missing=2), Block(2, 0, 4), *three(4)])
     assert aligner.indices == list(range(8))
     assert [row.index for row in aligner.rows if row.interpolated] == [2, 3]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300, -2e9])
+@pytest.mark.parametrize("role", range(3))
+def test_value_that_means_nothing_is_missing(role: int, bad: float) -> None:
+    aligner = Aligner(ONE)
+    aligner.bad = {(role, 4): bad}
+    aligner.take_all(one(0, 9))
+    assert aligner.indices == list(range(18))
+    assert [row.index for row in aligner.rows if row.interpolated] == [4]
+    assert aligner.rows[4].values == pytest.approx([value(r, 4) for r in range(3)], rel=1e-12)
+    assert aligner.count("lost") == 1
 
 
 @pytest.mark.parametrize("gap", [3, 9, 90, 5000, 1_000_000])

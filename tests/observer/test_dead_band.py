@@ -1,0 +1,94 @@
+"""When the needle counts as open: dead band, hysteresis, look-back to the foot of the ramp."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.model.laws import seat_area
+from observer_rt.observer.front_end import LOOK_BACK
+from observer_rt.observer.learning import dead_band
+from tests.observer.stream import NOMINAL, RAIL, Stream, stroke
+
+UM = 1e-6
+
+
+def open_samples(lift: NDArray[np.float64]) -> list[int]:
+    """Samples with a seat area, counted from the beginning of `lift`; rest before and after."""
+    stream = Stream().rest(5e-3)
+    pressure = np.full(lift.size, RAIL)
+    stream.feed(pressure, lift, pressure).rest(1e-3)
+    return [int(row["index"]) - 500 for row in stream.rows if row["seat_area"] > 0.0]
+
+
+@pytest.mark.parametrize(("noise", "opens"), [(0.4e-6, 2e-6), (0.1e-6, 2e-6), (1e-6, 5e-6)])
+def test_dead_band_is_five_sigma_and_at_least_two_micrometres(noise: float, opens: float) -> None:
+    on, off = dead_band(noise)
+    assert on == pytest.approx(opens)
+    assert 0.0 < off < on
+
+
+def test_noise_never_opens_the_needle() -> None:
+    """Ten seconds of 0.4 um at 100 kHz: no sample of a million has a seat area, no event begins."""
+    random = np.random.default_rng(1)
+    stream = Stream(keep=False)
+    for _ in range(100):
+        pressure = np.full(10_000, RAIL)
+        stream.feed(pressure, random.normal(0.0, 0.4 * UM, 10_000), pressure)
+    assert stream.count("processed") > 999_000
+    assert stream.count("event_number") == 0
+    assert stream.count("rest_count") > 999_000 - 1000
+
+
+def test_two_samples_above_the_band_open_and_the_look_back_has_its_raw_lift() -> None:
+    """Three samples before the crossing count with what they measured, those before them do not."""
+    lift = np.array([0.3, 0.6, 0.9, 1.2, 1.5, 2.5, 6.0, 14.0, 22.0, 30.0, *[30.0] * 50, 15.0, 1.5]) * UM
+    stream = Stream().rest(5e-3)
+    pressure = np.full(lift.size, RAIL)
+    stream.feed(pressure, lift, pressure).rest(1e-3)
+    area = {int(row["index"]) - 500: float(row["seat_area"]) for row in stream.rows}
+    crossing = 5
+    assert area[crossing - LOOK_BACK - 1] == 0.0
+    half_cone = math.radians(NOMINAL.seat.cone_angle / 2)
+    for k in range(crossing - LOOK_BACK, crossing + 5):
+        expected = seat_area(lift[k], NOMINAL.seat.diameter, half_cone) / NOMINAL.scaling.area
+        assert area[k] == pytest.approx(expected, rel=1e-12)
+
+
+def test_foot_of_the_ramp_does_not_close_the_needle_again() -> None:
+    """Look-back samples lie below the closing threshold: still one injection."""
+    lift = np.concatenate([[0.1 * UM, 0.2 * UM, 0.4 * UM], stroke(60)])
+    stream = Stream().rest(5e-3)
+    pressure = np.full(lift.size, RAIL)
+    stream.feed(pressure, lift, pressure).rest(1e-3)
+    assert stream.count("injections_begun") == 1
+    assert open_samples(lift) == list(range(63))
+
+
+def test_hysteresis() -> None:
+    """Between the thresholds an open needle stays open and a shut one shut."""
+    between = np.full(50, 1.5 * UM)
+    assert open_samples(between) == []
+    opened = np.concatenate([stroke(60)[:30], between])
+    assert open_samples(opened) == list(range(80))
+
+
+def test_one_sample_is_not_enough_to_open_or_close() -> None:
+    spike = np.zeros(50)
+    spike[20] = 50 * UM
+    assert open_samples(spike) == []
+    dip = np.full(50, 100 * UM)
+    dip[20] = 0.0
+    assert open_samples(dip) == [k for k in range(-0, 50) if k != 20]
+
+
+def test_negative_lift_of_an_open_needle_has_no_area() -> None:
+    lift = np.full(50, 100 * UM)
+    lift[20] = -5 * UM
+    assert 20 not in open_samples(lift)
+
+
+def test_shut_from_the_first_of_two_samples_below_the_closing_threshold() -> None:
+    lift = np.concatenate([np.full(30, 100 * UM), [3 * UM, 0.9 * UM, 0.8 * UM, 0.9 * UM, 0.5 * UM]])
+    assert open_samples(lift) == list(range(31))

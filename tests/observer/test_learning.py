@@ -1,0 +1,220 @@
+"""Learning from simulated events: wear found, masses right, and nothing learned where there is nothing to learn."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config import load_bench
+from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.prediction_error import network_of
+from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.evaluation.evaluate import History, evaluate
+from observer_rt.model.integrator import advance
+from observer_rt.model.network import flow_changes
+from observer_rt.observer.learning import Knowledge, Learner, Verdict
+from observer_rt.observer.observer import Durations, constants_for, in_force, judge, make_observer
+from observer_rt.observer.standstill import Standstill
+from observer_rt.simulation.effects import PlantEffects
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.plant import Truth
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+from tests.observer.stream import NOISE, NOMINAL
+
+BENCH = load_bench()
+SAMPLE_RATE = 50e3
+EVENTS = 8
+Vector = NDArray[np.float64]
+NO_STANDSTILL = Standstill(samples=0, offset=0.0, noise=None)
+CASES = {
+    "healthy": PlantEffects(),
+    "eroded": PlantEffects(orifice_area=0.3),
+    "coked": PlantEffects(orifice_area=-0.3),
+    "worn seat": PlantEffects(seat_area=0.3),
+    "line offset": PlantEffects(line_pressure_sensor_offset=1e6),
+    "offset and wear": PlantEffects(orifice_area=0.2, line_pressure_sensor_offset=-1e6),
+}
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recording's truth and what the observer made of it."""
+
+    truth: Truth
+    history: History
+
+    def volumes(self, first: int) -> tuple[float, float, float]:
+        """Estimated, nominal and true volume [m3] of the events from number `first` on, in their windows."""
+        evaluation = self.history.evaluations[0]
+        estimated = nominal = true = 0.0
+        for report in evaluation.reports[first - 1 :]:
+            window = slice(report.start_index, report.end_index + 1)
+            estimated += report.volume
+            nominal += float(np.trapezoid(evaluation.trace.nominal_rate[window])) / SAMPLE_RATE
+            true += float(np.trapezoid(self.truth.injection_rate[window])) / SAMPLE_RATE
+        return estimated, nominal, true
+
+
+@cache
+def run(name: str) -> Run:
+    """Eight events at three pressures and two durations, 50 kHz, with noise; learning in lockstep."""
+    schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
+    made = simulate(NOMINAL, schedule, SAMPLE_RATE, CASES[name], NoiseLevels(), seed=len(name))
+    return Run(made.truth, evaluate(BENCH, [made.recording]))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_masses_are_right_from_the_fourth_event_on(name: str) -> None:
+    assert len(run(name).history.evaluations[0].reports) == EVENTS
+    estimated, _, true = run(name).volumes(first=4)
+    assert estimated == pytest.approx(true, rel=0.01)
+
+
+@pytest.mark.parametrize(("name", "error"), [("eroded", -0.21), ("coked", 0.38)])
+def test_without_learning_the_worn_masses_are_wrong(name: str, error: float) -> None:
+    """So that the test above can fail: what the nominal model is known to be off."""
+    _, nominal, true = run(name).volumes(first=4)
+    assert nominal / true - 1.0 == pytest.approx(error, abs=0.03)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_wear_indicators(name: str) -> None:
+    last = run(name).history.evaluations[0].reports[-1].indicators
+    effects = CASES[name]
+    assert last.nozzle.value == pytest.approx(effects.orifice_area, abs=0.02)
+    assert last.seat.value == pytest.approx(effects.seat_area, abs=0.1)
+    for estimate, true in ((last.nozzle, effects.orifice_area), (last.seat, effects.seat_area)):
+        assert estimate.sigma is not None
+        assert abs(estimate.value - true) < 4 * estimate.sigma + 0.005
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_offset_of_the_line_sensor_is_told_from_wear(name: str) -> None:
+    last = run(name).history.evaluations[0].reports[-1].indicators
+    offset = last.line_pressure_offset.value * NOMINAL.scaling.pressure
+    assert offset == pytest.approx(CASES[name].line_pressure_sensor_offset, abs=0.03e6)
+
+
+def test_healthy_injector_stays_with_the_nominal_model() -> None:
+    estimated, nominal, _ = run("healthy").volumes(first=4)
+    assert estimated == pytest.approx(nominal, rel=0.005)
+
+
+def test_uncertainty_shrinks_with_every_event() -> None:
+    sigmas = [report.indicators.nozzle.sigma for report in run("eroded").history.evaluations[0].reports]
+    known = [sigma for sigma in sigmas if sigma is not None]
+    assert len(known) == EVENTS
+    assert known[-1] < 0.7 * known[0]
+
+
+# One event at a time ----------------------------------------------------------------------------------------
+
+
+def nozzle_wear(v_h: float) -> Vector:
+    theta = np.zeros(PARAMETERS)
+    theta[Parameter.NOZZLE_BIAS] = v_h
+    return theta
+
+
+def wear_of(theta: Vector) -> float:
+    """v_H that theta means with the needle open at 95 MPa: bias and hidden neurons share it."""
+    return float(flow_changes((0.9, 1.0, 0.8), (0.95, 0.9), network_of(theta))[0])
+
+
+def event(v_h: float, seed: int | None = None) -> Window:
+    """7 ms at 100 kHz with one stroke, of an injector worn by v_H."""
+    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
+    time = np.arange(700) / 100e3
+    area = np.interp(time, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
+    x = (0.95, 0.0, 0.0)
+    line = [x[0]]
+    network = network_of(nozzle_wear(v_h))
+    for k in range(699):
+        u_start, u_end = (0.95, float(area[k])), (0.95, float(area[k + 1]))
+        x = advance(x, u_start, u_end, 1e-5, constants.substeps, constants.coefficients, network)
+        line.append(x[0])
+    output = np.array(line)
+    if seed is not None:
+        output += np.random.default_rng(seed).normal(0.0, NOISE.line_pressure / 100e6, output.size)
+    inputs = np.column_stack([np.full(time.size, 0.95), area])
+    return Window(inputs, output, time < 1.0e-3, np.array([0.95, 0.0, 0.0]), opening=100)
+
+
+def learner_with(belief: Belief, in_force: Vector) -> Learner:
+    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
+    return Learner(constants, Knowledge(belief, in_force, NOISE, phi_version=3, events=5))
+
+
+def belief_in(v_h: float, sigma: float) -> Belief:
+    return Belief(nozzle_wear(v_h), sigma**2 * np.eye(PARAMETERS))
+
+
+def test_better_phi_is_adopted() -> None:
+    outcome = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0)).learn(
+        event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0)
+    )
+    assert outcome.verdict is Verdict.ADOPTED
+    assert wear_of(outcome.theta) == pytest.approx(0.3, abs=0.02)
+
+
+def test_phi_that_predicts_worse_is_rejected_and_the_old_one_stays() -> None:
+    """A stubborn prior holds theta far from the truth, which is in force."""
+    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
+    true = nozzle_wear(0.3)
+    learner = learner_with(belief_in(0.0, 1e-4), true)
+    knowledge = Knowledge(belief_in(0.0, 1e-4), true, NOISE, phi_version=3)
+    observer = make_observer(constants, knowledge, learner)
+    outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
+    assert outcome.verdict is Verdict.REJECTED
+    judge(observer, outcome)
+    np.testing.assert_array_equal(in_force(observer), true)
+    assert int(observer.memory["phi_version"][0]) == 3
+
+
+def test_adopted_phi_takes_force() -> None:
+    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
+    learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+    knowledge = Knowledge(belief_in(0.0, 0.3), nozzle_wear(0.0), NOISE, phi_version=3)
+    observer = make_observer(constants, knowledge, learner)
+    outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
+    judge(observer, outcome)
+    np.testing.assert_array_equal(in_force(observer), outcome.theta)
+    assert int(observer.memory["phi_version"][0]) == 4
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda output: np.where(np.arange(output.size) == 300, np.nan, output),
+        lambda output: np.full(output.size, np.inf),
+    ],
+    ids=["one sample no number", "infinite"],
+)
+def test_event_that_cannot_be_learned_from_changes_nothing(
+    damage: Callable[[Vector], Vector],
+) -> None:
+    learner = learner_with(belief_in(0.1, 0.3), nozzle_wear(0.1))
+    broken = event(0.3, seed=1)
+    outcome = learner.learn(broken._replace(output=damage(broken.output)), NO_STANDSTILL, nozzle_wear(0.1))
+    assert outcome.verdict is Verdict.FAILED
+    np.testing.assert_array_equal(outcome.theta, nozzle_wear(0.1))
+    np.testing.assert_array_equal(outcome.belief.mean, nozzle_wear(0.1))
+    # and the next event is learned from as if it had not been
+    after = learner.learn(event(0.3, seed=2), NO_STANDSTILL, nozzle_wear(0.1))
+    assert after.verdict is Verdict.ADOPTED
+    assert wear_of(after.theta) == pytest.approx(0.3, abs=0.02)
+
+
+def test_same_events_same_bits() -> None:
+    outcomes = []
+    for _ in range(2):
+        learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+        learner.learn(event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0))
+        outcomes.append(learner.learn(event(0.3, seed=2), NO_STANDSTILL, nozzle_wear(0.0)))
+    np.testing.assert_array_equal(outcomes[0].theta, outcomes[1].theta)
+    np.testing.assert_array_equal(outcomes[0].belief.covariance, outcomes[1].belief.covariance)

@@ -35,9 +35,7 @@ class GainSchedule:
     innovation_sigma: float
 
 
-def gain_schedule(
-    c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float = 0.0
-) -> GainSchedule:
+def gain_schedule(c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float = 0.0) -> GainSchedule:
     """Gains for the line at rest (friction 0), rail-pressure noise driving it and line noise on y.
 
     p_S gets no gain: it relaxes within microseconds. sample_rate in Hz, lag of the sensor in s.

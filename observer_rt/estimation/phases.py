@@ -91,9 +91,7 @@ class PhaseStatistics:
 
     def colour(self, phase: Phase) -> float:
         """Largest mean square of scaled block means over the block lengths, 1 without blocks."""
-        return max(
-            _quotient(self.block_squares[phase, i], self.blocks[phase, i]) for i in range(len(BLOCKS))
-        )
+        return max(_quotient(self.block_squares[phase, i], self.blocks[phase, i]) for i in range(len(BLOCKS)))
 
     def excess(self, phase: Phase) -> float:
         """Largest deviation of variance and colours above 1, in standard deviations of white noise."""

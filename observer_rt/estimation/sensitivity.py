@@ -145,13 +145,9 @@ def advance_with_sensitivity(
         u_1 = between(u_start, u_end, (i + 1.0) / steps)
         r_1 = rate_and_tangent(x, u_0, nominal, c, network, sensitivity, k_1, sigmas)
         _move(sensitivity, 0.5 * step, k_1, moved)
-        r_2 = rate_and_tangent(
-            along(x, 0.5 * step, r_1), u_mid, nominal, c, network, moved, k_2, sigmas
-        )
+        r_2 = rate_and_tangent(along(x, 0.5 * step, r_1), u_mid, nominal, c, network, moved, k_2, sigmas)
         _move(sensitivity, 0.5 * step, k_2, moved)
-        r_3 = rate_and_tangent(
-            along(x, 0.5 * step, r_2), u_mid, nominal, c, network, moved, k_3, sigmas
-        )
+        r_3 = rate_and_tangent(along(x, 0.5 * step, r_2), u_mid, nominal, c, network, moved, k_3, sigmas)
         _move(sensitivity, step, k_3, moved)
         r_4 = rate_and_tangent(along(x, step, r_3), u_1, nominal, c, network, moved, k_4, sigmas)
         x = (
@@ -161,9 +157,7 @@ def advance_with_sensitivity(
         )
         for row in range(3):
             for j in range(PARAMETERS):
-                sensitivity[row, j] += sixth * (
-                    k_1[row, j] + 2.0 * (k_2[row, j] + k_3[row, j]) + k_4[row, j]
-                )
+                sensitivity[row, j] += sixth * (k_1[row, j] + 2.0 * (k_2[row, j] + k_3[row, j]) + k_4[row, j])
     x = emptied(x, u_start, u_end)
     if x[2] == 0.0 and u_end[1] == 0.0:
         sensitivity[2, :] = 0.0

@@ -117,7 +117,7 @@ def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
         "end_s": result.end,
         "rail_pressure_MPa": report.rail_pressure / MEGAPASCAL,
         "mass_mg": _known(report.mass / MILLIGRAM),
-        "mass_ci95_mg": None,
+        "mass_ci95_mg": report.mass_ci95 and [bound / MILLIGRAM for bound in report.mass_ci95],
         "nominal_mass_mg": _known(result.nominal_mass / MILLIGRAM),
         "measured_mass_mg": _known(result.measured_mass / MILLIGRAM),
         "rate_rmse_mm3_per_ms": _known(result.rate_rmse / MM3_PER_MS),
@@ -129,6 +129,10 @@ def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
         "indicators": {
             "nozzle_v_H": _estimate(wear.nozzle, 1.0, "-"),
             "seat_v_S": _estimate(wear.seat, 1.0, "-"),
+            "line_friction": _estimate(wear.line_friction, 1.0, "-"),
+            "guide_leakage": _estimate(wear.guide_leakage, c.flow_scale / c.pressure_scale, "m3/(s Pa)"),
+            "bulk_modulus": _estimate(wear.bulk_modulus, 1.0, "-"),
+            "line_pressure_sensor_lag": _estimate(wear.line_pressure_lag, 1.0, "s"),
             "line_pressure_sensor_offset": _estimate(
                 wear.line_pressure_offset, c.pressure_scale / MEGAPASCAL, "MPa"
             ),

@@ -1,13 +1,13 @@
-"""Wear of nozzle and seat as numbers: relative changes of their flows, with a standard deviation."""
+"""Wear of nozzle and seat, and line-side and sensor matters, as numbers with a standard deviation."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.posterior import Belief
-from observer_rt.estimation.prediction_error import network_of
+from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.network import HIDDEN, activation, flow_changes
 
 
@@ -30,30 +30,47 @@ class Estimate:
 class Indicators:
     """What the parameters say of the injector at one operating point.
 
-    nozzle, seat: equivalents of v_H and v_S in (27); line_pressure_offset o in units of p_0.
+    nozzle, seat: equivalents of v_H and v_S in (27). Line-side and sensor matters, none of which enters Q_H^: friction k,
+    leakage c p_0 / Q_0, bulk modulus r, line pressure offset o in units of p_0, lag in s.
     """
 
     nozzle: Estimate
     seat: Estimate
+    line_friction: Estimate
+    guide_leakage: Estimate
+    bulk_modulus: Estimate
     line_pressure_offset: Estimate
+    line_pressure_lag: Estimate
 
 
 def indicators_of(
-    theta: NDArray[np.float64], belief: Belief | None, x: NDArray[np.float64], u: NDArray[np.float64]
+    theta: NDArray[np.float64],
+    covariance: NDArray[np.float64] | None,
+    x: NDArray[np.float64],
+    u: NDArray[np.float64],
 ) -> Indicators:
-    """Indicators for theta (PARAMETERS,) at state x (3,) and inputs u (2,), sigmas from `belief`."""
-    network = network_of(theta)
+    """Indicators for theta (m,) at state x (3,) and inputs u (2,), sigmas from its covariance (m, m)."""
+    network = learned_of(theta).network
     state = (float(x[0]), float(x[1]), float(x[2]))
     inputs = (float(u[0]), float(u[1]))
-    nozzle, seat = flow_changes(state, inputs, network)
-    slopes = np.zeros((3, PARAMETERS))
-    slopes[0, Parameter.NOZZLE_BIAS] = 1.0
+    nozzle, _ = flow_changes(state, inputs, network)
+    slopes = np.zeros(PARAMETERS)
+    slopes[Parameter.NOZZLE_BIAS] = 1.0
     for neuron in range(HIDDEN):
-        slopes[0, Parameter.NOZZLE_WEIGHT + neuron] = activation(state, inputs, network.hidden, neuron)
-    slopes[1, Parameter.SEAT_BIAS] = 1.0
-    slopes[2, Parameter.LINE_PRESSURE_OFFSET] = 1.0
-    values = (nozzle, seat, float(theta[Parameter.LINE_PRESSURE_OFFSET]))
-    if belief is None:
-        return Indicators(*(Estimate(value) for value in values))
-    sigmas = np.sqrt(np.einsum("ij,jk,ik->i", slopes, belief.covariance, slopes))
-    return Indicators(*(Estimate(v, float(s)) for v, s in zip(values, sigmas, strict=True)))
+        slopes[Parameter.NOZZLE_WEIGHT + neuron] = activation(state, inputs, network.hidden, neuron)
+
+    def scalar(parameter: Parameter, unit: float = 1.0) -> Estimate:
+        value = float(theta[parameter]) * unit
+        if covariance is None:
+            return Estimate(value)
+        return Estimate(value, float(np.sqrt(covariance[parameter, parameter])) * unit)
+
+    return Indicators(
+        nozzle=Estimate(nozzle, None if covariance is None else float(np.sqrt(slopes @ covariance @ slopes))),
+        seat=scalar(Parameter.SEAT_BIAS),
+        line_friction=scalar(Parameter.LINE_FRICTION),
+        guide_leakage=scalar(Parameter.GUIDE_LEAKAGE),
+        bulk_modulus=scalar(Parameter.BULK_MODULUS),
+        line_pressure_offset=scalar(Parameter.LINE_PRESSURE_OFFSET),
+        line_pressure_lag=scalar(Parameter.SENSOR_LAG, LAG_UNIT),
+    )

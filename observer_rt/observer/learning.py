@@ -27,7 +27,7 @@ from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.network import HIDDEN
 from observer_rt.observer.adequacy import POOLING, Finding, findings, tempering
 from observer_rt.observer.standstill import Standstill
-from observer_rt.observer.state import Constants
+from observer_rt.observer.state import Constants, Reason
 
 BURN_IN = 0.5e-3  # s of the window before innovations count
 FIRST_ITERATIONS = 5
@@ -128,20 +128,18 @@ def no_knowledge(noise: NoiseLevels, pressure_scale: float) -> Knowledge:
 class Outcome:
     """Result of learning from one event: what to carry from the adoption point on, and what to say of the event.
 
-    theta: to be in force, the new one when adopted, else the old one; estimate: the new one in any case, with its
-    covariance; rate_slopes: (n, m) derivatives of the injection rate over the event's window.
+    knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
+    with its covariance (m, m); carried: the theta in force during the event. rate_slopes: (n, m) derivatives of the
+    injection rate [m3/s] over the event's window.
     """
 
     verdict: Verdict
-    theta: NDArray[np.float64]
+    knowledge: Knowledge
+    schedule: GainSchedule
+    findings: tuple[Finding, ...]
     estimate: NDArray[np.float64]
     covariance: NDArray[np.float64]
-    belief: Belief
-    active: frozenset[int]
-    noise: NoiseLevels
-    schedule: GainSchedule
-    statistics: PhaseStatistics
-    findings: tuple[Finding, ...]
+    carried: NDArray[np.float64]
     rate_slopes: NDArray[np.float64]
 
 
@@ -199,8 +197,7 @@ class Learner:
         self._statistics = self._statistics.faded(POOLING, statistics)
         adopted = self._is_better(window, in_force)
         self._previous = window
-        verdict = Verdict.ADOPTED if adopted else Verdict.REJECTED
-        return self._outcome(verdict, window, self._theta if adopted else in_force)
+        return self._outcome(Verdict.ADOPTED if adopted else Verdict.REJECTED, window, in_force)
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
@@ -229,9 +226,7 @@ class Learner:
                 return other
         return fit
 
-    def _iterate(
-        self, cost: EventCost, start: Linearisation, prior: Belief, iterations: int
-    ) -> _Fit:
+    def _iterate(self, cost: EventCost, start: Linearisation, prior: Belief, iterations: int) -> _Fit:
         """Gauss-Newton with step halving, the subset of gated scalars chosen anew in every iteration."""
         prior_information = prior.information()
         prior_vector = prior_information @ prior.mean
@@ -291,25 +286,35 @@ class Learner:
     def _failed(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         return self._outcome(Verdict.FAILED, window, in_force)
 
-    def _outcome(self, verdict: Verdict, window: Window, theta: NDArray[np.float64]) -> Outcome:
+    def _outcome(self, verdict: Verdict, window: Window, in_force: NDArray[np.float64]) -> Outcome:
+        """What to say of an event; `in_force` (m,) was carried during it."""
         rate = np.zeros(window.output.shape[0])
         slopes = np.zeros((window.output.shape[0], PARAMETERS))
         rate_with_sensitivity(window, self._setting(), learned_of(self._theta), rate, slopes)
-        offset = float(self._theta[Parameter.LINE_PRESSURE_OFFSET]) * self._scale
-        lag = float(self._theta[Parameter.SENSOR_LAG]) * LAG_UNIT
         return Outcome(
             verdict=verdict,
-            theta=theta.copy(),
+            knowledge=Knowledge(
+                belief=self._belief,
+                in_force=(self._theta if verdict is Verdict.ADOPTED else in_force).copy(),
+                noise=self._noise,
+                active=self._active,
+                events=self._events,
+                statistics=self._statistics,
+            ),
+            schedule=self._schedule,
+            findings=self._findings(verdict),
             estimate=self._theta.copy(),
             covariance=conditional_covariance(self._belief.information(), GATE, self._active),
-            belief=self._belief,
-            active=self._active,
-            noise=self._noise,
-            schedule=self._schedule,
-            statistics=self._statistics,
-            findings=tuple(findings(self._statistics, offset, lag)),
+            carried=in_force.copy(),
             rate_slopes=slopes,
         )
+
+    def _findings(self, verdict: Verdict) -> tuple[Finding, ...]:
+        if verdict is Verdict.FAILED:
+            return (Finding(Reason.NOT_LEARNED),)
+        offset = float(self._theta[Parameter.LINE_PRESSURE_OFFSET]) * self._scale
+        lag = float(self._theta[Parameter.SENSOR_LAG]) * LAG_UNIT
+        return tuple(findings(self._statistics, offset, lag))
 
     def _cost(self, window: Window) -> EventCost:
         burn_in = round(BURN_IN / self._constants.interval)

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.prediction_error import network_of
+from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.coefficients import coefficients
-from observer_rt.model.network import Network, zero_network
+from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
 from observer_rt.observer.learning import Knowledge, Learner, Outcome, Verdict, dead_band
@@ -20,6 +19,7 @@ from observer_rt.observer.state import (
     SAMPLE,
     Constants,
     Observer,
+    Reason,
     Timing,
 )
 from observer_rt.units import MILLISECOND
@@ -90,7 +90,7 @@ def event_window(observer: Observer, number: int) -> Window | None:
         inputs=np.column_stack([rows["rail_pressure"], rows["seat_area"]]),
         output=rows["line_pressure"].copy(),
         resting=rows["resting"].copy(),
-        start=rows["x_tilde"][0].copy(),
+        start=np.append(rows["x_tilde"][0], rows["indicated"][0]),
         opening=int(event["opening"]) - start,
     )
 
@@ -98,7 +98,7 @@ def event_window(observer: Observer, number: int) -> Window | None:
 def in_force(observer: Observer) -> NDArray[np.float64]:
     """The parameter vector theta (PARAMETERS,) the observer carries."""
     memory = observer.memory[0]
-    return np.concatenate([[memory["bias"][0]], memory["output"][0], [memory["bias"][1]], [memory["offset"]]])
+    return np.array(memory["theta"])
 
 
 def judge(observer: Observer, outcome: Outcome | None) -> None:
@@ -111,15 +111,19 @@ def judge(observer: Observer, outcome: Outcome | None) -> None:
         memory["unlearned_events"] += 1
         return
     observer.gains[:] = outcome.schedule.gains
-    _put_in_force(observer, outcome.theta, outcome.noise.needle_lift)
+    _put_in_force(observer, outcome.knowledge.in_force, outcome.knowledge.noise.needle_lift)
     if outcome.verdict is Verdict.ADOPTED:
         memory["phi_version"] += 1
+    memory["judgement"] = outcome.findings[0].reason if outcome.findings else Reason.NONE
 
 
 def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: float) -> None:
     memory = observer.memory[0]
-    network: Network = network_of(theta)
-    memory["output"] = network.output
-    memory["bias"] = network.bias
-    memory["offset"] = theta[Parameter.LINE_PRESSURE_OFFSET]
+    learned = learned_of(theta)
+    memory["theta"] = theta
+    memory["output"] = learned.network.output
+    memory["bias"] = learned.network.bias
+    memory["offset"] = learned.offset
+    memory["lag"] = learned.lag
+    memory["friction"], memory["leakage"], memory["stiffness"] = learned.line
     memory["lift_on"], memory["lift_off"] = dead_band(lift_noise)

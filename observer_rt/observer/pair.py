@@ -5,6 +5,8 @@ import math
 from numba import njit
 
 from observer_rt.estimation.predictor import correct
+from observer_rt.estimation.sensor import lagged
+from observer_rt.model.coefficients import Coefficients, LineTerms, with_line_terms
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import fault, injection_rate
@@ -21,6 +23,15 @@ def network_in_force(observer: Observer) -> Network:
 
 
 @njit(cache=True, nogil=True)
+def coefficients_in_force(observer: Observer) -> Coefficients:
+    """The model's coefficients with the line terms in the observer's memory."""
+    memory = observer.memory[0]
+    return with_line_terms(
+        observer.constants.coefficients, LineTerms(memory.friction, memory.leakage, memory.stiffness)
+    )
+
+
+@njit(cache=True, nogil=True)
 def start_pair(observer: Observer, position: int) -> None:
     """x~ (and x^ with it) begins anew: p_L = y, Q_L = 0, empty sac."""
     memory = observer.memory[0]
@@ -28,6 +39,7 @@ def start_pair(observer: Observer, position: int) -> None:
     row.x_tilde[0] = row.line_pressure - memory.offset
     row.x_tilde[1] = 0.0
     row.x_tilde[2] = 0.0
+    row.indicated = row.x_tilde[0]
     row.x_hat[0] = row.x_tilde[0]
     row.x_hat[1] = 0.0
     row.x_hat[2] = 0.0
@@ -46,6 +58,7 @@ def step_pair(observer: Observer, position: int) -> bool:
     before = observer.ring[(position - 1) & _MASK]
     row = observer.ring[position & _MASK]
     network = network_in_force(observer)
+    c = coefficients_in_force(observer)
     u_start = (before.rail_pressure, before.seat_area)
     u_end = (row.rail_pressure, row.seat_area)
 
@@ -55,11 +68,13 @@ def step_pair(observer: Observer, position: int) -> bool:
         u_end,
         constants.interval,
         constants.substeps,
-        constants.coefficients,
+        c,
         network,
     )
     gain = min(memory.since_start, observer.gains.shape[0] - 1)
-    innovation = row.line_pressure - memory.offset - x[0]
+    indicated = lagged(before.indicated, before.x_tilde[0], x[0], constants.interval, memory.lag)
+    innovation = row.line_pressure - memory.offset - indicated
+    row.indicated = indicated + observer.gains[gain, 2] * innovation
     x = correct(x, innovation, observer.gains[gain, 0], observer.gains[gain, 1])
     memory.since_start += 1
     if row.resting:
@@ -73,7 +88,7 @@ def step_pair(observer: Observer, position: int) -> bool:
             u_end,
             constants.interval,
             constants.substeps,
-            constants.coefficients,
+            c,
             network,
         )
     row.x_hat[0], row.x_hat[1], row.x_hat[2] = x
@@ -84,7 +99,7 @@ def step_pair(observer: Observer, position: int) -> bool:
 def read_out(observer: Observer, position: int) -> None:
     """Injection rate and phi of x^ at a sample, into its row."""
     row = observer.ring[position & _MASK]
-    c = observer.constants.coefficients
+    c = coefficients_in_force(observer)
     network = network_in_force(observer)
     x = (row.x_hat[0], row.x_hat[1], row.x_hat[2])
     u = (row.rail_pressure, row.seat_area)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.continuity import Break
+from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
 
@@ -39,6 +40,10 @@ class Reason(IntEnum):
     NEEDLE_STUCK = 6  # open longer than any injection
     TOO_FEW_EVENTS = 7  # not enough events were judged since the start
     INPUT_TIMEOUT = 8  # no input frames
+    MODEL_INADEQUATE = 9  # the innovations contradict the model
+    PRESSURE_OFFSET = 10  # line and rail pressure differ at standstill beyond what a good sensor does
+    SENSOR_LAG = 11  # the line-pressure sensor is implausibly slow
+    NOT_LEARNED = 12  # the event could not be learned from
 
 
 SAMPLE = np.dtype(
@@ -54,6 +59,7 @@ SAMPLE = np.dtype(
         ("seat_area", np.float64),  # u2
         ("resting", np.bool_),
         ("x_tilde", np.float64, (3,)),
+        ("indicated", np.float64),  # line pressure as the lagging sensor of x~ shows it, without offset
         ("x_hat", np.float64, (3,)),
         ("phi", np.float64, (3,)),  # 1/s
         ("injection_rate", np.float64),  # m3/s, NaN while not synchronised
@@ -108,7 +114,13 @@ OBSERVER = np.dtype(
         ("hidden", np.float64, (HIDDEN, ARGUMENTS)),
         ("output", np.float64, (OUTPUTS, HIDDEN)),
         ("bias", np.float64, (OUTPUTS,)),
+        ("theta", np.float64, (PARAMETERS,)),  # of which these are parts:
         ("offset", np.float64),
+        ("lag", np.float64),  # s
+        ("friction", np.float64),
+        ("leakage", np.float64),
+        ("stiffness", np.float64),
+        ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
         ("lift_on", np.float64),  # m
         ("lift_off", np.float64),
         ("phi_version", np.int64),
@@ -179,4 +191,4 @@ class Observer(NamedTuple):
     constants: Constants
     memory: NDArray[np.void]  # (1,) OBSERVER
     ring: NDArray[np.void]  # (RING,) SAMPLE
-    gains: NDArray[np.float64]  # (n, 2) gain schedule in force
+    gains: NDArray[np.float64]  # (n, 3) gain schedule in force

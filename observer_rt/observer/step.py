@@ -203,10 +203,12 @@ def _mark(observer: Observer, position: int) -> None:
         row.injection_rate = np.nan
     elif memory.events_judged < observer.constants.events_required:
         row.reason = _TOO_FEW_EVENTS
+    else:
+        row.reason = memory.judgement
     row.valid = row.reason == _NO_REASON
     if memory.unsynchronised_by == _BEFORE_START:
         row.state = _STARTING
-    elif memory.unsynchronised_by not in (_NO_REASON, _JUMPED):
+    elif memory.unsynchronised_by not in (_NO_REASON, _JUMPED) or memory.judgement != _NO_REASON:
         row.state = _DEGRADED
     elif memory.phi_version > 0:
         row.state = _ADAPTED

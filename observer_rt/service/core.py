@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from observer_rt.errors import UserError
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate, substeps_needed
 from observer_rt.observer.indicators import indicators_of
+from observer_rt.observer.interval import volume_interval
 from observer_rt.observer.learning import Knowledge, Learner, Outcome, Verdict, dead_band, no_knowledge
 from observer_rt.observer.observer import (
     Durations,
@@ -229,44 +230,47 @@ class Core:
 
     def _judge(self) -> None:
         outcome = self._training.take()
-        event = int(self._observer.memory["events"][0]["number"][self._head()])
+        event = self._observer.memory[0]["events"][self._head()].copy()
         judge(self._observer, outcome)
         if outcome is not None:
             self._rejected += outcome.verdict is not Verdict.ADOPTED
-            self._known = Knowledge(
-                belief=outcome.belief,
-                in_force=outcome.theta,
-                noise=outcome.noise,
-                phi_version=int(self._observer.memory["phi_version"][0]),
-                events=self._known.events + (outcome.verdict is not Verdict.FAILED),
-            )
+            version = int(self._observer.memory["phi_version"][0])
+            self._known = replace(outcome.knowledge, phi_version=version)
         self._report_injections(event, outcome)
 
     def _head(self) -> int:
         memory = self._observer.memory[0]
         return int(memory["events_taken"]) % len(memory["events"])
 
-    def _report_injections(self, event: int, outcome: Outcome | None) -> None:
+    def _report_injections(self, event: np.void, outcome: Outcome | None) -> None:
         memory = self._observer.memory[0]
         while memory["injections_reported"] < memory["injections_begun"]:
             injection = memory["injections"][int(memory["injections_reported"]) % INJECTIONS]
-            if injection["event"] > event:
+            if injection["event"] > event["number"]:
                 break
             memory["injections_reported"] += 1
-            report = self._report(injection, outcome)
+            report = self._report(injection, event, outcome)
             values = summary_values(report, self._injector_id, self._learning, self._pressure_scale)
             self._frames.append(self._summary_writer.write(values))
             self._on_report(report)
 
-    def _report(self, injection: np.void, outcome: Outcome | None) -> InjectionReport:
+    def _report(self, injection: np.void, event: np.void, outcome: Outcome | None) -> InjectionReport:
         c = self._constants.coefficients
-        learned = outcome is not None or self._restored or self._known.events > 0
+        judgement = outcome.findings[0].reason if outcome is not None and outcome.findings else Reason.NONE
+        reason = Reason(int(injection["reason"])) or judgement
         indicators = indicators_of(
-            self._known.belief.mean if outcome is not None else in_force(self._observer),
-            self._known.belief if learned else None,
+            in_force(self._observer) if outcome is None else outcome.estimate,
+            None if outcome is None else outcome.covariance,
             injection["middle_x"],
             injection["middle_u"],
         )
+        volume = float(injection["volume"])
+        interval = None
+        if outcome is not None:
+            first = int(injection["start"]) - int(event["window_start"])
+            last = int(injection["end"]) - int(event["window_start"])
+            slopes = outcome.rate_slopes[max(first, 0) : last + 1]
+            interval = volume_interval(volume, slopes, self._constants.interval, outcome)
         return InjectionReport(
             number=int(injection["number"]),
             event=int(injection["event"]),
@@ -278,8 +282,9 @@ class Core:
             mass=float(injection["volume"]) * c.density,
             peak_rate=float(injection["peak_rate"]),
             rail_pressure=float(injection["rail_pressure"]) * c.pressure_scale + c.chamber_pressure,
-            valid=bool(injection["valid"]),
-            reason=Reason(int(injection["reason"])),
+            mass_ci95=None if interval is None else (interval[0] * c.density, interval[1] * c.density),
+            valid=reason is Reason.NONE,
+            reason=reason,
             state=State(int(injection["state"])),
             phi_version=int(injection["phi_version"]),
             indicators=indicators,

@@ -57,6 +57,7 @@ def summary_values(
         "InjectorId": injector_id,
         "Reason": report.reason,
         "Mass": report.mass / MILLIGRAM,
+        "MassSigma": _sigma(report.mass_ci95) / MILLIGRAM,
         "Volume": report.volume / CUBIC_MILLIMETRE,
         "RailPressureAtStart": report.rail_pressure / MEGAPASCAL,
         "PeakInjectionRate": report.peak_rate / MM3_PER_MS,
@@ -66,3 +67,8 @@ def summary_values(
         "SeatWearSigma": np.nan if wear.seat.sigma is None else wear.seat.sigma,
         "LinePressureOffset": wear.line_pressure_offset.value * pressure_scale / MEGAPASCAL,
     }
+
+
+def _sigma(interval: tuple[float, float] | None) -> float:
+    """Standard deviation behind a 95 % interval, nan without one."""
+    return np.nan if interval is None else (interval[1] - interval[0]) / (2 * 1.96)

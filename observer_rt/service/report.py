@@ -11,7 +11,8 @@ class InjectionReport:
     """One injection, judged with its event.
 
     start, end are positions in the stream of samples, the indices those of the device. `volume` [m3], `mass`
-    [kg] and `peak_rate` [m3/s] are nan when some sample had no rate; `rail_pressure` [Pa] at the opening.
+    [kg] and `peak_rate` [m3/s] are nan when some sample had no rate; `mass_ci95` [kg] is
+    known once its event was learned from; `rail_pressure` [Pa] at the opening.
     """
 
     number: int
@@ -22,6 +23,7 @@ class InjectionReport:
     end_index: int
     volume: float
     mass: float
+    mass_ci95: tuple[float, float] | None
     peak_rate: float
     rail_pressure: float
     valid: bool

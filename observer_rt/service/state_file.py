@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from observer_rt import __version__
 from observer_rt.errors import RunError, UserError
 from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.model.parameters import InjectorParameters, Scaling
-from observer_rt.observer.learning import Knowledge, theta_bounds
+from observer_rt.observer.learning import GATE, Knowledge, theta_bounds
 from observer_rt.units import MEGAPASCAL, MICROMETRE
 
 VERSION = 1
@@ -64,6 +65,8 @@ def save_knowledge(
         "model_sha256": model,
         "phi_version": knowledge.phi_version,
         "events": knowledge.events,
+        "active": sorted(knowledge.active),
+        "statistics": {name: values.tolist() for name, values in vars(knowledge.statistics).items()},
         "in_force": knowledge.in_force.tolist(),
         "mean": knowledge.belief.mean.tolist(),
         "covariance": knowledge.belief.covariance.tolist(),
@@ -171,6 +174,8 @@ def _knowledge_in(data: bytes, model: str) -> Knowledge:
             noise=NoiseLevels(**{key: float(value) for key, value in content["noise"].items()}),
             phi_version=_count(content["phi_version"]),
             events=_count(content["events"]),
+            active=frozenset(_column(column) for column in content["active"]),
+            statistics=_statistics(content["statistics"]),
         )
     except (ValueError, OverflowError, RecursionError):
         raise _UnusableError("it is not a learned state as this program writes it") from None
@@ -191,15 +196,27 @@ def _count(content: Any) -> int:
     return content
 
 
+def _column(value: object) -> int:
+    """A gated column of theta."""
+    if value not in GATE.columns:
+        raise ValueError(value)
+    return int(value)  # type: ignore[call-overload, no-any-return]
+
+
+def _statistics(content: dict[str, object]) -> PhaseStatistics:
+    shapes = {name: values.shape for name, values in vars(no_statistics()).items()}
+    return PhaseStatistics(**{name: _array(content[name], shape) for name, shape in shapes.items()})
+
+
 def _problem(knowledge: Knowledge, pressure_scale: float) -> str | None:
     """What makes knowledge impossible or implausible; None if nothing does."""
     covariance = knowledge.belief.covariance
-    bounds = theta_bounds(pressure_scale)
+    lowest, highest = theta_bounds(pressure_scale)
     for name, theta in (("the mean", knowledge.belief.mean), ("the parameters in force", knowledge.in_force)):
         if not np.all(np.isfinite(theta)):
             return f"{name} are not finite numbers"
-        if np.any(np.abs(theta) > bounds):
-            return f"{name} lie beyond what an injector can do"
+    if np.any(knowledge.in_force < lowest) or np.any(knowledge.in_force > highest):
+        return "the parameters in force lie beyond what an injector can do"
     if not np.all(np.isfinite(covariance)):
         return "the covariance is not finite"
     if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):

@@ -27,6 +27,6 @@ def warm_up(bench: Bench, bus: BusMap) -> None:
     scale = constants.coefficients.pressure_scale
     learner = Learner(constants, no_knowledge(configured_noise(bench), scale))
     window = Window(
-        np.full((_SAMPLES, 2), 0.5), np.full(_SAMPLES, 0.5), np.zeros(_SAMPLES, np.bool_), np.zeros(3), 1
+        np.full((_SAMPLES, 2), 0.5), np.full(_SAMPLES, 0.5), np.zeros(_SAMPLES, np.bool_), np.zeros(4), 1
     )
     learner.learn(window, Standstill(0, 0.0, None), np.zeros_like(learner.belief.mean))

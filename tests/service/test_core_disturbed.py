@@ -1,6 +1,5 @@
 """The core on disturbed traffic: nothing wrong is ever published as right, everything is counted, all recovers."""
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 

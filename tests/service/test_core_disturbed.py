@@ -224,3 +224,18 @@ def test_roles_swapped_are_noticed(tmp_path: Path, frames: list[Frame], clean: R
     swapped = run(bench, frames)
     assert swapped.rates != clean.rates
     assert abs(swapped.reports[-1].indicators.nozzle.value - 0.2) > 0.05
+
+
+def test_needle_signal_that_chatters_is_survived(bench: Path) -> None:
+    """A lift sensor gone mad: thousands of openings in one event, each reported once or forgotten, in order."""
+    good = recording()
+    lift = good.needle_lift.copy()
+    lift[1000:11_000] = np.where(np.arange(10_000) % 8 < 2, 50e-6, 0.0)
+    mad = type(good)(good.time, good.rail_pressure, lift, good.line_pressure)
+    result = run(bench, Device(ONE_MESSAGE).send(mad))
+    numbers = [report.number for report in result.reports]
+    assert numbers == sorted(set(numbers))
+    assert numbers[-1] > 1200
+    assert result.core.counters.samples == 14_994
+    assert result.core.counters.events >= 2
+    assert result.core.state[0] in (State.RUNNING_NOMINAL, State.ADAPTED)

@@ -212,7 +212,8 @@ def _explanation(model: type[BaseModel], location: tuple[Any, ...], error: Any) 
         hint = f"did you mean '{near[0]}'? " if near else ""
         return "unknown key", f"{hint}known keys: {', '.join(known)}"
     if error["type"] == "missing":
-        return "is missing", "add it; `observer-rt run --print-example-bench` shows a complete file"
+        kind = "injector" if model is InjectorParameters else "bench"
+        return "is missing", f"add it; `observer-rt run --print-example-{kind}` shows a complete file"
     message = str(error["msg"]).removeprefix("Value error, ")
     found = error.get("input")
     shown = f"{found!r} " if isinstance(found, str | int | float | bool) else ""

@@ -16,6 +16,7 @@ from observer_rt.units import LENGTH_UNITS, PRESSURE_UNITS
 
 EXTENDED = 1 << 32  # added to the id of an extended frame, so that one number names a frame
 E2E_PROFILE = 5
+INDEX_BITS = 32  # of the sample index in every input message
 ROLES = tuple(Role)
 MAX_INPUTS = len(ROLES)
 _UNITS = {
@@ -220,6 +221,13 @@ def _index_signal(bench: Bench, message: Message, roles: Sequence[Role]) -> str:
             f"{bench.path}: signals.{roles[0]}.index",
             f"message {message.name} has no signal {name!r} that carries its sample index",
             "name the signal with the index of the frame's first sample; messages without one cannot be used yet",
+        )
+    signal = find_signal(message, name)
+    if (signal.length, signal.is_signed, signal.scale, signal.offset) != (INDEX_BITS, False, 1, 0):
+        raise UserError(
+            f"{bench.path}: signals.{roles[0]}.index",
+            f"{name} of message {message.name} is no unsigned number of {INDEX_BITS} bits in steps of 1",
+            "name such a signal; an index that wraps earlier cannot be told from a device that starts anew",
         )
     return name
 

@@ -1,0 +1,175 @@
+"""From bench file and bus database to arrays: what is found, and refusals that name place and remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.mapping import BusMap, frame_key, map_bus
+from observer_rt.config import EXAMPLE_BENCH, load_bench
+from observer_rt.errors import UserError
+
+USER_DBC = """VERSION ""
+BU_: Device
+BO_ 291 Daq: 24 Device
+ SG_ Index : 0|32@1+ (1,0) [0|0] "" Device
+ SG_ Short : 32|16@1+ (1,0) [0|0] "" Device
+ SG_ Signed : 48|32@1- (1,0) [0|0] "" Device
+ SG_ Steps : 80|32@1+ (2,0) [0|0] "" Device
+ SG_ Rail : 112|16@1+ (0.1,0) [0|0] "bar" Device
+ SG_ Rail2 : 128|16@1+ (0.1,0) [0|0] "bar" Device
+ SG_ Lift : 144|16@1+ (0.1,0) [0|0] "um" Device
+ SG_ Line : 160|16@1+ (0.1,0) [0|0] "psi" Device
+ SG_ Bare : 176|16@1+ (0.1,0) [0|0] "" Device
+BO_ 292 Guarded: 8 Device
+ SG_ Index : 0|32@1+ (1,0) [0|0] "" Device
+ SG_ Rail : 32|16@1+ (0.1,0) [0|0] "bar" Device
+BA_DEF_ BO_ "E2EProfile" INT 0 22;
+BA_DEF_ BO_ "E2EDataId" INT 0 65535;
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l","FD";
+BA_DEF_DEF_ "E2EProfile" 0;
+BA_DEF_DEF_ "E2EDataId" 0;
+BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
+BA_ "VFrameFormat" BO_ 291 14;
+BA_ "E2EProfile" BO_ 292 1;
+BA_ "E2EDataId" BO_ 292 7;
+"""
+
+
+def user_map(folder: Path, **changes: str) -> BusMap:
+    """Mapping of the database above; `changes` replace the lines of a role."""
+    roles = {
+        "rail_pressure": 'signal = "Rail"',
+        "needle_lift": 'signal = "Lift"',
+        "line_pressure": 'signal = "Line"\nunit = "bar"',
+    } | changes
+    text = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
+    for role, lines in roles.items():
+        text += f"[signals.{role}]\n"
+        text += "" if "message" in lines else 'message = "Daq"\n'
+        text += "" if "index" in lines else 'index = "Index"\n'
+        text += lines + "\n"
+    (folder / "user.dbc").write_text(USER_DBC)
+    (folder / "bench.toml").write_text(text)
+    return map_bus(load_bench(folder / "bench.toml"))
+
+
+def refusal(folder: Path, **changes: str) -> UserError:
+    with pytest.raises(UserError) as refused:
+        user_map(folder, **changes)
+    return refused.value
+
+
+def test_example_bench_maps_our_layout() -> None:
+    bus = map_bus(load_bench())
+    (message,) = bus.inputs.messages
+    assert int(message["key"]) == 0x100
+    assert (int(message["length"]), int(message["samples"])) == (64, 9)
+    assert bus.rate_samples == 28
+    assert [out.layout.name for out in (bus.rate, bus.summary, bus.status)] == [
+        "InjectionRate",
+        "InjectionSummary",
+        "ObserverStatus",
+    ]
+
+
+def test_every_signal_we_send_is_in_our_layout() -> None:
+    """A name misspelt in code would never go out."""
+    bus = map_bus(load_bench())
+    for out in (bus.rate, bus.summary, bus.status):
+        assert len(out.names) == len(out.table)
+    assert {"Mass", "NozzleWear", "EndIndex", "LinePressureOffset"} <= set(bus.summary.names)
+    assert {"LateAdoptions", "CrcErrors", "ModelHash", "Reason"} <= set(bus.status.names)
+
+
+def test_users_own_database(tmp_path: Path) -> None:
+    bus = user_map(tmp_path)
+    (message,) = bus.inputs.messages
+    assert int(message["key"]) == 291
+    assert int(message["data_id"]) == -1
+    assert int(message["samples"]) == 1
+    assert message["factor"].tolist() == [1e5, 1e-6, 1e5]
+
+
+def test_number_of_an_extended_frame_is_another() -> None:
+    assert frame_key(0x100, True) != frame_key(0x100, False)
+    assert frame_key(0x1FFFFFFF, False) != frame_key(0x1FFFFFFF, True)
+
+
+def test_message_that_is_not_there(tmp_path: Path) -> None:
+    error = refusal(tmp_path, rail_pressure='message = "Dag"\nsignal = "Rail"')
+    assert error.place == f"{tmp_path / 'bench.toml'}: signals.rail_pressure.message"
+    assert "Dag" in error.problem
+    assert "Daq" in error.remedy
+
+
+def test_signal_that_is_not_there(tmp_path: Path) -> None:
+    error = refusal(tmp_path, rail_pressure='signal = "Rial"')
+    assert error.place == f"{tmp_path / 'bench.toml'}: signals.rail_pressure"
+    assert "Rial" in error.problem
+    assert "Rail" in error.remedy
+
+
+def test_unit_that_is_not_known(tmp_path: Path) -> None:
+    error = refusal(tmp_path, line_pressure='signal = "Line"')
+    assert error.place.endswith("signals.line_pressure")
+    assert "psi" in error.problem
+    assert "bar" in error.remedy
+
+
+def test_unit_that_is_not_stated(tmp_path: Path) -> None:
+    error = refusal(tmp_path, line_pressure='signal = "Bare"')
+    assert "no unit" in error.problem
+    assert 'unit = "..."' in error.remedy
+
+
+def test_unit_of_another_quantity(tmp_path: Path) -> None:
+    assert "um" in refusal(tmp_path, line_pressure='signal = "Lift"').problem
+
+
+def test_different_numbers_of_samples(tmp_path: Path) -> None:
+    error = refusal(tmp_path, rail_pressure='signals = ["Rail", "Rail2"]')
+    assert error.place.endswith("signals.needle_lift")
+    assert "1 samples" in error.problem
+    assert "2" in error.problem
+
+
+def test_message_without_an_index(tmp_path: Path) -> None:
+    error = refusal(tmp_path, rail_pressure='signal = "Rail"\nindex = "SampleIndex"')
+    assert error.place.endswith("signals.rail_pressure.index")
+    assert "sample index" in error.problem
+
+
+@pytest.mark.parametrize("index", ["Short", "Signed", "Steps"])
+def test_index_that_cannot_be_unwrapped(tmp_path: Path, index: str) -> None:
+    """One that wraps after a second would read as a device that starts anew every second."""
+    lines = f'index = "{index}"\nsignal = '
+    error = refusal(
+        tmp_path,
+        rail_pressure=lines + '"Rail"',
+        needle_lift=lines + '"Lift"',
+        line_pressure=lines + '"Line"\nunit = "bar"',
+    )
+    assert error.place.endswith("signals.rail_pressure.index")
+    assert "32 bits" in error.problem
+
+
+def test_protection_that_is_not_supported(tmp_path: Path) -> None:
+    error = refusal(tmp_path, rail_pressure='message = "Guarded"\nsignal = "Rail"')
+    assert "Guarded" in error.place
+    assert "profile 1" in error.problem
+    assert "5" in error.remedy
+
+
+@pytest.mark.parametrize(
+    ("key", "name"),
+    [("injection_rate", "InjectonRate"), ("injection_summary", "Summary"), ("status", "ObserverStat")],
+)
+def test_output_message_that_is_not_there(tmp_path: Path, key: str, name: str) -> None:
+    path = tmp_path / "bench.toml"
+    lines = EXAMPLE_BENCH.read_text().splitlines()
+    path.write_text("\n".join(f'{key} = "{name}"' if line.startswith(f"{key} =") else line for line in lines))
+    with pytest.raises(UserError) as refused:
+        map_bus(load_bench(path))
+    assert refused.value.place == f"{path}: outputs.{key}"
+    assert name in refused.value.problem
+    assert refused.value.remedy

@@ -1,0 +1,240 @@
+"""Recordings through the observer: traces and results against the truth and against each other."""
+
+import csv
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from observer_rt.config import EXAMPLE_BENCH, load_bench, load_injector
+from observer_rt.errors import UserError
+from observer_rt.evaluation.evaluate import Evaluation, History, evaluate
+from observer_rt.evaluation.results import injection_results, recording_json
+from observer_rt.evaluation.trace_file import write_trace
+from observer_rt.model.coefficients import coefficients
+from observer_rt.observer.state import State
+from observer_rt.simulation.effects import PlantEffects
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import Shot, make_schedule
+from observer_rt.simulation.simulate import Simulation, simulate
+
+BENCH = load_bench()
+NOMINAL = load_injector()
+C = coefficients(NOMINAL)
+
+
+@cache
+def worn() -> Simulation:
+    """Four events of 100 MPa at 50 kHz, v_H = 0.3, with noise and a measured rate."""
+    schedule = make_schedule([100e6], 4, 0.05, [1.1e-3])
+    effects = PlantEffects(orifice_area=0.3)
+    return simulate(NOMINAL, schedule, 50e3, effects, NoiseLevels(), measured_rate=True, seed=2)
+
+
+@cache
+def evaluated() -> History:
+    return evaluate(BENCH, [worn().recording])
+
+
+def document(evaluation: Evaluation) -> dict[str, Any]:
+    """The recording's part of the JSON document, through JSON and back: no number that is none."""
+    text = json.dumps(recording_json(evaluation, C), allow_nan=False)
+    parsed: dict[str, Any] = json.loads(text)
+    return parsed
+
+
+@pytest.mark.parametrize("sample_rate", [50e3, 100e3])
+def test_healthy_injector_without_noise_is_estimated_exactly(sample_rate: float) -> None:
+    """Root mean square error of 0.3 mm3/ms or less over the windows, pilot and post included."""
+    shots = [Shot(0.4e-3, -1.5e-3), Shot(1.1e-3, 0.0), Shot(0.4e-3, 2.5e-3)]
+    schedule = make_schedule([60e6, 140e6], 4, 0.05, shots=shots)
+    made = simulate(NOMINAL, schedule, sample_rate)
+    (found,) = evaluate(BENCH, [made.recording], learning=False).evaluations
+    error = (found.trace.injection_rate - made.truth.injection_rate) / 1e-6
+    for report in found.reports:
+        window = error[report.start_index : report.end_index + 1]
+        assert np.sqrt(np.mean(window**2)) <= 0.3
+    assert [report.event for report in found.reports] == [1] * 3 + [2] * 3 + [3] * 3 + [4] * 3
+
+
+def test_without_learning_the_rate_is_the_nominal_one() -> None:
+    (found,) = evaluate(BENCH, [worn().recording], learning=False).evaluations
+    np.testing.assert_array_equal(found.trace.injection_rate, found.trace.nominal_rate)
+    assert not np.nan_to_num(found.trace.phi).any()
+    assert found.counters.adoptions == 0
+    assert set(found.trace.state) == {State.STARTING, State.RUNNING_NOMINAL}
+
+
+def test_published_rate_is_the_balance_of_state_and_phi() -> None:
+    """From the columns of the trace alone: Q_H,model(x^) - (V_L p0/K_L) phi_1."""
+    (found,) = evaluated().evaluations
+    trace = found.trace
+    some = ~np.isnan(trace.injection_rate)
+    x3, phi1 = trace.x[some, 2], trace.phi[some, 0]
+    drop = x3 * NOMINAL.scaling.pressure
+    area = NOMINAL.nozzle.flow_coefficient * NOMINAL.nozzle.area
+    model = area * np.sqrt(2 / NOMINAL.fluid.density_nozzle) * drop / np.sqrt(np.hypot(drop, 0.5e6))
+    stored = NOMINAL.line.volume * NOMINAL.scaling.pressure / NOMINAL.fluid.bulk_modulus_line
+    expected = model - stored * phi1
+    np.testing.assert_allclose(trace.injection_rate[some], expected, rtol=1e-9, atol=1e-15)
+    assert np.abs(phi1).max() * stored > 5e-6  # m3/s: phi carries the wear
+
+
+def test_same_recording_same_bits() -> None:
+    again = evaluate(BENCH, [worn().recording])
+    assert again.frames == evaluated().frames
+    np.testing.assert_array_equal(
+        again.evaluations[0].trace.injection_rate, evaluated().evaluations[0].trace.injection_rate
+    )
+
+
+def test_results_of_the_injections() -> None:
+    """Masses from trace and measurement over the window stated, in the units stated."""
+    (found,) = evaluated().evaluations
+    recording = worn().recording
+    assert recording.injection_rate is not None
+    for result in document(found)["injections"]:
+        inside = (recording.time >= result["start_s"] - 1e-9) & (recording.time <= result["end_s"] + 1e-9)
+        to_mg = 1 / 50e3 * NOMINAL.fluid.density_nozzle * 1e6
+        for key, rate in (
+            ("mass_mg", found.trace.injection_rate),
+            ("nominal_mass_mg", found.trace.nominal_rate),
+            ("measured_mass_mg", recording.injection_rate),
+        ):
+            assert result[key] == pytest.approx(float(np.trapezoid(rate[inside])) * to_mg, rel=1e-9)
+        error = (found.trace.injection_rate - recording.injection_rate)[inside] / 1e-6
+        assert result["rate_rmse_mm3_per_ms"] == pytest.approx(float(np.sqrt(np.mean(error**2))))
+        assert result["rail_pressure_MPa"] == pytest.approx(100.0, abs=0.6)
+    last = document(found)["injections"][-1]
+    assert last["mass_mg"] == pytest.approx(last["measured_mass_mg"], rel=0.02)
+    assert last["nominal_mass_mg"] < 0.85 * last["measured_mass_mg"]
+    assert last["rate_rmse_mm3_per_ms"] < 0.2 * last["nominal_rate_rmse_mm3_per_ms"]
+
+
+def test_window_of_a_result_holds_the_whole_injection() -> None:
+    truth = worn().truth
+    for result in document(evaluated().evaluations[0])["injections"]:
+        lift = truth.needle_lift[
+            (truth.time > result["start_s"] - 0.02) & (truth.time < result["end_s"] + 0.02)
+        ]
+        inside = truth.needle_lift[(truth.time >= result["start_s"]) & (truth.time <= result["end_s"])]
+        assert (inside > 0.0).sum() == (lift > 0.0).sum()
+        assert result["end_s"] - result["start_s"] < 3e-3
+
+
+def test_document_has_every_key_of_its_schema() -> None:
+    whole = document(evaluated().evaluations[0])
+    assert set(whole) >= {
+        "file",
+        "samples",
+        "sample_rate_hz",
+        "lost_samples",
+        "checks",
+        "injections",
+        "summary",
+    }
+    assert whole["samples"] == worn().recording.samples
+    assert whole["sample_rate_hz"] == 50e3
+    assert whole["lost_samples"] == 0
+    assert set(whole["summary"]) >= {"valid_share", "adoptions", "rejected_adoptions"}
+    first = whole["injections"][0]
+    assert set(first) >= {
+        *("number", "event", "start_s", "end_s", "rail_pressure_MPa", "mass_mg", "mass_ci95_mg"),
+        *("nominal_mass_mg", "measured_mass_mg", "rate_rmse_mm3_per_ms", "nominal_rate_rmse_mm3_per_ms"),
+        *("valid", "reasons", "state", "phi_version", "indicators"),
+    }
+    assert set(first["indicators"]) >= {"nozzle_v_H", "seat_v_S", "line_pressure_sensor_offset"}
+    assert first["valid"] is False
+    assert first["reasons"] == ["TOO_FEW_EVENTS"]
+    assert whole["injections"][-1]["valid"] is True
+    assert whole["injections"][-1]["reasons"] == []
+    low, high = whole["injections"][-1]["indicators"]["nozzle_v_H"]["ci95"]
+    assert low < 0.3 < high
+
+
+def test_without_a_measurement_nothing_is_compared_with_it() -> None:
+    made = simulate(NOMINAL, make_schedule([100e6], 2, 0.05, [1.1e-3]), 20e3, noise=NoiseLevels())
+    (found,) = evaluate(BENCH, [made.recording]).evaluations
+    for result in document(found)["injections"]:
+        assert result["measured_mass_mg"] is None
+        assert result["rate_rmse_mm3_per_ms"] is None
+        assert result["mass_mg"] > 0.0
+
+
+@pytest.mark.parametrize(("offset", "passed"), [(0.0, True), (1e6, True), (3e6, False), (-3e6, False)])
+def test_standstill_check_of_the_offset(offset: float, passed: bool) -> None:
+    effects = PlantEffects(line_pressure_sensor_offset=offset)
+    made = simulate(NOMINAL, make_schedule([100e6], 1, 0.05, [1.1e-3]), 20e3, effects, NoiseLevels())
+    (found,) = evaluate(BENCH, [made.recording], learning=False).evaluations
+    checks = {check["id"]: check for check in document(found)["checks"]}
+    assert checks["rail_line_offset"]["value"] == pytest.approx(offset / 1e6, abs=0.02)
+    assert checks["rail_line_offset"]["unit"] == "MPa"
+    assert checks["rail_line_offset"]["passed"] is passed
+
+
+def test_recordings_one_after_another_are_one_history() -> None:
+    """The second begins with what was learned from the first, and counts on."""
+    first, second = evaluate(BENCH, [worn().recording, worn().recording]).evaluations
+    alone = evaluated().evaluations[0]
+    np.testing.assert_array_equal(first.trace.injection_rate[:-1000], alone.trace.injection_rate[:-1000])
+    assert [report.number for report in second.reports] == [5, 6, 7, 8]
+    assert all(report.valid for report in second.reports)
+    assert second.reports[0].phi_version > 0
+    masses = [injection_results(part, C)[0].report.mass for part in (first, second)]
+    true = injection_results(second, C)[0].measured_mass
+    assert abs(masses[1] / true - 1) < 0.02 < abs(masses[0] / true - 1)
+
+
+def test_knowledge_of_one_history_starts_another() -> None:
+    restored = evaluate(BENCH, [worn().recording], knowledge=evaluated().knowledge).evaluations[0]
+    assert restored.reports[0].phi_version == evaluated().knowledge.phi_version
+    assert [report.valid for report in restored.reports] == [False, True, True, True]
+    true = injection_results(restored, C)[0].measured_mass
+    assert restored.reports[0].mass == pytest.approx(true, rel=0.02)
+
+
+def test_missing_samples_are_counted_and_left_out() -> None:
+    """Three milliseconds of a dead sensor: not available, and back soon after."""
+    recording = worn().recording
+    line = recording.line_pressure.copy()
+    line[9000:9150] = np.nan
+    damaged = type(recording)(recording.time, recording.rail_pressure, recording.needle_lift, line)
+    (found,) = evaluate(BENCH, [damaged]).evaluations
+    assert found.counters.lost_samples == 150
+    assert np.isnan(found.trace.injection_rate[9000:9300]).all()
+    assert not found.trace.valid[9000:9300].any()
+    assert not np.isnan(found.trace.injection_rate[9302:]).any()
+
+
+def test_bench_of_another_sample_rate_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(EXAMPLE_BENCH.read_text())
+    with pytest.raises(UserError, match="50000 Hz") as refused:
+        evaluate(load_bench(path), [worn().recording])
+    assert refused.value.place == f"{path}: sampling.rate_hz"
+    assert refused.value.remedy
+
+
+def test_trace_file(tmp_path: Path) -> None:
+    (found,) = evaluated().evaluations
+    path = tmp_path / "trace.csv"
+    write_trace(path, found)
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == [
+        *("time_s", "injection_rate_mm3_per_ms", "valid", "state"),
+        *("x1", "x2", "x3", "phi1", "phi2", "phi3"),
+    ]
+    assert len(rows) == worn().recording.samples
+    assert (rows[0]["injection_rate_mm3_per_ms"], rows[0]["valid"], rows[0]["state"]) == ("", "0", "STARTING")
+    at = int(np.nanargmax(found.trace.injection_rate))
+    shown = found.trace.injection_rate[at] / 1e-6
+    assert float(rows[at]["injection_rate_mm3_per_ms"]) == pytest.approx(shown, rel=1e-8)
+    assert float(rows[at]["x3"]) == pytest.approx(found.trace.x[at, 2], rel=1e-8)
+    assert float(rows[at]["phi1"]) == pytest.approx(found.trace.phi[at, 0], rel=1e-8)
+    assert float(rows[at]["time_s"]) == pytest.approx(worn().recording.time[at], rel=1e-8)
+    assert rows[-1]["state"] == "ADAPTED"
+    assert rows[-1]["valid"] == "1"

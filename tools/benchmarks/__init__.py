@@ -1,0 +1,1 @@
+"""What `tools/bench` measures: plants that know nothing of the package, cases, peers, scores."""

@@ -1,0 +1,67 @@
+"""`tools/bench`: the figures the work is judged by."""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from observer_rt.errors import ObserverError, UserError
+from tools.benchmarks.accuracy import Plan, print_results, run_accuracy
+from tools.benchmarks.cases import CLASSES
+from tools.benchmarks.tables import json_document
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+messages = Console(stderr=True)
+TABLE_WIDTH = 190  # where stdout is no terminal
+
+
+@app.callback()
+def bench() -> None:
+    """Measures the observer; each command prints a table, or a JSON document."""
+
+
+@app.command(epilog="Example: tools/bench accuracy --cases 10 --classes orifice_area,line_friction")
+def accuracy(
+    cases: Annotated[int, typer.Option(min=1, help="Cases per class.")] = 60,
+    classes: Annotated[str, typer.Option(help="Classes, by commas (default: all).")] = "",
+    seed: Annotated[int, typer.Option(help="Master seed.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
+    out: Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")] = Path(
+        "build/accuracy"
+    ),
+    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+) -> None:
+    """Error of mass and rate on independent plants, against the true rate, class by class."""
+    plan = Plan(_chosen(classes), cases, seed, workers, out)
+    found = run_accuracy(plan, messages)
+    if as_json:
+        print(json.dumps(json_document(found.scores, [str(crash) for crash in found.crashes]), indent=2))
+    else:
+        console = Console()
+        print_results(found, console if console.is_terminal else Console(width=TABLE_WIDTH))
+
+
+def _chosen(classes: str) -> tuple[str, ...]:
+    names = tuple(name for name in classes.split(",") if name) or tuple(CLASSES)
+    for name in names:
+        if name not in CLASSES:
+            raise UserError("--classes", f"unknown class '{name}'", f"known: {', '.join(CLASSES)}")
+    return names
+
+
+def main() -> None:
+    """Entry point."""
+    try:
+        app()
+    except ObserverError as error:
+        messages.print(f"[red]error:[/red] {escape(str(error))}", highlight=False, soft_wrap=True)
+        sys.exit(error.exit_code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,137 @@
+"""The bars of the accuracy figures, and which classes and cases miss them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tools.benchmarks.cases import CLASSES, Group
+from tools.benchmarks.score import NOMINAL, CaseScore
+
+WEAR = ("orifice_area", "seat_area", "orifice_and_seat_area")
+THIRD_EVENT = 2  # from 0: its estimate is the first that must be useful
+USEFUL_PCT = 1.0
+RECOVERY_EVENTS = 3
+WORSE_PCT = 1.0  # than the nominal model, for at most WORSE_EVENTS
+WORSE_EVENTS = 3
+SIGNIFICANT_WEAR = 0.1  # |v_H| from which the ratio of x3 counts
+MIXED_CASE_PCT = 1.0
+WAVE_JUDGED = 2  # events after which a travelling wave must be known as such
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Limits of a class: 95th percentiles of mass error [%] and RMSE [mm3/ms], and of any one case's mass error."""
+
+    mass_p95_pct: float
+    rmse_p95: float
+    mass_case_pct: float | None = None
+    valid_share: float = 0.98
+
+
+_MAIN = Bars(0.4, 0.45, 0.5)
+_BARS = {
+    **{name: _MAIN for name, c in CLASSES.items() if c.group is Group.MAIN},
+    "chamber_pressure_rise": Bars(0.4, 0.6, 0.5),
+    "at_50_khz": Bars(0.7, 0.7),
+    "at_20_khz": Bars(1.2, 1.2),
+}
+
+
+def by_class(scores: Sequence[CaseScore]) -> dict[str, list[CaseScore]]:
+    """Scores of every class that has some, in the order of `CLASSES`."""
+    return {name: found for name in CLASSES if (found := [s for s in scores if s.class_name == name])}
+
+
+def useful_at_third(score: CaseScore) -> bool:
+    """Whether the third event's mass is within 1 %."""
+    return bool(abs(score.event_errors_pct()[THIRD_EVENT]) < USEFUL_PCT)
+
+
+def recovered(score: CaseScore) -> bool:
+    """Whether the mass is within 1 % again three events after the change."""
+    assert score.change_event is not None
+    return bool(abs(score.event_errors_pct()[score.change_event + RECOVERY_EVENTS]) < USEFUL_PCT)
+
+
+def much_worse(score: CaseScore) -> bool:
+    """Whether more than three events are over 1 % worse than the nominal model."""
+    excess = np.abs(score.event_errors_pct()) - np.abs(score.event_errors_pct(NOMINAL))
+    return int(np.sum(excess > WORSE_PCT)) > WORSE_EVENTS
+
+
+def wave_believed(score: CaseScore) -> bool:
+    """Whether an event after the second is valid."""
+    return any(score.valid[WAVE_JUDGED:])
+
+
+def x3_ratios(scores: Sequence[CaseScore]) -> list[float]:
+    """Ratios of the x3-MSE where they count: nozzle wear alone, not small."""
+    return [
+        s.x3_ratio
+        for s in scores
+        if s.class_name == "orifice_area" and abs(s.nozzle_wear) >= SIGNIFICANT_WEAR
+    ]
+
+
+def violations(scores: Sequence[CaseScore]) -> list[str]:
+    """A line for every class and every case that misses a bar."""
+    return [line for name, cases in by_class(scores).items() for line in _violations_of(name, cases)]
+
+
+def _violations_of(name: str, cases: list[CaseScore]) -> Iterator[str]:
+    group = CLASSES[name].group
+    if name in _BARS:
+        yield from _level_violations(name, cases, _BARS[name])
+    if name == "healthy":
+        excess = [abs(s.mass_error_pct()) - abs(s.mass_error_pct(NOMINAL)) for s in cases]
+        yield from _above(name, "excess over the nominal model, p95 [%]", _p95(excess), 0.25)
+    if ratios := x3_ratios(cases):
+        p5 = float(np.percentile(ratios, 5))
+        if p5 < 40.0:
+            yield f"{name}: x3-MSE ratio, p5: {p5:.3g} < 40"
+    if name in WEAR:
+        share = float(np.mean([useful_at_third(s) for s in cases]))
+        if share < 0.97:
+            yield f"{name}: within 1 % at the third event: {share:.1%} < 97 %"
+    for s in cases:
+        yield from (f"{name} {s.number}: {problem}" for problem in _case_problems(group, s))
+
+
+def _level_violations(name: str, cases: list[CaseScore], bars: Bars) -> Iterator[str]:
+    masses = [abs(s.mass_error_pct()) for s in cases]
+    yield from _above(name, "mass error, p95 [%]", _p95(masses), bars.mass_p95_pct)
+    yield from _above(name, "RMSE, p95 [mm3/ms]", _p95([s.rate_rmse() for s in cases]), bars.rmse_p95)
+    share = float(np.mean([s.valid_share for s in cases]))
+    if share < bars.valid_share:
+        yield f"{name}: valid share: {share:.1%} < {bars.valid_share:.0%}"
+    if bars.mass_case_pct is not None:
+        for s, mass in zip(cases, masses, strict=True):
+            yield from _above(f"{name} {s.number}", "mass error [%]", mass, bars.mass_case_pct)
+
+
+def _case_problems(group: Group, s: CaseScore) -> Iterator[str]:
+    if s.wrong_valid:
+        yield f"{s.wrong_valid} events valid and wrong"
+    if (
+        group is Group.MIXED
+        and (error := s.valid_mass_error_pct()) is not None
+        and abs(error) > MIXED_CASE_PCT
+    ):
+        yield f"mass error of the valid events [%]: {error:.3g}, beyond {MIXED_CASE_PCT:g}"
+    if group is Group.WAVE and wave_believed(s):
+        yield f"{sum(s.valid[WAVE_JUDGED:])} events after the second valid, on a line with travelling waves"
+    if s.change_event is not None and not recovered(s):
+        error = s.event_errors_pct()[s.change_event + RECOVERY_EVENTS]
+        yield f"mass error three events after the change [%]: {error:.3g}"
+    if group is Group.STABILITY and much_worse(s):
+        yield "more than three events over 1 % worse than the nominal model"
+
+
+def _above(place: str, what: str, value: float, bar: float) -> Iterator[str]:
+    if value > bar:
+        yield f"{place}: {what}: {value:.3g} > {bar:g}"
+
+
+def _p95(values: Sequence[float]) -> float:
+    return float(np.percentile(values, 95))

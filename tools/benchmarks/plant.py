@@ -1,0 +1,214 @@
+"""The benchmark's plant: what is injected when, what happens, and what the sensors and the bus make of it.
+
+Imports nothing of `observer_rt`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tools.benchmarks.plant_equations import run
+from tools.benchmarks.plant_parameters import Faults, Injector
+
+SAMPLE_RATE = 100e3  # Hz of the plant; slower recordings are decimated
+FIRST_EVENT = 0.15  # s
+PERIOD = 0.06  # s between events
+RAIL_MOVES = (0.022, 0.050)  # s after an event starts: the rail goes to the next event's pressure
+REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
+PRESSURE_STEP, PRESSURE_FLOOR = 0.005e6, -10e6  # Pa, of the 16-bit code on the bus
+LIFT_STEP, LIFT_FLOOR = 0.01e-6, -50e-6  # m
+HIGHEST_CODE = 0xFFFD
+RAIL_NOISE, LINE_NOISE, LIFT_NOISE = 0.1e6, 0.15e6, 0.4e-6  # Pa, Pa, m: white, per sample
+WAVE_CELLS = 40
+WAVE_DAMPING = 1.0  # m2/s
+
+
+@dataclass(frozen=True)
+class Needle:
+    """Speeds [m/s] at 100 MPa; they grow with powers of the rail pressure."""
+
+    opening_speed: float = 0.80
+    closing_speed: float = 0.90
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One opening of the needle: start after the event's start, and duration [s]."""
+
+    start: float
+    duration: float
+
+
+@dataclass(frozen=True)
+class Event:
+    """One injection event: rail pressure [Pa], its openings in order, faults in force from its period's start."""
+
+    rail_pressure: float
+    shots: tuple[Shot, ...]
+    faults: Faults
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What is recorded: injector, needle, events, sample rate [Hz], noise as a multiple of the usual, seed."""
+
+    injector: Injector
+    needle: Needle
+    events: tuple[Event, ...]
+    sample_rate: float = SAMPLE_RATE
+    noise: float = 1.0
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What the observer gets; SI, all (n,)."""
+
+    time: NDArray[np.float64]
+    rail_pressure: NDArray[np.float64]
+    needle_lift: NDArray[np.float64]
+    line_pressure: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What really happened at the samples; SI, all (n,)."""
+
+    injection_rate: NDArray[np.float64]
+    sac_pressure: NDArray[np.float64]
+    needle_lift: NDArray[np.float64]
+    line_pressure: NDArray[np.float64]
+    rail_pressure: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """One recording and its truth; `openings` (m, 2): the sample ranges [first, last] with true lift > 1 um,
+    `event_of` (m,): the event (from 0) each belongs to."""
+
+    measured: Measured
+    truth: Truth
+    openings: NDArray[np.int64]
+    event_of: NDArray[np.int64]
+
+
+def event_start(number: int) -> float:
+    """Start of event `number` (from 0) [s]."""
+    return FIRST_EVENT + number * PERIOD
+
+
+def wave_injector(sac_volume: float = 3e-9) -> Injector:
+    """An injector whose line carries travelling waves, drained by the seat flow, with a small sac [m3]."""
+    return Injector(
+        line_cells=WAVE_CELLS, line_damping=WAVE_DAMPING, sac_volume=sac_volume, drained_by_seat=1
+    )
+
+
+def strokes_of(event: Event, start: float, needle: Needle, max_lift: float) -> NDArray[np.float64]:
+    """Needle strokes (m, 6) of an event: opening, top, closing, closed [s], opening and closing speed [m/s]."""
+    relative = event.rail_pressure / REFERENCE_PRESSURE
+    up, down = needle.opening_speed * relative**0.4, needle.closing_speed * relative**0.3
+    rows = []
+    for shot in event.shots:
+        rise = min(max_lift / up, shot.duration / (1.0 + up / down))
+        opening = start + shot.start
+        closed = opening + shot.duration
+        rows.append((opening, opening + rise, closed - rise * up / down, closed, up, down))
+    return np.array(rows)
+
+
+def record(bench: Bench) -> Outcome:
+    """Run the plant through all events and measure it; the same bench gives the same recording."""
+    count = round((event_start(len(bench.events)) + 0.01) * SAMPLE_RATE)
+    time = np.arange(count) / SAMPLE_RATE
+    rail = _rail(bench.events, time)
+    result, lateness = _integrate(bench, time, rail)
+    truth = Truth(result[:, 0], result[:, 1], result[:, 2], result[:, 3], rail)
+    measured = _measure(bench, time, rail, result, lateness)
+    every = round(SAMPLE_RATE / bench.sample_rate)
+    measured = Measured(*(v[::every] for v in vars(measured).values()))
+    truth = Truth(*(v[::every] for v in vars(truth).values()))
+    openings = _openings(truth.needle_lift)
+    starts = np.array([event_start(i) for i in range(len(bench.events))])
+    event_of = np.searchsorted(starts, measured.time[openings[:, 0]] + 1e-4, side="right") - 1
+    return Outcome(measured, truth, openings, event_of)
+
+
+def _first_sample(number: int) -> int:
+    """First sample of event `number`'s period: a while before its start, when the rail is at rest."""
+    return 0 if number == 0 else round((event_start(number) - 0.005) * SAMPLE_RATE)
+
+
+def _rail(events: tuple[Event, ...], time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """True rail pressure (n,): constant round the events, smooth steps between."""
+    rail = np.full(time.size, events[0].rail_pressure)
+    for number in range(1, len(events)):
+        begin, end = (event_start(number - 1) + move for move in RAIL_MOVES)
+        share = np.clip((time - begin) / (end - begin), 0.0, 1.0)
+        change = events[number].rail_pressure - events[number - 1].rail_pressure
+        rail += change * 0.5 * (1.0 - np.cos(math.pi * share))
+    return rail
+
+
+def _integrate(
+    bench: Bench, time: NDArray[np.float64], rail: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Signals (n, 6) of `plant_equations.run` at all samples, and how many samples late the line is recorded."""
+    part = bench.injector
+    q, p = np.zeros(part.line_cells), np.full(part.line_cells, rail[0])
+    rest = np.array([part.chamber_pressure, rail[0], 0.0])
+    result = np.empty((time.size, 6))
+    result[0] = (0.0, part.chamber_pressure, 0.0, rail[0], rail[0], 0.0)
+    lateness = np.zeros(time.size, np.int64)
+    for number, event in enumerate(bench.events):
+        first = _first_sample(number)
+        end = time.size - 1 if number + 1 == len(bench.events) else _first_sample(number + 1)
+        strokes = strokes_of(event, event_start(number), bench.needle, part.max_lift)
+        start, interval = float(time[first]), 1.0 / SAMPLE_RATE
+        inputs, rows = rail[first : end + 1], result[first + 1 : end + 1]
+        run(part, event.faults, strokes, start, interval, inputs, q, p, rest, rows)
+        lateness[first + 1 : end + 1] = math.floor(event.faults.channel_skew * SAMPLE_RATE)
+    return result, lateness
+
+
+def _measure(
+    bench: Bench,
+    time: NDArray[np.float64],
+    rail: NDArray[np.float64],
+    result: NDArray[np.float64],
+    lateness: NDArray[np.int64],
+) -> Measured:
+    """Sensors, noise and the bus's 16-bit codes."""
+    number = np.searchsorted(
+        [_first_sample(i) for i in range(len(bench.events))], np.arange(time.size), "right"
+    )
+    each = [event.faults for event in bench.events]
+
+    def fault(name: str) -> NDArray[np.float64]:
+        return np.array([getattr(f, name) for f in each])[number - 1]
+
+    line = result[np.maximum(np.arange(time.size) - lateness, 0), 4]
+    line = line * (1.0 + fault("line_pressure_sensor_gain")) + fault("line_pressure_sensor_offset")
+    rail = rail * (1.0 + fault("rail_pressure_sensor_gain")) + fault("rail_pressure_sensor_offset")
+    lift = result[:, 5] / (1.0 + fault("lift_gain"))
+    lift = np.where(lift > 0.0, np.maximum(lift - fault("lift_offset"), 0.0), 0.0)
+    noise = np.random.default_rng(bench.seed).normal(size=(3, time.size)) * bench.noise
+    return Measured(
+        time,
+        _coded(rail + RAIL_NOISE * noise[0], PRESSURE_STEP, PRESSURE_FLOOR),
+        _coded(lift + LIFT_NOISE * noise[1], LIFT_STEP, LIFT_FLOOR),
+        _coded(line + LINE_NOISE * noise[2], PRESSURE_STEP, PRESSURE_FLOOR),
+    )
+
+
+def _coded(values: NDArray[np.float64], step: float, floor: float) -> NDArray[np.float64]:
+    return np.clip(np.rint((values - floor) / step), 0, HIGHEST_CODE) * step + floor
+
+
+def _openings(lift: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Sample ranges (m, 2), ends included, with lift above 1 um."""
+    is_open = np.concatenate(([False], lift > 1e-6, [False]))
+    changes = np.flatnonzero(is_open[1:] != is_open[:-1])
+    return np.stack((changes[::2], changes[1::2] - 1), axis=1)

@@ -1,0 +1,266 @@
+"""Injector and feed line of the benchmark's plant: a line of n cells, and the sac, in fine steps.
+
+Integrator: velocity Verlet (kick, drift, kick) along the line, the trapezoidal rule, solved by Newton's method, for
+the closed end of the line with the sac. One cell is the lump of (19)-(20); dozens carry travelling waves.
+Imports nothing of `observer_rt`: a plant that shared code with the observer would share its mistakes.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from tools.benchmarks.plant_parameters import Faults, Injector
+
+ROUNDING = 100.0  # Pa, below which the square root of a pressure difference is rounded
+CHAMBER_LIFT = 10e-6  # m, over which the chamber pressure follows the opening needle
+CORNER = 0.015e-3  # s, half width of the needle's rounded corners
+STEPS_FLOWING = 40  # per sample while the needle is open or the sac empties
+STEPS_SHUT = 10  # per sample while only the line moves
+SOLVED_SAC = 1e-3  # Pa
+SOLVED_LINE = 1e-2  # Pa
+
+
+@njit(cache=True, nogil=True)
+def square_root(difference: float) -> float:
+    """Signed square root of a pressure difference [Pa]."""
+    return difference / math.sqrt(math.fabs(difference) + ROUNDING)
+
+
+@njit(cache=True, nogil=True)
+def square_root_slope(difference: float) -> float:
+    """Derivative of `square_root`."""
+    rounded = math.fabs(difference) + ROUNDING
+    return (rounded - 0.5 * math.fabs(difference)) / (rounded * math.sqrt(rounded))
+
+
+@njit(cache=True, nogil=True)
+def _ramp(time: float) -> float:
+    """max(0, time), its corner rounded by a triangular window of half width CORNER."""
+    if time <= -CORNER:
+        return 0.0
+    if time >= CORNER:
+        return time
+    total = (time + CORNER) ** 3
+    if time > 0.0:
+        total -= 2.0 * time**3
+    return total / (6.0 * CORNER * CORNER)
+
+
+@njit(cache=True, nogil=True)
+def lift_at(time: float, strokes: NDArray[np.float64]) -> float:
+    """True needle lift [m]; strokes (m, 6): opening, top, closing, closed [s], opening and closing speed [m/s]."""
+    lift = 0.0
+    for i in range(strokes.shape[0]):
+        if strokes[i, 0] - CORNER < time < strokes[i, 3] + CORNER:
+            lift += strokes[i, 4] * (_ramp(time - strokes[i, 0]) - _ramp(time - strokes[i, 1]))
+            lift -= strokes[i, 5] * (_ramp(time - strokes[i, 2]) - _ramp(time - strokes[i, 3]))
+    return max(lift, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def nozzle_factor(p_s: float, p_c: float, lift: float, part: Injector, faults: Faults) -> float:
+    """Flow through the nozzle per root of pressure difference [m3/s/sqrt(Pa)]."""
+    factor = part.nozzle_area * math.sqrt(2.0 / part.density) * (1.0 + faults.orifice_area)
+    if faults.nozzle_lift_loss != 0.0 and lift > 0.0:
+        factor *= 1.0 - faults.nozzle_lift_loss * math.exp(-lift / faults.seat_lift_scale)
+    if faults.orifice_cavitation > 0.0 and p_s > p_c:
+        number = (p_s - part.vapour_pressure) / (p_s - p_c)
+        critical = 1.0 + faults.orifice_cavitation
+        if number < critical:
+            factor *= math.sqrt(number / critical)
+    return factor
+
+
+@njit(cache=True, nogil=True)
+def seat_factor(lift: float, part: Injector, faults: Faults) -> float:
+    """Flow through the seat per root of pressure difference [m3/s/sqrt(Pa)]."""
+    if lift <= 0.0:
+        return 0.0
+    sine = math.sin(part.seat_half_angle)
+    area = math.pi * lift * sine * (part.seat_diameter - 0.5 * lift * math.sin(2.0 * part.seat_half_angle))
+    loss = faults.seat_lift_loss * math.exp(-lift / faults.seat_lift_scale)
+    worn = (1.0 + faults.seat_area) * (1.0 - loss)
+    return part.seat_coefficient * worn * area * math.sqrt(2.0 / part.density)
+
+
+@njit(cache=True, nogil=True)
+def chamber_pressure(lift: float, part: Injector, faults: Faults) -> float:
+    """p_C [Pa], raised while the needle is open."""
+    return part.chamber_pressure + faults.chamber_pressure_rise * min(1.0, lift / CHAMBER_LIFT)
+
+
+@njit(cache=True, nogil=True)
+def _sac_after(
+    p_s0: float,
+    fixed: float,
+    half: float,
+    p_l: float,
+    p_c: float,
+    lift: float,
+    part: Injector,
+    faults: Faults,
+) -> float:
+    """Sac pressure p that solves p = p_s0 + fixed + half (Q_S(p) - Q_H(p)); Newton, kept in its bracket."""
+    seat = seat_factor(lift, part, faults)
+    low, high = min(p_c, p_l, p_s0) - 1e6, max(p_c, p_l, p_s0) + 1e6
+    p = p_s0
+    for _ in range(60):
+        nozzle = nozzle_factor(p, p_c, lift, part, faults)
+        flow = seat * square_root(p_l - p) - nozzle * square_root(p - p_c)
+        rest = p - p_s0 - fixed - half * flow
+        if rest > 0.0:
+            high = p
+        else:
+            low = p
+        slope = 1.0 + half * (seat * square_root_slope(p_l - p) + nozzle * square_root_slope(p - p_c))
+        change = -rest / slope
+        if not low <= p + change <= high:
+            change = 0.5 * (low + high) - p
+        p += change
+        if math.fabs(change) < SOLVED_SAC:
+            break
+    return p
+
+
+@njit(cache=True, nogil=True)
+def _kick(
+    q: NDArray[np.float64],
+    p: NDArray[np.float64],
+    rail: float,
+    step: float,
+    part: Injector,
+    faults: Faults,
+) -> None:
+    """Flows of the line over `step` [s], pressures held: (19) for every cell."""
+    cells = q.shape[0]
+    inertance = part.density * part.line_length * (1.0 + faults.line_inertance) / part.line_area / cells
+    loss = part.line_loss * (1.0 + faults.line_friction) / (2.0 * part.line_area * part.line_length)
+    damping = part.line_damping * (cells / part.line_length) ** 2
+    before = q[0]
+    for i in range(cells):
+        upstream = rail if i == 0 else p[i - 1]
+        after = q[i + 1] if i + 1 < cells else q[i]
+        change = (upstream - p[i]) / inertance - loss * q[i] * math.fabs(q[i])
+        change += damping * (before - 2.0 * q[i] + after)
+        before = q[i]
+        q[i] += step * change
+
+
+@njit(cache=True, nogil=True)
+def _drift(
+    q: NDArray[np.float64],
+    p: NDArray[np.float64],
+    p_s: float,
+    lift0: float,
+    lift1: float,
+    step: float,
+    part: Injector,
+    faults: Faults,
+) -> float:
+    """Pressures over `step` [s], line flows held: (20), (22). Returns the new sac pressure."""
+    cells = q.shape[0]
+    compliance = part.line_volume / cells
+    for i in range(cells - 1):
+        stiffness = 1.0 / (
+            1.0 / (part.bulk_modulus_line * (1.0 + faults.bulk_modulus)) + faults.entrained_air / p[i]
+        )
+        p[i] += step * stiffness / compliance * (q[i] - q[i + 1])
+    last = cells - 1
+    p_l0 = p[last]
+    stiffness = 1.0 / (
+        1.0 / (part.bulk_modulus_line * (1.0 + faults.bulk_modulus)) + faults.entrained_air / p_l0
+    )
+    line_gain = 0.5 * step * stiffness / compliance
+    sac_gain = 0.5 * step * part.bulk_modulus_sac * (1.0 + faults.sac_stiffness) / part.sac_volume
+    by_seat = max(faults.seat_outflow, float(part.drained_by_seat))
+    flowing = lift0 > 0.0 or lift1 > 0.0 or p_s != part.chamber_pressure
+    inflow = q[last] - faults.guide_leakage * (p_l0 - part.chamber_pressure)
+    if not flowing:
+        p[last] = p_l0 + 2.0 * line_gain * inflow
+        return p_s
+    p_c0 = chamber_pressure(lift0, part, faults)
+    seat0 = seat_factor(lift0, part, faults) * square_root(p_l0 - p_s)
+    nozzle0 = nozzle_factor(p_s, p_c0, lift0, part, faults) * square_root(p_s - p_c0)
+    drain0 = by_seat * seat0 + (1.0 - by_seat) * nozzle0
+    p_c1 = chamber_pressure(lift1, part, faults)
+    p_l, p_s1 = p_l0, p_s
+    for _ in range(20):
+        p_s1 = _sac_after(p_s, sac_gain * (seat0 - nozzle0), sac_gain, p_l, p_c1, lift1, part, faults)
+        seat1 = seat_factor(lift1, part, faults) * square_root(p_l - p_s1)
+        nozzle1 = nozzle_factor(p_s1, p_c1, lift1, part, faults) * square_root(p_s1 - p_c1)
+        drain1 = by_seat * seat1 + (1.0 - by_seat) * nozzle1
+        leak1 = faults.guide_leakage * (p_l - part.chamber_pressure)
+        better = p_l0 + line_gain * (inflow - drain0 + q[last] - leak1 - drain1)
+        change = better - p_l
+        p_l = better
+        if math.fabs(change) < SOLVED_LINE:
+            break
+    p[last] = p_l
+    if lift1 == 0.0 and p_s1 - part.chamber_pressure < ROUNDING:
+        return part.chamber_pressure
+    return p_s1
+
+
+@njit(cache=True, nogil=True)
+def run(
+    part: Injector,
+    faults: Faults,
+    strokes: NDArray[np.float64],
+    start: float,
+    interval: float,
+    rail: NDArray[np.float64],
+    q: NDArray[np.float64],
+    p: NDArray[np.float64],
+    sac_and_sensor: NDArray[np.float64],
+    result: NDArray[np.float64],
+) -> None:
+    """Integrate over the samples of `rail` (n + 1,) [Pa], linear between them, the first at `start` [s].
+
+    q, p (cells,) and sac_and_sensor (3,) [p_S, lagged p_L, lagged lift] are the state, changed in place.
+    result (n, 6), at the samples after the first: injection rate, p_S, lift, p_L, line pressure and lift as sensors
+    with lag and late recording see them.
+    """
+    last = p.shape[0] - 1
+    p_s, seen, seen_lift = sac_and_sensor[0], sac_and_sensor[1], sac_and_sensor[2]
+    recorded = seen
+    for k in range(result.shape[0]):
+        t0 = start + k * interval
+        shut = p_s == part.chamber_pressure
+        for i in range(strokes.shape[0]):
+            shut = shut and (t0 + interval <= strokes[i, 0] - CORNER or t0 >= strokes[i, 3] + CORNER)
+        steps = STEPS_SHUT if shut else STEPS_FLOWING
+        step = interval / steps
+        lift1 = 0.0 if shut else lift_at(t0, strokes)
+        late = interval - faults.channel_skew % interval  # after t0; whole intervals are the caller's
+        for j in range(steps):
+            lift0, p_l0, seen0 = lift1, p[last], seen
+            rail0 = rail[k] + (rail[k + 1] - rail[k]) * j / steps
+            rail1 = rail[k] + (rail[k + 1] - rail[k]) * (j + 1) / steps
+            lift1 = 0.0 if shut else lift_at(t0 + (j + 1) * step, strokes)
+            _kick(q, p, rail0, 0.5 * step, part, faults)
+            p_s = _drift(q, p, p_s, lift0, lift1, step, part, faults)
+            _kick(q, p, rail1, 0.5 * step, part, faults)
+            seen = _lagged(seen0, p_l0, p[last], step, faults.line_pressure_sensor_lag)
+            seen_lift = _lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)
+            if j * step < late <= (j + 1) * step * (1.0 + 1e-12):
+                recorded = seen0 + (seen - seen0) * (late / step - j)
+        p_c = chamber_pressure(lift1, part, faults)
+        result[k, 0] = nozzle_factor(p_s, p_c, lift1, part, faults) * square_root(p_s - p_c)
+        result[k, 1] = p_s
+        result[k, 2] = lift1
+        result[k, 3] = p[last]
+        result[k, 4] = recorded
+        result[k, 5] = seen_lift
+    sac_and_sensor[0], sac_and_sensor[1], sac_and_sensor[2] = p_s, seen, seen_lift
+
+
+@njit(cache=True, nogil=True)
+def _lagged(seen: float, before: float, after: float, step: float, lag: float) -> float:
+    """First-order lag over a step, its input linear; exact."""
+    if lag <= 0.0:
+        return after
+    decay = math.exp(-step / lag)
+    slope = (after - before) / step
+    return after - slope * lag + (seen - before + slope * lag) * decay

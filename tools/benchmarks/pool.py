@@ -1,0 +1,50 @@
+"""Many cases on a few processes."""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from typing import TypeVar
+
+Result = TypeVar("Result")
+_SINGLE_THREADED = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+_AHEAD = 2  # tasks handed out per process: an interrupted run loses no more
+
+
+@dataclass(frozen=True)
+class Task:
+    """One case, by what determines it."""
+
+    class_name: str
+    master_seed: int
+    number: int
+
+
+@dataclass(frozen=True)
+class Crash:
+    """A case that raised an exception."""
+
+    task: Task
+    message: str
+
+
+def run_tasks(
+    work: Callable[[Task], Result], tasks: Sequence[Task], workers: int, warm_up: Callable[[], None]
+) -> Iterator[Result | Crash]:
+    """Results in the order they are ready; `work` and `warm_up` (once a process) are module-level functions."""
+    for variable in _SINGLE_THREADED:  # the processes share the cores already
+        os.environ.setdefault(variable, "1")
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=warm_up) as pool:
+        waiting = list(reversed(tasks))
+        running: dict[Future[Result], Task] = {}
+        while waiting or running:
+            while waiting and len(running) < _AHEAD * workers:
+                task = waiting.pop()
+                running[pool.submit(work, task)] = task
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                task = running.pop(future)
+                error = future.exception()
+                yield Crash(task, f"{type(error).__name__}: {error}") if error else future.result()

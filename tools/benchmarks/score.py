@@ -1,0 +1,101 @@
+"""A case's score: masses, rate errors, validity, event by event, and the figures made of them."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+SCORED = slice(10, 20)  # events 11-20
+WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong
+WRONG_RATE = 3.0  # mm3/ms
+OBSERVER, NOMINAL = "observer", "nominal"
+
+
+@dataclass(frozen=True)
+class EstimatorScore:
+    """What an estimator made of a recording, event by event."""
+
+    name: str
+    mass_mg: tuple[float, ...]
+    rate_square_error: tuple[float, ...]
+    """Mean over the union of the event's windows [(mm3/ms)^2]."""
+    x3_square_error: tuple[float, ...] = ()
+    """The same of the normalised sac pressure; empty for an estimator without one."""
+
+
+@dataclass(frozen=True)
+class CaseScore:
+    """One case scored; tuples are per event."""
+
+    class_name: str
+    master_seed: int
+    number: int
+    change_event: int | None
+    nozzle_wear: float
+    true_mass_mg: tuple[float, ...]
+    window_samples: tuple[int, ...]
+    estimators: tuple[EstimatorScore, ...]
+    valid: tuple[bool, ...]
+    reasons: tuple[str, ...]
+    mass_ci95_mg: tuple[tuple[float, float] | None, ...]
+    opening_errors_pct: tuple[tuple[float, ...], ...]
+    """Mass error of every opening of each event, for information."""
+    training_ms: tuple[float, ...]
+    seconds: float
+
+    def estimator(self, name: str) -> EstimatorScore:
+        """The score of an estimator. Raises KeyError when it did not run."""
+        for estimator in self.estimators:
+            if estimator.name == name:
+                return estimator
+        raise KeyError(name)
+
+    def mass_error_pct(self, name: str = OBSERVER) -> float:
+        """Signed error of the mass of events 11-20 together."""
+        true = sum(self.true_mass_mg[SCORED])
+        return 100.0 * (sum(self.estimator(name).mass_mg[SCORED]) / true - 1.0)
+
+    def valid_mass_error_pct(self) -> float | None:
+        """Signed error of the mass of those of events 11-20 that are valid; None when none is."""
+        valid = np.array(self.valid[SCORED])
+        if not valid.any():
+            return None
+        mass = np.array(self.estimator(OBSERVER).mass_mg[SCORED])[valid].sum()
+        return float(100.0 * (mass / np.array(self.true_mass_mg[SCORED])[valid].sum() - 1.0))
+
+    def event_errors_pct(self, name: str = OBSERVER) -> NDArray[np.float64]:
+        """Signed mass error of every event."""
+        return 100.0 * (np.array(self.estimator(name).mass_mg) / np.array(self.true_mass_mg) - 1.0)
+
+    def rate_rmse(self, name: str = OBSERVER) -> float:
+        """RMSE of the rate over events 11-20 together [mm3/ms]."""
+        return math.sqrt(self._mean(self.estimator(name).rate_square_error))
+
+    @property
+    def x3_ratio(self) -> float:
+        """How much smaller the observer's mean square error of x3 is than the nominal model's."""
+        observer, nominal = (self._mean(self.estimator(name).x3_square_error) for name in (OBSERVER, NOMINAL))
+        return nominal / observer if observer > 0.0 else math.inf
+
+    @property
+    def valid_share(self) -> float:
+        """Valid events among 11-20."""
+        return float(np.mean(self.valid[SCORED]))
+
+    @property
+    def wrong_valid(self) -> int:
+        """Events, all of them, that are valid and wrong."""
+        wrong = (np.abs(self.event_errors_pct()) > WRONG_MASS) | (
+            np.sqrt(self.estimator(OBSERVER).rate_square_error) > WRONG_RATE
+        )
+        return int(np.sum(wrong & np.array(self.valid)))
+
+    def covered(self, event: int) -> bool | None:
+        """Whether the 95 % interval of an event's (from 0) mass holds the true mass; None without interval."""
+        interval = self.mass_ci95_mg[event]
+        return None if interval is None else interval[0] <= self.true_mass_mg[event] <= interval[1]
+
+    def _mean(self, squares: tuple[float, ...]) -> float:
+        weights = self.window_samples[SCORED]
+        return float(np.average(squares[SCORED], weights=weights))

@@ -1,0 +1,159 @@
+"""Our observer, and the nominal model beside it, on one case."""
+
+import math
+import time
+from collections.abc import Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config import Bench, SamplingConfig, load_bench
+from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.recording.recording import Recording
+from observer_rt.service.report import InjectionReport
+from observer_rt.service.training import InlineExecutor
+from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from tools.benchmarks.cases import Case, make_case
+from tools.benchmarks.plant import Outcome, record
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore
+from tools.benchmarks.windows import Windows, windows_of
+
+WARM_UP_EVENTS = 3
+PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
+
+
+def score_case(case: Case) -> CaseScore:
+    """Record a case and score our observer, and the nominal model beside it, on the recording."""
+    begin = time.perf_counter()
+    outcome = record(case.bench)
+    bench = bench_at(case.bench.sample_rate)
+    with timed_training() as training:
+        evaluation = evaluate(bench, [recording_of(outcome)]).evaluations[0]
+    windows = windows_of(outcome, case.bench.sample_rate)
+    truth, trace = outcome.truth, evaluation.trace
+    density = case.bench.injector.density
+    rate = np.where(np.isnan(trace.injection_rate), trace.nominal_rate, trace.injection_rate)
+    nominal_x3 = x3_of_rate(trace.nominal_rate, bench)
+    x3 = np.where(np.isnan(trace.x[:, 2]), nominal_x3, trace.x[:, 2])
+    true_x3 = (truth.sac_pressure - case.bench.injector.chamber_pressure) / PRESSURE_SCALE
+    valid, reasons, intervals = _judged(evaluation, windows)
+    true_masses = windows.masses(truth.injection_rate, density)
+    errors = 100.0 * (windows.masses(rate, density) / true_masses - 1.0)
+
+    def scored(name: str, rate: NDArray[np.float64], x3: NDArray[np.float64]) -> EstimatorScore:
+        return EstimatorScore(
+            name,
+            windows.event_masses_mg(rate, density),
+            windows.mean_squares((rate - truth.injection_rate) / MM3_PER_MS),
+            windows.mean_squares(x3 - true_x3),
+        )
+
+    return CaseScore(
+        class_name=case.class_name,
+        master_seed=case.master_seed,
+        number=case.number,
+        change_event=case.change_event,
+        nozzle_wear=case.bench.events[-1].faults.orifice_area,
+        true_mass_mg=windows.event_masses_mg(truth.injection_rate, density),
+        window_samples=tuple(windows.union(e).size for e in range(len(case.bench.events))),
+        estimators=(scored(OBSERVER, rate, x3), scored(NOMINAL, trace.nominal_rate, nominal_x3)),
+        valid=valid,
+        reasons=reasons,
+        mass_ci95_mg=intervals,
+        opening_errors_pct=tuple(tuple(float(errors[i]) for i in o) for o in windows.of_event),
+        training_ms=tuple(training),
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def warm_up() -> None:
+    """Compile, or load from the cache, so that no case's training time holds it."""
+    case = make_case("orifice_area", 0, 0)
+    score_case(replace(case, bench=replace(case.bench, events=case.bench.events[:WARM_UP_EVENTS])))
+
+
+def recording_of(outcome: Outcome) -> Recording:
+    """What the observer is given: no truth."""
+    m = outcome.measured
+    return Recording(m.time, m.rail_pressure, m.needle_lift, m.line_pressure)
+
+
+def bench_at(sample_rate: float) -> Bench:
+    """The example bench at a sample rate [Hz]."""
+    bench = load_bench()
+    sampling = SamplingConfig(rate_hz=sample_rate)
+    return bench.model_copy(update={"config": bench.config.model_copy(update={"sampling": sampling})})
+
+
+def x3_of_rate(rate: NDArray[np.float64], bench: Bench) -> NDArray[np.float64]:
+    """x3 at which the nominal nozzle passes a rate [m3/s]: (23) solved for p_S."""
+    part = bench.injector
+    at_scale = (
+        part.nozzle.flow_coefficient
+        * part.nozzle.area
+        * math.sqrt(2.0 * PRESSURE_SCALE / part.fluid.density_nozzle)
+    )
+    root: NDArray[np.float64] = rate / at_scale
+    return root * np.abs(root)
+
+
+def _judged(
+    evaluation: Evaluation, windows: Windows
+) -> tuple[tuple[bool, ...], tuple[str, ...], tuple[tuple[float, float] | None, ...]]:
+    """Validity, reasons and 95 % interval of the mass [mg] of every event, from the observer's own reports.
+
+    An event is valid if a report belongs to each of its openings, all are valid and no rate is missing.
+    """
+    valid, reasons, intervals = [], [], []
+    for event, openings in enumerate(windows.of_event):
+        reports = [r for i in openings if (r := _report_of(evaluation, windows.ranges[i])) is not None]
+        missing = bool(np.isnan(evaluation.trace.injection_rate[windows.union(event)]).any())
+        found = len(reports) == len(openings)
+        valid.append(found and not missing and all(r.valid for r in reports))
+        reasons.append(
+            " ".join(sorted({r.reason.name for r in reports if not r.valid})) if found else "NO_REPORT"
+        )
+        intervals.append(_interval(reports) if found else None)
+    return tuple(valid), tuple(reasons), tuple(intervals)
+
+
+def _report_of(evaluation: Evaluation, window: slice) -> InjectionReport | None:
+    """The report whose window overlaps a true one most."""
+
+    def overlap(report: InjectionReport) -> int:
+        start, end = report.start_index - evaluation.first_index, report.end_index - evaluation.first_index
+        return int(min(end, window.stop - 1) - max(start, window.start))
+
+    best = max(evaluation.reports, key=overlap, default=None)
+    return best if best is not None and overlap(best) > 0 else None
+
+
+def _interval(reports: list[InjectionReport]) -> tuple[float, float] | None:
+    """95 % interval of the summed mass [mg]: the openings of an event share what is uncertain, so widths add."""
+    bounds: list[Any] = [getattr(report, "mass_ci95", None) for report in reports]
+    if any(b is None for b in bounds):
+        return None
+    return sum(b[0] for b in bounds) / MILLIGRAM, sum(b[1] for b in bounds) / MILLIGRAM
+
+
+@contextmanager
+def timed_training() -> Iterator[list[float]]:
+    """Milliseconds of every training run in lockstep meanwhile."""
+    durations: list[float] = []
+    original = InlineExecutor.submit
+
+    def submit(self: InlineExecutor, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        begin = time.perf_counter()
+        future = original(self, fn, *args, **kwargs)
+        durations.append((time.perf_counter() - begin) / MILLISECOND)
+        return future
+
+    InlineExecutor.submit = submit  # type: ignore[method-assign]
+    try:
+        yield durations
+    finally:
+        InlineExecutor.submit = original  # type: ignore[method-assign]

@@ -1,0 +1,96 @@
+"""What is printed of the scores, and the same as data."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from tools.benchmarks.bars import by_class, violations, x3_ratios
+from tools.benchmarks.cases import CLASSES, Group
+from tools.benchmarks.score import NOMINAL, CaseScore
+
+COVERAGE_EVENT = 14  # from 0: one injection a case
+_WEAR_ONLY = "-"
+
+
+def class_table(scores: Sequence[CaseScore]) -> Table:
+    """Our observer, class by class."""
+    table = Table(title="observer, events 11-20", title_justify="left")
+    table.add_column("class", no_wrap=True)
+    for heading in (
+        "cases", "mass error %\nmedian", "\np95", "\nmax", "RMSE mm3/ms\nmedian", "\np95", "\nmax",
+        "valid\n%", "wrong\nvalid", "x3 ratio\np5", "coverage\n%", "training ms\nmedian", "\np99",
+        "nominal\nmass % median",
+    ):  # fmt: skip
+        table.add_column(heading, justify="right")
+    for name, cases in by_class(scores).items():
+        table.add_row(name, *_row(cases))
+    return table
+
+
+def _row(cases: Sequence[CaseScore]) -> list[str]:
+    mass = [abs(s.mass_error_pct()) for s in cases]
+    rmse = [s.rate_rmse() for s in cases]
+    training = [ms for s in cases for ms in s.training_ms]
+    ratios = x3_ratios(cases)
+    covered = coverage(cases)
+    return [
+        str(len(cases)),
+        *(f"{value:.3f}" for value in _spread(mass)),
+        *(f"{value:.3f}" for value in _spread(rmse)),
+        f"{100.0 * np.mean([s.valid_share for s in cases]):.1f}",
+        str(sum(s.wrong_valid for s in cases)),
+        f"{np.percentile(ratios, 5):.0f}" if ratios else _WEAR_ONLY,
+        f"{100.0 * np.mean(covered):.0f}" if covered else "",
+        f"{np.median(training):.1f}" if training else "",
+        f"{np.percentile(training, 99):.1f}" if training else "",
+        f"{np.median([abs(s.mass_error_pct(NOMINAL)) for s in cases]):.3f}",
+    ]
+
+
+def coverage(scores: Sequence[CaseScore]) -> list[bool]:
+    """Whether the interval of event 15's mass holds the truth, one a case, where there is an interval."""
+    return [c for s in scores if (c := s.covered(COVERAGE_EVENT)) is not None]
+
+
+def json_document(scores: Sequence[CaseScore], crashes: Sequence[str]) -> dict[str, Any]:
+    """`figures` over the classes that must be estimated well, `details` per class."""
+    main = [s for s in scores if CLASSES[s.class_name].group is Group.MAIN]
+    ratios = x3_ratios(scores)
+    covered = coverage(main)
+    shares = [np.mean([s.valid_share for s in cases]) for cases in by_class(main).values()]
+    return {
+        "figures": {
+            "mass_error_max_pct": max((abs(s.mass_error_pct()) for s in main), default=None),
+            "rate_rmse_max_mm3_per_ms": max((s.rate_rmse() for s in main), default=None),
+            "x3_mse_ratio_min": min(ratios, default=None),
+            "coverage_95_share": float(np.mean(covered)) if covered else None,
+            "wrong_valid": sum(s.wrong_valid for s in scores),
+            "valid_share_min": float(min(shares)) if shares else None,
+            "interval_halfwidth_vs_limit_median": None,
+        },
+        "details": {
+            "classes": {name: _class_details(cases) for name, cases in by_class(scores).items()},
+            "violations": violations(scores),
+            "crashes": list(crashes),
+        },
+    }
+
+
+def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
+    names = ("median", "p95", "max")
+    training = [ms for s in cases for ms in s.training_ms]
+    return {
+        "cases": len(cases),
+        "mass_error_pct": dict(zip(names, _spread([abs(s.mass_error_pct()) for s in cases]), strict=True)),
+        "rate_rmse_mm3_per_ms": dict(zip(names, _spread([s.rate_rmse() for s in cases]), strict=True)),
+        "valid_share": float(np.mean([s.valid_share for s in cases])),
+        "wrong_valid": sum(s.wrong_valid for s in cases),
+        "training_ms_median": float(np.median(training)) if training else None,
+        "worst": [s.number for s in sorted(cases, key=lambda s: -abs(s.mass_error_pct()))[:3]],
+    }
+
+
+def _spread(values: Sequence[float]) -> tuple[float, float, float]:
+    return float(np.median(values)), float(np.percentile(values, 95)), max(values)

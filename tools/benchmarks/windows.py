@@ -1,0 +1,57 @@
+"""Where to look in a recording, by the true lift: the windows of openings and events, and sums over them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.units import MILLIGRAM, MILLISECOND
+from tools.benchmarks.plant import Outcome
+
+LEAD = 0.15 * MILLISECOND  # of a window, before the opening
+TAIL = 0.5 * MILLISECOND  # after the needle is shut
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """Where to look in a recording: a range of samples for every opening, the openings of every event."""
+
+    ranges: tuple[slice, ...]
+    of_event: tuple[tuple[int, ...], ...]
+    interval: float  # s
+
+    def union(self, event: int) -> NDArray[np.int64]:
+        """Samples of an event's windows, each once."""
+        return np.unique(np.concatenate([np.arange(r.start, r.stop) for r in self._ranges_of(event)]))
+
+    def _ranges_of(self, event: int) -> list[slice]:
+        return [self.ranges[i] for i in self.of_event[event]]
+
+    def masses(self, rate: NDArray[np.float64], density: float) -> NDArray[np.float64]:
+        """Mass of every opening [kg], trapezoidal rule over exactly its window."""
+        areas = np.array([np.trapezoid(rate[r]) for r in self.ranges], np.float64)
+        return np.asarray(areas * self.interval * density, np.float64)
+
+    def event_masses_mg(self, rate: NDArray[np.float64], density: float) -> tuple[float, ...]:
+        """Mass of every event [mg], its openings summed."""
+        masses = self.masses(rate, density) / MILLIGRAM
+        return tuple(float(sum(masses[i] for i in openings)) for openings in self.of_event)
+
+    def mean_squares(self, error: NDArray[np.float64]) -> tuple[float, ...]:
+        """Mean square of an error over every event's union of windows."""
+        return tuple(float(np.mean(error[self.union(i)] ** 2)) for i in range(len(self.of_event)))
+
+
+def windows_of(outcome: Outcome, sample_rate: float) -> Windows:
+    """Windows of the true openings, ending where the next opening begins."""
+    lead, tail = round(LEAD * sample_rate), round(TAIL * sample_rate)
+    samples = outcome.truth.needle_lift.size
+    first = outcome.openings[:, 0]
+    following = np.append(first[1:], samples - 1)
+    ranges = tuple(
+        slice(max(0, int(begin) - lead), min(int(shut) + 1 + tail, int(next_begin)) + 1)
+        for (begin, shut), next_begin in zip(outcome.openings, following, strict=True)
+    )
+    events = int(outcome.event_of.max()) + 1
+    members = tuple(tuple(int(i) for i in np.flatnonzero(outcome.event_of == e)) for e in range(events))
+    return Windows(ranges, members, 1.0 / sample_rate)

@@ -40,6 +40,8 @@ CHANGE_SCORE = 60.0  # of the score test; without change it is 12 +- 5
 CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 
 
+STEEP = 1.0
+
 @dataclass(frozen=True)
 class _Scales:
     """A number for every group of parameters, in the units the comments name."""
@@ -58,6 +60,7 @@ class _Scales:
         result = np.zeros(PARAMETERS)
         result[Parameter.NOZZLE_BIAS] = self.nozzle_bias
         result[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN] = self.nozzle_weight
+        result[Parameter.NOZZLE_WEIGHT + 2] = self.nozzle_weight * STEEP
         result[Parameter.SEAT_BIAS] = self.seat_bias
         result[Parameter.LINE_PRESSURE_OFFSET] = self.offset / pressure_scale
         result[Parameter.LINE_FRICTION] = self.friction

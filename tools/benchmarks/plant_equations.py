@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tools.benchmarks.plant_parameters import Faults, Injector
 
 ROUNDING = 100.0  # Pa, below which the square root of a pressure difference is rounded
-CHAMBER_LIFT = 10e-6  # m, over which the chamber pressure follows the opening needle
+CHAMBER_LIFT = 300e-6
 CORNER = 0.015e-3  # s, half width of the needle's rounded corners
 STEPS_FLOWING = 40  # per sample while the needle is open or the sac empties
 STEPS_SHUT = 10  # per sample while only the line moves

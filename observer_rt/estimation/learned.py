@@ -3,10 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import LineTerms
 from observer_rt.model.network import HIDDEN, Network, zero_network
@@ -16,6 +15,7 @@ _FRICTION = int(Parameter.LINE_FRICTION)
 _LEAKAGE = int(Parameter.GUIDE_LEAKAGE)
 _STIFFNESS = int(Parameter.BULK_MODULUS)
 _LAG = int(Parameter.SENSOR_LAG)
+_AIR = int(Parameter.ENTRAINED_AIR)
 
 
 class Learned(NamedTuple):
@@ -32,14 +32,7 @@ def learned_of(theta: NDArray[np.float64]) -> Learned:
     network = zero_network()
     network.output[0, :] = theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN]
     network.bias[:] = theta[[Parameter.NOZZLE_BIAS, Parameter.SEAT_BIAS]]
-    line = LineTerms(float(theta[_FRICTION]), float(theta[_LEAKAGE]), float(theta[_STIFFNESS]))
+    line = LineTerms(
+        float(theta[_FRICTION]), float(theta[_LEAKAGE]), float(theta[_STIFFNESS]), float(theta[_AIR])
+    )
     return Learned(network, line, float(theta[_OFFSET]), float(theta[_LAG]) * LAG_UNIT)
-
-
-@njit(cache=True, nogil=True)
-def line_terms_of(theta: NDArray[np.float64]) -> LineTerms:
-    """The line terms of a parameter vector (PARAMETERS,)."""
-    return LineTerms(theta[_FRICTION], theta[_LEAKAGE], theta[_STIFFNESS])
-
-
-NOTHING_LEARNED = np.zeros(PARAMETERS)

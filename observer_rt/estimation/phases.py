@@ -68,7 +68,8 @@ def phases_of(window: Window, edge: int, afterglow: int) -> NDArray[np.int8]:
 class PhaseStatistics:
     """Sums over samples and blocks of normalised innovations, by phase; they add up over events.
 
-    squares, samples: (PHASES,); block_squares, blocks: (PHASES, len(BLOCKS)). Each quotient is 1 for an adequate model.
+    squares, samples: (PHASES,); block_squares, blocks: (PHASES, len(BLOCKS)).
+    Each quotient is 1 for an adequate model.
     """
 
     squares: NDArray[np.float64]

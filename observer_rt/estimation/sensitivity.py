@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.coefficients import Coefficients, softening, softening_slopes
 from observer_rt.model.integrator import along, between, emptied, steps_in
 from observer_rt.model.laws import root, root_slope
 from observer_rt.model.network import HIDDEN, Network, activation
@@ -25,15 +25,17 @@ class Parameter(IntEnum):
     GUIDE_LEAKAGE = 4 + HIDDEN  # c p_0 / Q_0
     BULK_MODULUS = 5 + HIDDEN  # r
     SENSOR_LAG = 6 + HIDDEN  # tau, in units of LAG_UNIT; acts in the sensor only
+    ENTRAINED_AIR = 7 + HIDDEN  # K g / p_0
 
 
-PARAMETERS = 7 + HIDDEN
+PARAMETERS = 8 + HIDDEN
 _NOZZLE_BIAS = int(Parameter.NOZZLE_BIAS)
 _NOZZLE_WEIGHT = int(Parameter.NOZZLE_WEIGHT)
 _SEAT_BIAS = int(Parameter.SEAT_BIAS)
 _FRICTION = int(Parameter.LINE_FRICTION)
 _LEAKAGE = int(Parameter.GUIDE_LEAKAGE)
 _STIFFNESS = int(Parameter.BULK_MODULUS)
+_AIR = int(Parameter.ENTRAINED_AIR)
 
 
 @njit(cache=True, nogil=True)
@@ -56,16 +58,20 @@ def rate_and_tangent(
     friction = x[1] * math.fabs(x[1])
     second = c.a3 * (u[0] - x[0]) - c.a4 * friction
     stiffer = c.a1 / nominal.a1
+    soft = softening(x[0], c)
+    soft_x, soft_air = softening_slopes(x[0], c)
     if is_at_rest(x, u):
-        first = c.a1 * x[1] - c.leak * x[0]
+        inflow = c.a1 * x[1] - c.leak * x[0]
+        by_pressure = soft_x * inflow - soft * c.leak
         for j in range(PARAMETERS):
-            rate[0, j] = c.a1 * direction[1, j] - c.leak * direction[0, j]
+            rate[0, j] = soft * c.a1 * direction[1, j] + by_pressure * direction[0, j]
             rate[1, j] = -c.a3 * direction[0, j] - friction_slope * direction[1, j]
             rate[2, j] = 0.0
-        rate[0, _LEAKAGE] -= c.a1 * x[0]
-        rate[0, _STIFFNESS] += first / stiffer
+        rate[0, _LEAKAGE] -= soft * c.a1 * x[0]
+        rate[0, _STIFFNESS] += soft * inflow / stiffer
+        rate[0, _AIR] += soft_air * inflow
         rate[1, _FRICTION] -= nominal.a4 * friction
-        return first, second, 0.0
+        return soft * inflow, second, 0.0
     nozzle_flow = root(x[2], c.transition)
     seat_flow = u[1] * root(x[0] - x[2], c.transition)
     nozzle_change = network.bias[0]
@@ -92,11 +98,11 @@ def rate_and_tangent(
     s_3 -= seat_slope
     q_h = nozzle_flow * (1.0 + nozzle_change)
     q_s = seat_flow * (1.0 + seat_change)
-    first = c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0]
+    inflow = c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0]
     # the rows of the Jacobian df/dx
-    j_11 = -c.a2_nozzle * h_1 - c.a2_seat * s_1 - c.leak
-    j_12 = c.a1 - c.a2_nozzle * h_2 - c.a2_seat * s_2
-    j_13 = -c.a2_nozzle * h_3 - c.a2_seat * s_3
+    j_11 = soft * (-c.a2_nozzle * h_1 - c.a2_seat * s_1 - c.leak) + soft_x * inflow
+    j_12 = soft * (c.a1 - c.a2_nozzle * h_2 - c.a2_seat * s_2)
+    j_13 = soft * (-c.a2_nozzle * h_3 - c.a2_seat * s_3)
     j_31 = c.a5 * s_1 - c.a6 * h_1
     j_32 = c.a5 * s_2 - c.a6 * h_2
     j_33 = c.a5 * s_3 - c.a6 * h_3
@@ -105,17 +111,18 @@ def rate_and_tangent(
         rate[0, j] = j_11 * d_1 + j_12 * d_2 + j_13 * d_3
         rate[1, j] = -c.a3 * d_1 - friction_slope * d_2
         rate[2, j] = j_31 * d_1 + j_32 * d_2 + j_33 * d_3
-    rate[0, _NOZZLE_BIAS] -= c.a2_nozzle * nozzle_flow
+    rate[0, _NOZZLE_BIAS] -= soft * c.a2_nozzle * nozzle_flow
     rate[2, _NOZZLE_BIAS] -= c.a6 * nozzle_flow
     for neuron in range(network.hidden.shape[0]):
-        rate[0, _NOZZLE_WEIGHT + neuron] -= c.a2_nozzle * nozzle_flow * sigmas[neuron]
+        rate[0, _NOZZLE_WEIGHT + neuron] -= soft * c.a2_nozzle * nozzle_flow * sigmas[neuron]
         rate[2, _NOZZLE_WEIGHT + neuron] -= c.a6 * nozzle_flow * sigmas[neuron]
-    rate[0, _SEAT_BIAS] -= c.a2_seat * seat_flow
+    rate[0, _SEAT_BIAS] -= soft * c.a2_seat * seat_flow
     rate[2, _SEAT_BIAS] += c.a5 * seat_flow
-    rate[0, _LEAKAGE] -= c.a1 * x[0]
-    rate[0, _STIFFNESS] += first / stiffer
+    rate[0, _LEAKAGE] -= soft * c.a1 * x[0]
+    rate[0, _STIFFNESS] += soft * inflow / stiffer
+    rate[0, _AIR] += soft_air * inflow
     rate[1, _FRICTION] -= nominal.a4 * friction
-    return first, second, c.a5 * q_s - c.a6 * q_h
+    return soft * inflow, second, c.a5 * q_s - c.a6 * q_h
 
 
 @njit(cache=True, nogil=True)

@@ -8,6 +8,7 @@ from numba import njit
 from observer_rt.model.laws import seat_area
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
+LOWEST_PRESSURE = 0.01  # of p_0, at which entrained air is taken to soften the line no further
 TRANSITION_PRESSURE = 0.5e6  # Pa, below which the orifice laws turn linear
 
 
@@ -25,6 +26,7 @@ class Coefficients(NamedTuple):
     a5: float  # sac filled through the seat
     a6: float  # sac drained through the nozzle
     leak: float  # line drained by p_L - p_C, 0 for a tight injector
+    air: float  # K g / p_0: how much entrained air softens the line, 0 without any
     transition: float  # of the orifice laws, in units of p_0
     nozzle_flow: float  # Q_H = nozzle_flow * root(x3), m3/s
     pressure_scale: float  # p_0, Pa
@@ -55,6 +57,7 @@ def coefficients(parameters: InjectorParameters) -> Coefficients:
         a5=sac_stiffness * seat_flow,
         a6=sac_stiffness * nozzle_flow,
         leak=0.0,
+        air=0.0,
         transition=TRANSITION_PRESSURE / p_0,
         nozzle_flow=nozzle_flow,
         pressure_scale=p_0,
@@ -77,12 +80,13 @@ class LineTerms(NamedTuple):
     """Departures of line and guide from the nominal injector; all 0 when there are none.
 
     friction k: loss factor times 1 + k; leakage: flow past the guide at p_0, in units of Q_0; stiffness r: bulk
-    modulus of the line times 1 + r.
+    modulus of the line times 1 + r; air: K g / p_0 of 1/K_eff = 1/K + g/p.
     """
 
     friction: float
     leakage: float
     stiffness: float
+    air: float
 
 
 @njit(cache=True, nogil=True)
@@ -98,6 +102,7 @@ def with_line_terms(c: Coefficients, terms: LineTerms) -> Coefficients:
         c.a5,
         c.a6,
         c.leak + c.a1 * stiffer * terms.leakage,
+        c.air + terms.air,
         c.transition,
         c.nozzle_flow,
         c.pressure_scale,
@@ -108,3 +113,20 @@ def with_line_terms(c: Coefficients, terms: LineTerms) -> Coefficients:
         c.half_cone_angle,
         c.density,
     )
+
+
+@njit(cache=True, nogil=True)
+def softening(x_1: float, c: Coefficients) -> float:
+    """K_eff / K of a line with entrained air at the normalised pressure x_1; 1 without air."""
+    if c.air == 0.0:
+        return 1.0
+    pressure = max(x_1 + c.chamber_pressure / c.pressure_scale, LOWEST_PRESSURE)
+    return pressure / (pressure + c.air)
+
+
+@njit(cache=True, nogil=True)
+def softening_slopes(x_1: float, c: Coefficients) -> tuple[float, float]:
+    """Derivatives of `softening` with respect to x_1 and to the air term."""
+    pressure = max(x_1 + c.chamber_pressure / c.pressure_scale, LOWEST_PRESSURE)
+    square = (pressure + c.air) ** 2
+    return c.air / square, -pressure / square

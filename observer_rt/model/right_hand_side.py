@@ -4,7 +4,7 @@ import math
 
 from numba import njit
 
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.coefficients import Coefficients, softening
 from observer_rt.model.laws import root
 from observer_rt.model.network import Network, flow_changes
 
@@ -34,13 +34,13 @@ def right_hand_side(
     """
     line_flow_rate = c.a3 * (u[0] - x[0]) - c.a4 * x[1] * math.fabs(x[1])
     if is_at_rest(x, u):
-        return c.a1 * x[1] - c.leak * x[0], line_flow_rate, 0.0
+        return softening(x[0], c) * (c.a1 * x[1] - c.leak * x[0]), line_flow_rate, 0.0
     nozzle_flow, seat_flow = model_flows(x, u, c)
     nozzle_change, seat_change = flow_changes(x, u, network)
     q_h = nozzle_flow * (1.0 + nozzle_change)
     q_s = seat_flow * (1.0 + seat_change)
     return (
-        c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0],
+        softening(x[0], c) * (c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0]),
         line_flow_rate,
         c.a5 * q_s - c.a6 * q_h,
     )

@@ -1,5 +1,6 @@
 """Whether an event can be believed: innovation statistics and plausibility against limits."""
 
+import math
 from dataclasses import dataclass
 
 from observer_rt.estimation.phases import Phase, PhaseStatistics
@@ -14,6 +15,7 @@ RELEVANT_VARIANCE = 1.15
 TEMPER_ABOVE = 1.6  # colour beyond which an event's information counts for less
 POOLING = 0.7  # weight of the statistics before this event
 LARGEST_OFFSET = 2e6  # Pa, between line and rail pressure
+LEAST_SCALE = 0.03  # of the logarithm of 1 + r
 LARGEST_LAG = 0.2e-3  # s
 
 
@@ -40,7 +42,7 @@ def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
 
 def tempering(statistics: PhaseStatistics) -> float:
     """Factor on the variance of an event's innovations: above 1 when they are coloured."""
-    colour = max(
+    return max(
         (
             statistics.colour(phase)
             for phase in Phase
@@ -48,7 +50,6 @@ def tempering(statistics: PhaseStatistics) -> float:
         ),
         default=1.0,
     )
-    return colour
 
 
 def findings(statistics: PhaseStatistics, offset: float, lag: float) -> list[Finding]:
@@ -62,3 +63,16 @@ def findings(statistics: PhaseStatistics, offset: float, lag: float) -> list[Fin
     if lag > LARGEST_LAG:
         result.append(Finding(Reason.SENSOR_LAG))
     return result
+
+
+def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:
+    """Whether N_H and r together look like another A_L/(rho_L L_L) rather than like wear and another K_L.
+
+    Flows, 1/K_L and inertance scaled together leave p_L as it is, so that the level of Q_H is not known then: with
+    the inertance off by a factor s, 1 + N_H -> s and 1 + r -> 1/s are found for a healthy injector.
+    """
+    stiffer = -math.log1p(stiffness_change)
+    wider = math.log1p(max(nozzle_change, -0.99))
+    return abs(stiffer) > LEAST_SCALE and 0.5 * abs(stiffer) < math.copysign(1.0, stiffer) * wider < 2 * abs(
+        stiffer
+    )

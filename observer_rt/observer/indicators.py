@@ -30,8 +30,8 @@ class Estimate:
 class Indicators:
     """What the parameters say of the injector at one operating point.
 
-    nozzle, seat: equivalents of v_H and v_S in (27). Line-side and sensor matters, none of which enters Q_H^: friction k,
-    leakage c p_0 / Q_0, bulk modulus r, line pressure offset o in units of p_0, lag in s.
+    nozzle, seat: equivalents of v_H and v_S in (27). Line-side and sensor matters, none of which enters Q_H^:
+    friction k, leakage c p_0 / Q_0, bulk modulus r, line pressure offset o in units of p_0, lag in s, air K g / p_0.
     """
 
     nozzle: Estimate
@@ -41,6 +41,7 @@ class Indicators:
     bulk_modulus: Estimate
     line_pressure_offset: Estimate
     line_pressure_lag: Estimate
+    entrained_air: Estimate
 
 
 def indicators_of(
@@ -73,4 +74,5 @@ def indicators_of(
         bulk_modulus=scalar(Parameter.BULK_MODULUS),
         line_pressure_offset=scalar(Parameter.LINE_PRESSURE_OFFSET),
         line_pressure_lag=scalar(Parameter.SENSOR_LAG, LAG_UNIT),
+        entrained_air=scalar(Parameter.ENTRAINED_AIR),
     )

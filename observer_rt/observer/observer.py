@@ -125,5 +125,5 @@ def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: fl
     memory["bias"] = learned.network.bias
     memory["offset"] = learned.offset
     memory["lag"] = learned.lag
-    memory["friction"], memory["leakage"], memory["stiffness"] = learned.line
+    memory["friction"], memory["leakage"], memory["stiffness"], memory["air"] = learned.line
     memory["lift_on"], memory["lift_off"] = dead_band(lift_noise)

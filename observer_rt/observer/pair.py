@@ -27,7 +27,8 @@ def coefficients_in_force(observer: Observer) -> Coefficients:
     """The model's coefficients with the line terms in the observer's memory."""
     memory = observer.memory[0]
     return with_line_terms(
-        observer.constants.coefficients, LineTerms(memory.friction, memory.leakage, memory.stiffness)
+        observer.constants.coefficients,
+        LineTerms(memory.friction, memory.leakage, memory.stiffness, memory.air),
     )
 
 

@@ -44,6 +44,8 @@ class Reason(IntEnum):
     PRESSURE_OFFSET = 10  # line and rail pressure differ at standstill beyond what a good sensor does
     SENSOR_LAG = 11  # the line-pressure sensor is implausibly slow
     NOT_LEARNED = 12  # the event could not be learned from
+    SUDDEN_CHANGE = 13  # the event contradicts what was learned before it
+    AMBIGUOUS_SCALE = 14  # line stiffness and nozzle flow changed as if the line's inertance had
 
 
 SAMPLE = np.dtype(
@@ -120,6 +122,7 @@ OBSERVER = np.dtype(
         ("friction", np.float64),
         ("leakage", np.float64),
         ("stiffness", np.float64),
+        ("air", np.float64),
         ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
         ("lift_on", np.float64),  # m
         ("lift_off", np.float64),

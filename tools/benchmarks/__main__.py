@@ -34,10 +34,11 @@ def accuracy(
     out: Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")] = Path(
         "build/accuracy"
     ),
+    no_peers: Annotated[bool, typer.Option("--no-peers", help="Only our observer.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
-    plan = Plan(_chosen(classes), cases, seed, workers, out)
+    plan = Plan(_chosen(classes), cases, seed, workers, out, not no_peers)
     found = run_accuracy(plan, messages)
     if as_json:
         print(json.dumps(json_document(found.scores, [str(crash) for crash in found.crashes]), indent=2))

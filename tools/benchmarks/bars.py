@@ -16,6 +16,7 @@ WORSE_PCT = 1.0  # than the nominal model, for at most WORSE_EVENTS
 WORSE_EVENTS = 3
 SIGNIFICANT_WEAR = 0.1  # |v_H| from which the ratio of x3 counts
 MIXED_CASE_PCT = 1.0
+LIMIT_SIGMAS, LIMIT_MARGIN_PCT = 3.0, 0.1  # a case may miss its bar where information lacks
 WAVE_JUDGED = 2  # events after which a travelling wave must be known as such
 
 
@@ -107,7 +108,9 @@ def _level_violations(name: str, cases: list[CaseScore], bars: Bars) -> Iterator
         yield f"{name}: valid share: {share:.1%} < {bars.valid_share:.0%}"
     if bars.mass_case_pct is not None:
         for s, mass in zip(cases, masses, strict=True):
-            yield from _above(f"{name} {s.number}", "mass error [%]", mass, bars.mass_case_pct)
+            limit = 0.0 if s.limit_pct is None else LIMIT_SIGMAS * s.limit_pct + LIMIT_MARGIN_PCT
+            bar = max(bars.mass_case_pct, limit)
+            yield from _above(f"{name} {s.number}", "mass error [%]", mass, bar)
 
 
 def _case_problems(group: Group, s: CaseScore) -> Iterator[str]:

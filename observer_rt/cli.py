@@ -92,6 +92,7 @@ def demo(
     """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
     from observer_rt.demo import run_demo
 
+    _tell_if_compiling()
     run_demo(wear, injections, speed, seed, figure, messages)
 
 
@@ -125,12 +126,18 @@ def run(
         )
     from observer_rt.service.main import serve
 
+    _tell_if_compiling()
     serve(_load(bench), state, view, messages)
 
 
 @app.command(epilog="Example: observer-rt replay recording.csv --bench bench.toml --speed 0.1")
 def replay(
-    recording: Annotated[Path, typer.Argument(help="Recording (.csv, .mf4) or candump log (.log).")],
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            help="Recording (.csv, .mf4) or candump log (.log).", metavar="RECORDING", show_default=False
+        ),
+    ],
     bench: BenchOption = EXAMPLE_BENCH,
     channel: Annotated[
         str | None, typer.Option("--channel", help="CAN channel, instead of the bench's.")
@@ -207,6 +214,7 @@ def simulate(
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.simulation.command import simulate_to_file
 
+    _tell_if_compiling()
     simulate_to_file(
         output=output,
         model=model,
@@ -226,7 +234,10 @@ def simulate(
 
 @app.command(epilog="Example: observer-rt evaluate worn.csv --output trace.csv --plot worn.png")
 def evaluate(
-    recordings: Annotated[list[Path], typer.Argument(help="Recordings (.csv, .mf4).")],
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help="Recordings (.csv, .mf4).", metavar="RECORDING", show_default=False),
+    ],
     bench: BenchOption = EXAMPLE_BENCH,
     model: ModelOption = None,
     state: StateOption = None,
@@ -251,6 +262,7 @@ def evaluate(
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
 
+    _tell_if_compiling()
     evaluate_files(
         _load(bench, model),
         recordings,
@@ -276,6 +288,13 @@ def check(
         results().print(as_table(findings))
     if any(finding.level is Level.ERROR for finding in findings):
         raise typer.Exit(1)
+
+
+def _tell_if_compiling() -> None:
+    from observer_rt.compilation import is_compiled
+
+    if not is_compiled():
+        messages.print("compiling for the first start of this version, which takes up to a minute")
 
 
 def _load(path: Path, model: Path | None = None) -> "Bench":

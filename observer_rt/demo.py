@@ -19,6 +19,7 @@ from observer_rt.bus.codec import decode
 from observer_rt.bus.link import open_link
 from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench, LinkConfig, load_bench
+from observer_rt.destinations import FIGURE_SUFFIXES, check_destination
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.evaluation.figures import MassRow, RateCurves, plot_injections
 from observer_rt.model.coefficients import coefficients
@@ -26,7 +27,7 @@ from observer_rt.recording.files import file_errors
 from observer_rt.recording.framing import Framer, whole
 from observer_rt.recording.player import play
 from observer_rt.recording.recording import Recording
-from observer_rt.screen import results
+from observer_rt.screen import results, say
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.main import draw
 from observer_rt.service.report import InjectionReport
@@ -56,20 +57,19 @@ class DemoResult:
 
 def run_demo(wear: float, injections: int, speed: float, seed: int, figure: Path, console: Console) -> None:
     """The command: set the scene, show the view, print the table, write the picture."""
-    console.print(
-        f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...", highlight=False
-    )
+    check_destination("--figure", figure, FIGURE_SUFFIXES)
+    say(console, f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...")
     scene = Demo(wear, injections, seed)
-    console.print(
+    say(
+        console,
         f"replaying them as CAN FD frames over {scene.link.interface} {scene.link.channel} at {speed:g} times real "
         "time; the observer knows the nominal injector only",
-        highlight=False,
     )
     result = scene.run(speed, draw if console.is_terminal else _wait)
     with file_errors(figure):
         write_figure(result, wear, figure)
     results().print(_table(result))
-    console.print(f"picture: {figure}", highlight=False, markup=False)
+    say(console, f"picture: {figure}")
 
 
 def _wait(_view: View, until: threading.Event) -> None:

@@ -16,6 +16,11 @@ def progress_bar(console: Console, text: str, total: float | None) -> Iterator[C
         yield lambda done: progress.update(task, completed=done)
 
 
+def say(console: Console, text: str) -> None:
+    """A message as it is: no markup, no colours, lines wrapped by the terminal only."""
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
 def results() -> Console:
     """Console for tables on stdout: as wide as they are when stdout is a file or a pipe."""
     console = Console()

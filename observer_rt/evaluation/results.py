@@ -129,9 +129,13 @@ def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
         "indicators": {
             "nozzle_v_H": _estimate(wear.nozzle, 1.0, "-"),
             "seat_v_S": _estimate(wear.seat, 1.0, "-"),
+            "line_friction": {},
+            "guide_leakage": {},
             "line_pressure_sensor_offset": _estimate(
                 wear.line_pressure_offset, c.pressure_scale / MEGAPASCAL, "MPa"
             ),
+            "line_pressure_sensor_lag": {},
+            "bulk_modulus": {},
         },
     }
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 SHUT_STEP = 0.1  # radians of the line's mode per step while nothing flows
 RESTING_VARIANCE = 1e-10  # of a sac known to be at chamber pressure
-DIFFERENCE = 1e-6  # of normalised states, for the Jacobian
+DIFFERENCE = 1e-5  # of normalised states, for the Jacobian
 V_H, V_S, FRICTION, LEAK, OFFSET, LAG, STIFFNESS = range(7)
 PARAMETERS = 7
 

@@ -20,9 +20,9 @@ from tools.benchmarks.score import SCORED
 from tools.benchmarks.windows import windows_of
 
 TUNING_SEED = 77
-WEAR_WALKS = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
-MODEL_NOISES = (3e3, 1e4, 3e4, 1e5)  # Pa
-LINE_NOISES = (1.0, 2.0)
+WEAR_WALKS = (1e-6, 3e-6, 1e-5, 3e-5, 1e-4)
+MODEL_NOISES = (1e4, 3e4, 1e5)  # Pa
+LINE_NOISES = (1.0, 2.0, 4.0)
 FAILED = 100.0  # mm3/ms, RMSE of a filter that broke down
 
 Filter = Callable[[PeerInputs, Tuning], FilterResult]

@@ -97,7 +97,7 @@ class CaseScore:
     def covered(self, event: int) -> bool | None:
         """Whether the 95 % interval of an event's (from 0) mass holds the true mass; None without interval."""
         interval = self.mass_ci95_mg[event]
-        return None if interval is None else interval[0] <= self.true_mass_mg[event] <= interval[1]
+        return None if interval is None else bool(interval[0] <= self.true_mass_mg[event] <= interval[1])
 
     @property
     def limit_pct(self) -> float | None:

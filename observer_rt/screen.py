@@ -17,8 +17,8 @@ def progress_bar(console: Console, text: str, total: float | None) -> Iterator[C
 
 
 def say(console: Console, text: str) -> None:
-    """A message as it is: no markup, no colours, lines wrapped by the terminal only."""
-    console.print(text, highlight=False, markup=False, soft_wrap=True)
+    """A message as it is: no markup, no colours, wrapped on a terminal only."""
+    console.print(text, highlight=False, markup=False, soft_wrap=not console.is_terminal)
 
 
 def results() -> Console:

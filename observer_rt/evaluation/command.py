@@ -120,7 +120,7 @@ def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None
 
 
 def _is_folder(output: Path) -> bool:
-    return output.is_dir() or not output.suffix
+    return output.is_dir() or not (output.suffix or output.exists())
 
 
 def _trace_in(folder: Path, recording: Path) -> Path:

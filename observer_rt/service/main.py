@@ -4,7 +4,7 @@ import threading
 import time
 from pathlib import Path
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.live import Live
 
 from observer_rt.bus.link import open_link
@@ -31,6 +31,9 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
 
     Raises `UserError` for files that do not fit, `RunError` when the link fails.
     """
+    if view and not console.is_terminal:
+        say(console, "no terminal for the view: one line an injection instead")
+        view = False
     bus = map_bus(bench)
     if state is not None:
         check_folder("--state", state.absolute().parent)
@@ -59,7 +62,7 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
             say(console, "ready")
             try:
                 if view:
-                    _run_with_view(daemon, screen, stop)
+                    _run_with_view(daemon, screen, stop, console)
                 else:
                     daemon.run(stop)
             finally:
@@ -101,7 +104,7 @@ def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
         )
 
 
-def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event) -> None:
+def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event, console: Console) -> None:
     """The loop in a thread of its own, the view in this one; an error of the loop is raised here."""
     failure: list[BaseException] = []
 
@@ -115,7 +118,7 @@ def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event) -> None:
     serving = threading.Thread(target=loop, name="daemon")
     serving.start()
     try:
-        draw(screen, stop)
+        draw(screen, stop, console)
     finally:
         stop.set()
         serving.join()
@@ -123,12 +126,16 @@ def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event) -> None:
         raise failure[0]
 
 
-def draw(screen: View, until: threading.Event) -> None:
-    """Draw the view on the terminal until the event is set."""
-    with Live(screen.render(time.monotonic_ns()), auto_refresh=False) as live:
+def draw(screen: View, until: threading.Event, console: Console) -> None:
+    """Draw the view on a terminal until the event is set."""
+
+    def picture() -> RenderableType:
+        return screen.render(time.monotonic_ns(), console.width, console.height)
+
+    with Live(picture(), console=console, auto_refresh=False) as live:
         while not until.wait(1 / FRAMES_PER_SECOND):
-            live.update(screen.render(time.monotonic_ns()), refresh=True)
-        live.update(screen.render(time.monotonic_ns()), refresh=True)
+            live.update(picture(), refresh=True)
+        live.update(picture(), refresh=True)
 
 
 def _line(report: InjectionReport) -> str:

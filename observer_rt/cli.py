@@ -86,7 +86,6 @@ def demo(
     """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
     from observer_rt.demo import run_demo
 
-    _tell_if_compiling()
     run_demo(wear, injections, speed, seed, figure, messages)
 
 
@@ -120,7 +119,6 @@ def run(
         )
     from observer_rt.service.main import serve
 
-    _tell_if_compiling()
     serve(_load(bench), state, view, messages)
 
 
@@ -208,7 +206,6 @@ def simulate(
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.simulation.command import simulate_to_file
 
-    _tell_if_compiling()
     simulate_to_file(
         output=output,
         model=model,
@@ -256,7 +253,6 @@ def evaluate(
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
 
-    _tell_if_compiling()
     evaluate_files(
         _load(bench, model),
         recordings,
@@ -281,13 +277,6 @@ def check(
         results().print(as_table(findings))
     if any(finding.level is Level.ERROR for finding in findings):
         raise typer.Exit(1)
-
-
-def _tell_if_compiling() -> None:
-    from observer_rt.compilation import is_compiled
-
-    if not is_compiled():
-        say(messages, "compiling for the first start of this version, which takes up to a minute")
 
 
 def _load(path: Path, model: Path | None = None) -> "Bench":

@@ -29,7 +29,7 @@ from observer_rt.recording.files import file_errors
 from observer_rt.recording.framing import Framer, whole
 from observer_rt.recording.player import play
 from observer_rt.recording.recording import Recording
-from observer_rt.screen import results, say
+from observer_rt.screen import results, say, say_if_compiling
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.main import draw
 from observer_rt.service.report import InjectionReport
@@ -61,6 +61,7 @@ class DemoResult:
 def run_demo(wear: float, injections: int, speed: float, seed: int, figure: Path, console: Console) -> None:
     """The command: set the scene, show the view, print the table, write the picture."""
     check_destination("--figure", figure, FIGURE_SUFFIXES)
+    say_if_compiling(console)
     say(console, f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...")
     scene = Demo(wear, injections, seed)
     say(

@@ -20,7 +20,7 @@ from observer_rt.observer.learning import Knowledge
 from observer_rt.recording.files import file_errors, read_recording
 from observer_rt.recording.framing import bench_for
 from observer_rt.recording.recording import Recording
-from observer_rt.screen import progress_bar, results
+from observer_rt.screen import progress_bar, results, say_if_compiling
 from observer_rt.service.main import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
 
@@ -41,8 +41,9 @@ class EvaluateOptions:
 def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
     _refuse_ambiguous(paths, options)
-    _check_destinations(paths, options)
     recordings = [read_recording(path) for path in paths]
+    _check_destinations(paths, options)
+    say_if_compiling(console)
     model = model_hash(bench.injector)
     pressure_scale = bench.injector.scaling.pressure
     if options.state is not None and not options.state.exists():

@@ -13,7 +13,7 @@ from observer_rt.config import Bench
 from observer_rt.destinations import check_folder
 from observer_rt.observer.front_end import LOOKAHEAD
 from observer_rt.observer.learning import Knowledge
-from observer_rt.screen import say
+from observer_rt.screen import say, say_if_compiling
 from observer_rt.service.core import bench_constants
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.report import InjectionReport
@@ -55,6 +55,7 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
 
     # from here on, so that a signal while compiling is neither lost nor an interrupt in the middle of it
     with stop_on_signals() as stop:
+        say_if_compiling(console)
         warm_up(bench, bus)
         with open_link(link_config.interface, link_config.channel, link_config.fd, wanted) as link:
             daemon = Daemon(bench, bus, link, knowledge, on_report)

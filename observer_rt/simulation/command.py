@@ -9,7 +9,7 @@ from observer_rt.config import load_injector
 from observer_rt.destinations import check_destination
 from observer_rt.errors import UserError
 from observer_rt.recording.files import WRITERS, write_recording
-from observer_rt.screen import progress_bar, say
+from observer_rt.screen import progress_bar, say, say_if_compiling
 from observer_rt.simulation.effects import parse_effects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import (
@@ -58,6 +58,7 @@ def simulate_to_file(
         parse_energizing_times(energizing_time),
         parse_shots(shots) if shots else (),
     )
+    say_if_compiling(console)
     with progress_bar(console, "simulating", 1.0) as progress:
         simulation = simulate(
             load_injector(model),

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from tools.benchmarks.bars import recovered, useful_at_third, violations, x3_ratios
 from tools.benchmarks.plant import Measured, Outcome, Truth
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore
+from tools.benchmarks.proportions import clopper_pearson
+from tools.benchmarks.score import NOMINAL, OBSERVER, UKF, CaseScore, EstimatorScore
 from tools.benchmarks.store import Store
 from tools.benchmarks.tables import json_document
 from tools.benchmarks.windows import Windows, windows_of
@@ -94,6 +95,9 @@ def score(mass_factor: NDArray[np.float64] | float = 1.0, **changes: object) -> 
     return replace(made, **changes)  # type: ignore[arg-type]
 
 
+UKF_SCORE = EstimatorScore(UKF, (50.05,) * 20, (0.01,) * 20)
+
+
 def factors(**at: float) -> NDArray[np.float64]:
     """1 for every event but those named event_N (from 1)."""
     result = np.ones(20)
@@ -151,11 +155,41 @@ def test_bars() -> None:
     bad = violations([score(1.006)])
     assert any("orifice_area 0: mass error" in line for line in bad)
     # little information excuses a case, not its class
-    excused = violations([score(1.006, limits_mg=(0.1,) * 20)])
+    little_known = score(1.006, limits_mg=(0.1,) * 20)
+    excused = violations([replace(little_known, estimators=(*little_known.estimators, UKF_SCORE))])
     assert not any("orifice_area 0: mass error" in line for line in excused)
     assert any("wave" in line for line in violations([score(class_name="wave_healthy")]))
     assert violations([score(class_name="lift_offset")]) == []
     assert len(violations([score(factors(event_5=1.04), class_name="lift_offset")])) == 1
+
+
+def test_intervals_are_judged_by_class_and_all_together() -> None:
+    missed, held = ((50.1, 51.0),) * 20, ((49.0, 51.0),) * 20
+    some = [score(mass_ci95_mg=missed if n < 4 else held) for n in range(10)]
+    assert any("orifice_area: coverage" in line for line in violations(some))
+    assert violations([score(mass_ci95_mg=missed if n < 1 else held) for n in range(20)]) == []
+    many = [score(mass_ci95_mg=missed if n < 30 else held) for n in range(400)]
+    assert any(line.startswith("all: coverage") for line in violations(many))
+    wide = violations(
+        [score(mass_ci95_mg=held, limits_mg=(0.3,) * 20, estimators=(*score().estimators, UKF_SCORE))]
+    )
+    assert len(wide) == 1
+    assert "half-width" in wide[0]
+
+
+def test_slow_training_and_a_better_peer_are_named() -> None:
+    slow = violations([score(training_ms=(5.0,) * 19 + (30.0,))])
+    assert len(slow) == 1
+    assert "p99" in slow[0]
+    behind = score(1.002, limits_mg=(0.5,) * 20, estimators=(*score(1.002).estimators, UKF_SCORE))
+    assert sum("joint UKF" in line for line in violations([behind])) == 2
+
+
+def test_interval_of_a_share() -> None:
+    assert clopper_pearson(0, 10) == pytest.approx((0.0, 1.0 - 0.005**0.1))
+    assert clopper_pearson(10, 10) == pytest.approx((0.005**0.1, 1.0))
+    low, high = clopper_pearson(57, 60)
+    assert low < 0.95 < high
 
 
 def test_json_document_has_the_figures_asked_for() -> None:

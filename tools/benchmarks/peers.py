@@ -14,11 +14,10 @@ from tools.benchmarks.joint_fit import joint_fit_rate
 from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
 from tools.benchmarks.peer_inputs import PeerInputs, peer_inputs
 from tools.benchmarks.plant import record
-from tools.benchmarks.score import EstimatorScore
+from tools.benchmarks.score import EKF, FIT, UKF, EstimatorScore
 from tools.benchmarks.windows import windows_of
 
 TUNING = Tuning(wear_walk=1e-4, model_noise=3e4, line_noise=1.0)  # see peer_tuning.py
-UKF, EKF, FIT = "joint UKF", "joint EKF", "parametric fit"
 
 PEERS: dict[str, Callable[[PeerInputs], NDArray[np.float64]]] = {
     UKF: lambda inputs: joint_ukf(inputs, TUNING).rate,

@@ -10,6 +10,7 @@ SCORED = slice(10, 20)  # events 11-20
 WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong
 WRONG_RATE = 3.0  # mm3/ms
 OBSERVER, NOMINAL = "observer", "nominal"
+UKF, EKF, FIT = "joint UKF", "joint EKF", "parametric fit"
 
 
 @dataclass(frozen=True)

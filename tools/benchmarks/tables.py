@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tools.benchmarks.bars import by_class, violations, x3_ratios
+from tools.benchmarks.bars import by_class, coverage, halfwidths, violations, x3_ratios
 from tools.benchmarks.cases import CLASSES, Group
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore
 
-COVERAGE_EVENT = 14  # from 0: one injection a case
 _WEAR_ONLY = "-"
 
 
@@ -56,11 +55,6 @@ def _peer_row(names: Sequence[str], cases: Sequence[CaseScore]) -> list[str]:
     return [*cells, f"{np.median(limits):.3f}", f"{np.median(widths):.2f}" if widths else ""]
 
 
-def halfwidths(scores: Sequence[CaseScore]) -> list[float]:
-    """Half-widths of the interval of event 15's mass over 1.96 sigma of the information limit."""
-    return [w for s in scores if (w := s.halfwidth_vs_limit(COVERAGE_EVENT)) is not None]
-
-
 def _row(cases: Sequence[CaseScore]) -> list[str]:
     mass = [abs(s.mass_error_pct()) for s in cases]
     rmse = [s.rate_rmse() for s in cases]
@@ -79,11 +73,6 @@ def _row(cases: Sequence[CaseScore]) -> list[str]:
         f"{np.percentile(training, 99):.1f}" if training else "",
         f"{np.median([abs(s.mass_error_pct(NOMINAL)) for s in cases]):.3f}",
     ]
-
-
-def coverage(scores: Sequence[CaseScore]) -> list[bool]:
-    """Whether the interval of event 15's mass holds the truth, one a case, where there is an interval."""
-    return [c for s in scores if (c := s.covered(COVERAGE_EVENT)) is not None]
 
 
 def json_document(scores: Sequence[CaseScore], crashes: Sequence[str]) -> dict[str, Any]:

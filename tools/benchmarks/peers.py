@@ -52,6 +52,7 @@ def score_peers(case: Case) -> PeerScore:
     inputs = peer_inputs(outcome.measured)
     windows = windows_of(outcome, case.bench.sample_rate)
     density = case.bench.injector.density
+    injected = tuple(event.faults for event in case.bench.events if event.shots)
     estimators = []
     for name, rate_of in PEERS.items():
         rate = rate_of(inputs)
@@ -62,6 +63,6 @@ def score_peers(case: Case) -> PeerScore:
         case.master_seed,
         case.number,
         tuple(estimators),
-        mass_limits_mg(inputs, windows, case.bench.events, density),
+        mass_limits_mg(inputs, windows, injected, density),
         time.perf_counter() - begin,
     )

@@ -4,9 +4,11 @@ Numba notices a change of the file a function stands in, but not of the files it
 state of the package's source gets a folder of its own, named by a digest of that source.
 """
 
+import contextlib
 import hashlib
 import os
 import shutil
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -30,6 +32,13 @@ def use_own_cache() -> None:
     folder.mkdir(exist_ok=True)
     _remove_unused(root, folder)
     os.environ[_VARIABLE] = str(folder)
+    if "numba" in sys.modules:  # it has read its settings already
+        sys.modules["numba"].config.CACHE_DIR = str(folder)
+
+
+def is_compiled() -> bool:
+    """Whether anything of this source was compiled before."""
+    return any(Path(os.environ[_VARIABLE]).rglob("*.nbi"))
 
 
 def _writable_root() -> Path:
@@ -51,5 +60,6 @@ def _writable_root() -> Path:
 def _remove_unused(root: Path, used: Path) -> None:
     os.utime(used)
     for folder in root.iterdir():
-        if time.time() - folder.stat().st_mtime > _KEEP_UNUSED:
-            shutil.rmtree(folder, ignore_errors=True)
+        with contextlib.suppress(FileNotFoundError):  # another process may remove it at the same time
+            if time.time() - folder.stat().st_mtime > _KEEP_UNUSED:
+                shutil.rmtree(folder, ignore_errors=True)

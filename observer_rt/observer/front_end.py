@@ -29,7 +29,7 @@ def known(observer: Observer, position: int) -> int:
 @njit(cache=True, nogil=True)
 def opens_at(observer: Observer, position: int) -> bool:
     """Whether the needle counts as open from `position` on: it crosses the dead band there, or soon after."""
-    return opens_within(observer, position, known(observer, position))
+    return bool(opens_within(observer, position, known(observer, position)))
 
 
 @njit(cache=True, nogil=True)

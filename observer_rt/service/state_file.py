@@ -200,7 +200,7 @@ def _column(value: object) -> int:
     """A gated column of theta."""
     if value not in GATE.columns:
         raise ValueError(value)
-    return int(value)  # type: ignore[call-overload, no-any-return]
+    return int(value)
 
 
 def _statistics(content: dict[str, object]) -> PhaseStatistics:

@@ -135,8 +135,8 @@ class Outcome:
     """Result of learning from one event: what to carry from the adoption point on, and what to say of the event.
 
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
-    with its covariance (m, m); carried: the theta in force during the event. rate_slopes: (n, m) derivatives of the
-    injection rate [m3/s] over the event's window.
+    with its covariance (m, m). rate, rate_slopes: injection rate [m3/s] (n,) of the event re-simulated with the
+    estimate, over its window, and its derivatives (n, m).
     """
 
     verdict: Verdict
@@ -145,7 +145,7 @@ class Outcome:
     findings: tuple[Finding, ...]
     estimate: NDArray[np.float64]
     covariance: NDArray[np.float64]
-    carried: NDArray[np.float64]
+    rate: NDArray[np.float64]
     rate_slopes: NDArray[np.float64]
 
 
@@ -341,7 +341,7 @@ class Learner:
             findings=self._findings(verdict, window, contradicts),
             estimate=self._theta.copy(),
             covariance=conditional_covariance(self._belief.information(), GATE, self._active),
-            carried=in_force.copy(),
+            rate=rate,
             rate_slopes=slopes,
         )
 

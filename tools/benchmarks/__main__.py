@@ -45,7 +45,11 @@ def accuracy(
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
     plan = Plan(_chosen(classes), cases, seed, workers, out, not no_peers)
-    found = run_accuracy(plan, messages)
+    try:
+        found = run_accuracy(plan, messages)
+    except KeyboardInterrupt:
+        messages.print("interrupted; what is scored is kept, the same command goes on")
+        raise typer.Exit(INTERRUPTED) from None
     for figure in save_figures(found.scores, out):
         messages.print(f"figure: {figure}", highlight=False)
     if as_json:
@@ -85,9 +89,6 @@ def main() -> None:
     except ObserverError as error:
         messages.print(f"[red]error:[/red] {escape(str(error))}", highlight=False, soft_wrap=True)
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        messages.print("interrupted; what is scored is kept, the same command goes on")
-        sys.exit(INTERRUPTED)
 
 
 if __name__ == "__main__":

@@ -144,8 +144,7 @@ def unscented(
     Returns False when the covariance stopped being one; the remaining states are not written.
     """
     alpha, beta, kappa = shape
-    spread = alpha * alpha * (4.0 + kappa)
-    weight = 0.5 / spread
+    spread, weight = alpha * alpha * (4.0 + kappa), 0.5 / (alpha * alpha * (4.0 + kappa))
     mean_0 = (spread - 4.0) / spread
     covariance_0 = mean_0 + 1.0 - alpha * alpha + beta
     x, covariance = x.copy(), covariance.copy()

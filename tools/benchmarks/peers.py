@@ -17,7 +17,7 @@ from tools.benchmarks.plant import record
 from tools.benchmarks.score import EKF, FIT, UKF, EstimatorScore
 from tools.benchmarks.windows import windows_of
 
-TUNING = Tuning(wear_walk=1e-4, model_noise=3e4, line_noise=1.0)  # see peer_tuning.py
+TUNING = Tuning(wear_walk=1e-5, model_noise=3e4, line_noise=2.0)  # see peer_tuning.py
 
 PEERS: dict[str, Callable[[PeerInputs], NDArray[np.float64]]] = {
     UKF: lambda inputs: joint_ukf(inputs, TUNING).rate,

@@ -13,9 +13,9 @@ from observer_rt.config import Bench
 from observer_rt.errors import UserError
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate, substeps_needed
-from observer_rt.observer.indicators import indicators_of
+from observer_rt.observer.indicators import indicators_of, with_free_rows
 from observer_rt.observer.interval import volume_interval
-from observer_rt.observer.learning import Knowledge, Learner, Outcome, Verdict, dead_band, no_knowledge
+from observer_rt.observer.learning import Knowledge, Outcome, Verdict, dead_band, no_knowledge
 from observer_rt.observer.observer import (
     Durations,
     constants_for,
@@ -26,6 +26,8 @@ from observer_rt.observer.observer import (
 )
 from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import INJECTIONS, RING, Constants, Reason, State
+from observer_rt.paper.network import FreeNetwork
+from observer_rt.service.learners import make_learner
 from observer_rt.service.output import FrameWriter, OutputFrame, summary_values
 from observer_rt.service.pipeline import Pipeline, handle, make_receiver, proceed
 from observer_rt.service.publisher import flush, make_publisher
@@ -111,7 +113,7 @@ class Core:
         start = knowledge or no_knowledge(noise, self._pressure_scale)
         self._learning = config.learning.enabled if learning is None else learning
         self._injector_id = config.outputs.injector_id
-        learner = Learner(self._constants, start)
+        learner = make_learner(bench, self._constants, start)
         lockstep = executor is None or config.learning.lockstep
         self._training = Training(learner, executor or InlineExecutor(), lockstep)
         self._observer = make_observer(self._constants, start, learner)
@@ -129,6 +131,7 @@ class Core:
         self._restored = knowledge is not None
         self._events_submitted = 0
         self._rejected = 0
+        self._free_rows: FreeNetwork | None = None
         self._frames: list[OutputFrame] = []
 
     def handle(self, frame_id: int, is_extended: bool, payload: bytes) -> list[OutputFrame]:
@@ -236,6 +239,7 @@ class Core:
             self._rejected += outcome.verdict is not Verdict.ADOPTED
             version = int(self._observer.memory["phi_version"][0])
             self._known = replace(outcome.knowledge, phi_version=version)
+            self._free_rows = outcome.free_rows
         self._report_injections(event, outcome)
 
     def _head(self) -> int:
@@ -264,6 +268,9 @@ class Core:
             injection["middle_x"],
             injection["middle_u"],
         )
+        if self._free_rows is not None:
+            middle = injection["middle_x"], injection["middle_u"]
+            indicators = with_free_rows(indicators, self._free_rows, *middle, c)
         volume = float(injection["volume"])
         interval = None
         if outcome is not None:

@@ -23,11 +23,14 @@ def check_gain(place: str, gain: float, c: Coefficients, sample_rate: float) -> 
     moves out of the way. Above the sample rate there is nothing between two samples for x~ to follow.
     Raises `UserError` naming `place`.
     """
+    lowest = WELL_ABOVE * line_mode(c)
     if gain <= line_mode(c):
         raise UserError(
             place,
             f"{gain:g} 1/s is not above the line's own {line_mode(c):.0f} rad/s: x~ would follow the fault",
-            f"give {WELL_ABOVE * line_mode(c):.2g} to {sample_rate:g} 1/s",
+            f"give {lowest:.2g} to {sample_rate:g} 1/s"
+            if lowest < sample_rate
+            else f"sample at {lowest:.2g} Hz or more, and give a gain up to that",
         )
     if gain > sample_rate * (1.0 + ROUNDING):
         raise UserError(

@@ -6,6 +6,7 @@ from rich.console import Console
 
 from observer_rt.config import load_bench
 from observer_rt.destinations import check_folder
+from observer_rt.errors import UserError
 from observer_rt.paper.figures import draw_figure_3, draw_figure_4, draw_figure_5
 from observer_rt.paper.report import report
 from observer_rt.paper.study import NOZZLE_WEAR, run_study
@@ -19,6 +20,8 @@ def reproduce_into(folder: Path, sample_rate: float, console: Console) -> None:
 
     Raises `UserError` for a sample rate or a folder that will not do, before the work begins.
     """
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"--out {folder}", "is a file", "name a folder")
     with file_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     check_folder("--out", folder)

@@ -15,6 +15,7 @@ from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.cli_options import BenchOption, JsonOption, ModelOption, StateOption
+from observer_rt.cli_reproduce import reproduce
 from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR
 from observer_rt.errors import ObserverError, UserError
 from observer_rt.screen import results, say
@@ -277,6 +278,9 @@ def check(
         results().print(as_table(findings))
     if any(finding.level is Level.ERROR for finding in findings):
         raise typer.Exit(1)
+
+
+app.command(epilog="Example: observer-rt reproduce --out reproduced")(reproduce)
 
 
 def _load(path: Path, model: Path | None = None) -> "Bench":

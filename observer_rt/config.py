@@ -114,13 +114,29 @@ class OutputsConfig(_Section):
     status_period_ms: Annotated[float, Field(ge=10, le=10_000)] = 100.0
 
 
+class Training(StrEnum):
+    """How phi is trained: ours, or the paper's scheme for comparison."""
+
+    PREDICTION_ERROR = "prediction_error"
+    PAPER = "paper"
+
+
 class LearningConfig(_Section):
     enabled: bool = True
-    training: Literal["prediction_error"] = "prediction_error"
+    training: Training = Training.PREDICTION_ERROR
+    identification_gain: Positive | None = None  # 1/s, l of (5)
     event_gap_ms: Annotated[float, Field(ge=2, le=50)] = 10.0
     learning_delay_ms: Annotated[float, Field(ge=0, le=1000)] = 20.0
     lockstep: bool = False
     lookahead: Annotated[int, Field(ge=4, le=4)] = 4  # samples
+
+    @model_validator(mode="after")
+    def _gain_of_the_paper(self) -> Self:
+        if self.training is Training.PAPER and self.identification_gain is None:
+            raise ValueError("training = 'paper' needs 'identification_gain' [1/s], such as 1e5")
+        if self.training is not Training.PAPER and self.identification_gain is not None:
+            raise ValueError(f"'identification_gain' has no effect with training = '{self.training}'")
+        return self
 
 
 class BenchConfig(_Section):

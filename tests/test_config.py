@@ -94,7 +94,7 @@ def test_example_bench_shows_every_key_with_its_default(tmp_path: Path) -> None:
     assert load_bench(EXAMPLE_BENCH).config == defaults
     for section in ("link", "sampling", "noise", "outputs", "learning"):
         model = type(getattr(defaults, section))
-        assert set(shown[section]) == set(model.model_fields)
+        assert set(shown[section]) == {n for n, f in model.model_fields.items() if f.default is not None}
 
 
 def test_example_injector_is_the_nominal_one() -> None:
@@ -190,6 +190,26 @@ def test_values_that_are_not_allowed(tmp_path: Path, lines: str, place: str) -> 
     assert error.place.endswith(f": {place}")
     assert "not allowed" in error.problem
     assert error.remedy
+
+
+@pytest.mark.parametrize(
+    ("lines", "problem"),
+    [
+        ('[learning]\ntraining = "paper"\n', "needs 'identification_gain'"),
+        ("[learning]\nidentification_gain = 1e5\n", "no effect with training = 'prediction_error'"),
+        ('[learning]\ntraining = "paper"\nidentification_gain = 0\n', "greater than 0"),
+    ],
+)
+def test_identification_gain_belongs_to_the_training_of_the_paper(
+    tmp_path: Path, lines: str, problem: str
+) -> None:
+    error = bench_refusal(tmp_path, BENCH + lines)
+    assert ": learning" in error.place
+    assert problem in error.problem
+    bench = load_bench(
+        bench_file(tmp_path, BENCH + '[learning]\ntraining = "paper"\nidentification_gain = 5e4\n')
+    )
+    assert bench.config.learning.identification_gain == 5e4
 
 
 def test_one_way_to_name_the_samples(tmp_path: Path) -> None:

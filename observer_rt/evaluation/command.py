@@ -21,6 +21,7 @@ from observer_rt.recording.files import file_errors, read_recording
 from observer_rt.recording.framing import bench_for
 from observer_rt.recording.recording import Recording
 from observer_rt.screen import progress_bar, results, say_if_compiling
+from observer_rt.service.learners import refuse_state
 from observer_rt.service.main import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
 
@@ -41,6 +42,9 @@ class EvaluateOptions:
 def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
     _refuse_ambiguous(paths, options)
+    for option, path in (("--state", options.state), ("--save-state", options.save_state)):
+        if path is not None:
+            refuse_state(bench, option)
     recordings = [read_recording(path) for path in paths]
     _check_destinations(paths, options)
     say_if_compiling(console)

@@ -1,6 +1,6 @@
 """Wear of nozzle and seat, and line-side and sensor matters, as numbers with a standard deviation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.laws import root
 from observer_rt.model.network import HIDDEN, activation, flow_changes
+from observer_rt.paper.network import FreeNetwork, free_fault
 
 
 @dataclass(frozen=True)
@@ -76,3 +79,16 @@ def indicators_of(
         line_pressure_lag=scalar(Parameter.SENSOR_LAG, LAG_UNIT),
         entrained_air=scalar(Parameter.ENTRAINED_AIR),
     )
+
+
+def with_free_rows(
+    indicators: Indicators,
+    network: FreeNetwork,
+    x: NDArray[np.float64],
+    u: NDArray[np.float64],
+    c: Coefficients,
+) -> Indicators:
+    """Indicators where phi is the paper's: v_H of (27) from phi_1 at state x (3,) and inputs u (2,), no sigma."""
+    phi_1, _, _ = free_fault((float(x[0]), float(x[1]), float(x[2])), (float(u[0]), float(u[1])), network)
+    flow = c.a2_nozzle * root(float(x[2]), c.transition)
+    return replace(indicators, nozzle=Estimate(-phi_1 / flow if flow > 0.0 else 0.0))

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from observer_rt.model.network import HIDDEN, flow_changes
 from observer_rt.observer.adequacy import POOLING, Finding, Freezer, findings, looks_like_inertance, tempering
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import Constants, Reason
+from observer_rt.paper.network import FreeNetwork
 
 BURN_IN = 0.5e-3  # s of the window before innovations count
 FIRST_ITERATIONS = 5
@@ -137,8 +139,9 @@ class Outcome:
     """Result of learning from one event: what to carry from the adoption point on, and what to say of the event.
 
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
-    with its covariance (m, m). rate, rate_slopes: injection rate [m3/s] (n,) of the event re-simulated with the
-    estimate, over its window, and its derivatives (n, m).
+    with its covariance (m, m), None where the training knows none. rate, rate_slopes: injection rate [m3/s] (n,) of the
+    event re-simulated with the estimate, over its window, and its derivatives (n, m). free_rows: the paper's network
+    to carry instead of theta's, where that is what was trained.
     """
 
     verdict: Verdict
@@ -146,9 +149,10 @@ class Outcome:
     schedule: GainSchedule
     findings: tuple[Finding, ...]
     estimate: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    covariance: NDArray[np.float64] | None
     rate: NDArray[np.float64]
     rate_slopes: NDArray[np.float64]
+    free_rows: FreeNetwork | None = None
 
 
 @dataclass(frozen=True)
@@ -162,6 +166,17 @@ class _Fit:
     prior: Belief
     cost: float
     contradicts: bool = False  # what was believed before the event
+
+
+class EventLearner(Protocol):
+    """What learns between events, whichever training it uses."""
+
+    @property
+    def schedule(self) -> GainSchedule:
+        """Gains of the live x~."""
+
+    def learn(self, window: Window, standstill: Standstill, in_force: NDArray[np.float64]) -> Outcome:
+        """Learn from one event, during which `in_force` (m,) was carried."""
 
 
 class Learner:

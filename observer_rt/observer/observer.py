@@ -11,7 +11,7 @@ from observer_rt.model.coefficients import coefficients
 from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
-from observer_rt.observer.learning import Knowledge, Learner, Outcome, Verdict, dead_band
+from observer_rt.observer.learning import EventLearner, Knowledge, Outcome, Verdict, dead_band
 from observer_rt.observer.state import (
     OBSERVER,
     PENDING_EVENTS,
@@ -22,6 +22,7 @@ from observer_rt.observer.state import (
     Reason,
     Timing,
 )
+from observer_rt.paper.network import FreeNetwork
 from observer_rt.units import MILLISECOND
 
 SETTLE = 3 * MILLISECOND
@@ -64,7 +65,7 @@ def constants_for(
     )
 
 
-def make_observer(constants: Constants, knowledge: Knowledge, learner: Learner) -> Observer:
+def make_observer(constants: Constants, knowledge: Knowledge, learner: EventLearner) -> Observer:
     """An observer with empty memory that carries `knowledge`."""
     observer = Observer(
         constants,
@@ -112,6 +113,8 @@ def judge(observer: Observer, outcome: Outcome | None) -> None:
         return
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge.in_force, outcome.knowledge.noise.needle_lift)
+    if outcome.free_rows is not None:
+        _carry_free_rows(observer, outcome.free_rows)
     if outcome.verdict is Verdict.ADOPTED:
         memory["phi_version"] += 1
     memory["judgement"] = outcome.findings[0].reason if outcome.findings else Reason.NONE
@@ -127,3 +130,12 @@ def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: fl
     memory["lag"] = learned.lag
     memory["friction"], memory["leakage"], memory["stiffness"], memory["air"] = learned.line
     memory["lift_on"], memory["lift_off"] = dead_band(lift_noise)
+
+
+def _carry_free_rows(observer: Observer, network: FreeNetwork) -> None:
+    memory = observer.memory[0]
+    memory["has_free_rows"] = True
+    memory["free_hidden"] = network.hidden
+    memory["free_output"] = network.output
+    memory["free_bias"] = network.bias
+    memory["free_unit"] = network.unit

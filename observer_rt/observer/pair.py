@@ -11,6 +11,8 @@ from observer_rt.model.integrator import advance
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import fault, injection_rate
 from observer_rt.observer.state import RING, Observer
+from observer_rt.paper.network import FreeNetwork, free_fault
+from observer_rt.paper.systems import PaperSetting, balanced_rate, observe
 
 _MASK = RING - 1
 
@@ -31,6 +33,13 @@ def coefficients_in_force(observer: Observer) -> Coefficients:
         LineTerms(memory.friction, memory.leakage, memory.stiffness, memory.air),
     )
     return c
+
+
+@njit(cache=True, nogil=True)
+def free_rows_in_force(observer: Observer) -> FreeNetwork:
+    """The paper's network in the observer's memory."""
+    memory = observer.memory[0]
+    return FreeNetwork(memory.free_hidden, memory.free_output, memory.free_bias, memory.free_unit)
 
 
 @njit(cache=True, nogil=True)
@@ -84,15 +93,12 @@ def step_pair(observer: Observer, position: int) -> bool:
     row.x_tilde[0], row.x_tilde[1], row.x_tilde[2] = x
 
     if not row.resting:
-        x = advance(
-            (before.x_hat[0], before.x_hat[1], before.x_hat[2]),
-            u_start,
-            u_end,
-            constants.interval,
-            constants.substeps,
-            c,
-            network,
-        )
+        x = (before.x_hat[0], before.x_hat[1], before.x_hat[2])
+        if memory.has_free_rows:
+            setting = PaperSetting(constants.interval, constants.substeps, c, network, memory.free_unit)
+            x = observe(x, u_start, u_end, setting, free_rows_in_force(observer))
+        else:
+            x = advance(x, u_start, u_end, constants.interval, constants.substeps, c, network)
     row.x_hat[0], row.x_hat[1], row.x_hat[2] = x
     return math.isfinite(x[0] + x[1] + x[2] + row.x_tilde[0] + row.x_tilde[1] + row.x_tilde[2])
 
@@ -105,5 +111,10 @@ def read_out(observer: Observer, position: int) -> None:
     network = network_in_force(observer)
     x = (row.x_hat[0], row.x_hat[1], row.x_hat[2])
     u = (row.rail_pressure, max(row.seat_area, 0.0))
-    row.injection_rate = injection_rate(x, u, c, network)
-    row.phi[0], row.phi[1], row.phi[2] = fault(x, u, c, network)
+    if observer.memory[0].has_free_rows:
+        phi = (0.0, 0.0, 0.0) if row.resting else free_fault(x, u, free_rows_in_force(observer))
+        row.injection_rate = 0.0 if row.resting else balanced_rate(x[2], phi[0], c)
+    else:
+        phi = fault(x, u, c, network)
+        row.injection_rate = injection_rate(x, u, c, network)
+    row.phi[0], row.phi[1], row.phi[2] = phi

@@ -10,6 +10,7 @@ from observer_rt.continuity import Break
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
+from observer_rt.paper.network import ROWS
 
 RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
@@ -46,6 +47,7 @@ class Reason(IntEnum):
     NOT_LEARNED = 12  # the event could not be learned from
     SUDDEN_CHANGE = 13  # the event contradicts what was learned before it
     AMBIGUOUS_SCALE = 14  # line stiffness and nozzle flow changed as if the line's inertance had
+    UNTESTED = 15  # the training in use (the paper's) has no test of its result
 
 
 SAMPLE = np.dtype(
@@ -123,6 +125,12 @@ OBSERVER = np.dtype(
         ("leakage", np.float64),
         ("stiffness", np.float64),
         ("air", np.float64),
+        # the paper's network, which x^ carries instead of the one above where `training = "paper"`
+        ("has_free_rows", np.bool_),
+        ("free_hidden", np.float64, (HIDDEN, ARGUMENTS)),
+        ("free_output", np.float64, (ROWS, HIDDEN)),
+        ("free_bias", np.float64, (ROWS,)),
+        ("free_unit", np.float64),  # 1/s
         ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
         ("lift_on", np.float64),  # m
         ("lift_off", np.float64),

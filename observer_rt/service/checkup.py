@@ -10,12 +10,14 @@ from observer_rt.estimation.gain import gain_schedule
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.front_end import LOOKAHEAD
-from observer_rt.observer.learning import dead_band
+from observer_rt.observer.learning import dead_band, no_knowledge
 from observer_rt.observer.state import MAX_EVENT
+from observer_rt.paper.gain import doubts_about_gain
 from observer_rt.service.checkup_bus import bus_findings
 from observer_rt.service.checkup_host import interface_findings, real_time_findings, this_host
 from observer_rt.service.core import bench_constants, configured_noise
 from observer_rt.service.findings import Finding, Level, as_json_document, as_table, failed, graded
+from observer_rt.service.learners import make_learner
 from observer_rt.service.state_file import model_hash
 from observer_rt.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
 
@@ -99,6 +101,7 @@ def _observer(bench: Bench) -> list[Finding]:
         ),
         Finding("look-ahead", Level.OK, f"{LOOKAHEAD} samples, {LOOKAHEAD / rate / MICROSECOND:.4g} us"),
         _event_timing(bench),
+        *_paper_training(bench),
     ]
 
 
@@ -113,3 +116,20 @@ def _event_timing(bench: Bench) -> Finding:
         f"up to {longest:.3g} ms, gap included",
         "shorten learning.event_gap_ms or sample slower",
     )
+
+
+def _paper_training(bench: Bench) -> list[Finding]:
+    """What is to be said of `training = "paper"`, nothing where it is not used."""
+    gain = bench.config.learning.identification_gain
+    if gain is None:
+        return []
+    c = coefficients(bench.injector)
+    try:
+        make_learner(bench, bench_constants(bench), no_knowledge(configured_noise(bench), c.pressure_scale))
+    except UserError as error:
+        return [failed("training", error)]
+    doubts = doubts_about_gain(gain, c, configured_noise(bench))
+    return [
+        Finding("training", Level.WARNING, "paper: for comparison only, its results never count as valid"),
+        graded("identification gain", doubts is None, f"{gain:g} 1/s", doubts or ""),
+    ]

@@ -13,9 +13,9 @@ from observer_rt.config import Bench
 from observer_rt.errors import UserError
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate, substeps_needed
-from observer_rt.observer.indicators import indicators_of
+from observer_rt.observer.indicators import indicators_of, with_free_rows
 from observer_rt.observer.interval import volume_interval
-from observer_rt.observer.learning import Knowledge, Learner, Outcome, Verdict, dead_band, no_knowledge
+from observer_rt.observer.learning import Knowledge, Outcome, Verdict, dead_band, no_knowledge
 from observer_rt.observer.observer import (
     Durations,
     constants_for,
@@ -26,6 +26,8 @@ from observer_rt.observer.observer import (
 )
 from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import INJECTIONS, RING, Constants, Reason, State
+from observer_rt.paper.network import FreeNetwork
+from observer_rt.service.learners import make_learner
 from observer_rt.service.output import FrameWriter, OutputFrame, summary_values
 from observer_rt.service.pipeline import Pipeline, handle, make_receiver, proceed
 from observer_rt.service.publisher import flush, make_publisher
@@ -115,7 +117,7 @@ class Core:
         start = knowledge or no_knowledge(noise, self._pressure_scale)
         self._learning = config.learning.enabled if learning is None else learning
         self._injector_id = config.outputs.injector_id
-        learner = Learner(self._constants, start)
+        learner = make_learner(bench, self._constants, start)
         lockstep = executor is None or config.learning.lockstep
         self._training = Training(learner, executor or InlineExecutor(), lockstep)
         self._observer = make_observer(self._constants, start, learner)
@@ -134,6 +136,7 @@ class Core:
         self._events_submitted = 0
         self._rejected = 0
         self._first_version = start.phi_version
+        self._free_rows: FreeNetwork | None = None
         self._frames: list[OutputFrame] = []
 
     def handle(self, frame_id: int, is_extended: bool, payload: bytes) -> list[OutputFrame]:
@@ -241,6 +244,7 @@ class Core:
             self._rejected += outcome.verdict is not Verdict.ADOPTED
             version = int(self._observer.memory["phi_version"][0])
             self._known = replace(outcome.knowledge, phi_version=version)
+            self._free_rows = outcome.free_rows
         self._report_injections(event, outcome)
 
     def _head(self) -> int:
@@ -269,8 +273,12 @@ class Core:
             injection["middle_x"],
             injection["middle_u"],
         )
+        if self._free_rows is not None:
+            middle = injection["middle_x"], injection["middle_u"]
+            indicators = with_free_rows(indicators, self._free_rows, *middle, c)
         interval = None
-        if outcome is not None and outcome.verdict in (Verdict.ADOPTED, Verdict.REJECTED):
+        learned = outcome is not None and outcome.verdict in (Verdict.ADOPTED, Verdict.REJECTED)
+        if learned and outcome is not None and outcome.covariance is not None:
             first = int(injection["start"]) - int(event["window_start"])
             last = int(injection["end"]) - int(event["window_start"])
             window = slice(max(first, 0), last + 1)

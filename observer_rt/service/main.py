@@ -16,6 +16,7 @@ from observer_rt.observer.learning import Knowledge
 from observer_rt.screen import say, say_if_compiling
 from observer_rt.service.core import bench_constants
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.learners import refuse_state
 from observer_rt.service.report import InjectionReport
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
 from observer_rt.service.view import View
@@ -36,6 +37,7 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
         view = False
     bus = map_bus(bench)
     if state is not None:
+        refuse_state(bench, "--state")
         check_folder("--state", state.absolute().parent)
     model = model_hash(bench.injector)
     pressure_scale = bench.injector.scaling.pressure

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning import Learner, Outcome
+from observer_rt.observer.learning import EventLearner, Outcome
 from observer_rt.observer.standstill import Standstill
 
 
@@ -28,7 +28,7 @@ class InlineExecutor(Executor):
 class Training:
     """Queue between the observer and its learner; the executor must run one job at a time, in order."""
 
-    def __init__(self, learner: Learner, executor: Executor, lockstep: bool) -> None:
+    def __init__(self, learner: EventLearner, executor: Executor, lockstep: bool) -> None:
         """lockstep: `take` waits for an outcome that is not ready; otherwise it is late and skipped."""
         self._learner = learner
         self._executor = executor

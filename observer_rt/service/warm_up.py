@@ -5,11 +5,13 @@ import numpy as np
 from observer_rt.bus.mapping import BusMap
 from observer_rt.config import Bench
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning import Learner, no_knowledge
+from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.observer.learning import no_knowledge
 from observer_rt.observer.standstill import Standstill
 from observer_rt.recording.framing import Framer, whole
 from observer_rt.recording.recording import Recording
 from observer_rt.service.core import Core, bench_constants, configured_noise
+from observer_rt.service.learners import make_learner
 
 _SAMPLES = 100
 
@@ -25,8 +27,8 @@ def warm_up(bench: Bench, bus: BusMap) -> None:
     core.finish()
     constants = bench_constants(bench)
     scale = constants.coefficients.pressure_scale
-    learner = Learner(constants, no_knowledge(configured_noise(bench), scale))
+    learner = make_learner(bench, constants, no_knowledge(configured_noise(bench), scale))
     window = Window(
         np.full((_SAMPLES, 2), 0.5), np.full(_SAMPLES, 0.5), np.zeros(_SAMPLES, np.bool_), np.zeros(4), 1
     )
-    learner.learn(window, Standstill(0, 0.0, None), np.zeros_like(learner.belief.mean))
+    learner.learn(window, Standstill(0, 0.0, None), np.zeros(PARAMETERS))

@@ -1,0 +1,159 @@
+"""The runs behind the paper's Figs. 3-5: its scheme as published, and ours beside it, on the same injections."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from observer_rt.config import Bench
+from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.model.coefficients import coefficients
+from observer_rt.model.laws import root
+from observer_rt.observer.learning import Verdict, no_knowledge
+from observer_rt.observer.standstill import Standstill
+from observer_rt.paper.comparison import Estimate, Estimator, GainCase, Study, WearCase
+from observer_rt.paper.event import (
+    InjectionWindow,
+    injection_windows,
+    inputs,
+    learning_window,
+    true_fault,
+    true_states,
+)
+from observer_rt.paper.gain import check_gain
+from observer_rt.paper.learner import PaperLearner
+from observer_rt.paper.network import FreeNetwork
+from observer_rt.paper.systems import swept
+from observer_rt.paper.training import Weights, first_weights, network_of, paper_setting, train
+from observer_rt.recording.framing import bench_for
+from observer_rt.service.core import bench_constants, configured_noise
+from observer_rt.simulation.effects import PlantEffects
+from observer_rt.simulation.schedule import FIRST_EVENT, make_schedule
+from observer_rt.simulation.simulate import Simulation, simulate
+from observer_rt.units import MEGAPASCAL, MILLISECOND
+
+RAIL_PRESSURES = tuple(p * MEGAPASCAL for p in (60.0, 100.0, 140.0))  # Pa, of Fig. 3
+RAIL_PRESSURE = 100 * MEGAPASCAL  # of Figs. 4 and 5
+ENERGIZING_TIME = 1.9 * MILLISECOND
+NOZZLE_WEAR = 0.3  # v_H of Fig. 4
+SWEEP = tuple(round(-0.5 + 0.1 * i, 1) for i in range(11))  # v_H of Fig. 5
+TRAININGS = 10  # of "trained on"
+PERIOD = 40 * MILLISECOND  # what is learned from one event is in force before the next
+LARGEST_GAIN = 1e5  # 1/s, of the paper's identification system; less where samples are slower
+GAINS = (1e4, 3e4, LARGEST_GAIN)
+
+Progress = Callable[[float], None]
+
+
+def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:
+    """Simulate, train and evaluate everything; `progress` hears the share done.
+
+    Raises `UserError` for a sample rate [Hz] at which the paper's scheme cannot identify anything.
+    """
+    c = coefficients(bench.injector)
+    gain = min(LARGEST_GAIN, sample_rate)
+    check_gain("--sample-rate", gain, c, sample_rate)
+    healthy = []
+    for pressure in RAIL_PRESSURES:
+        schedule = make_schedule([pressure], 1, PERIOD, [ENERGIZING_TIME])
+        healthy.append(simulate(bench.injector, schedule, sample_rate).truth)
+    cases = []
+    for number, wear in enumerate(SWEEP):
+        cases.append(_wear_case(bench, sample_rate, gain, wear))
+        progress((number + 1) / len(SWEEP))
+    gains = tuple(_gain_case(bench, sample_rate, value) for value in GAINS if value <= gain)
+    return Study(sample_rate, gain, c, tuple(healthy), tuple(cases), gains)
+
+
+def _simulated(bench: Bench, sample_rate: float, wear: float, events: int) -> Simulation:
+    schedule = make_schedule([RAIL_PRESSURE], events, PERIOD, [ENERGIZING_TIME])
+    return simulate(bench.injector, schedule, sample_rate, PlantEffects(orifice_area=wear))
+
+
+def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> WearCase:
+    c = coefficients(bench.injector)
+    single = _simulated(bench, sample_rate, wear, 1)
+    several = _simulated(bench, sample_rate, wear, TRAININGS)
+    (injection,) = injection_windows(single.truth.needle_lift, sample_rate)
+    span = injection.span
+    scheme = _Scheme(bench, single, injection, gain)
+    tested, rejected = scheme.tested(TRAININGS)
+    x, u = true_states(single.truth, c)[span], inputs(single.truth, c)[span]
+    paper = scheme.estimate(scheme.trained(1))
+    return WearCase(
+        nozzle_wear=wear,
+        time=single.truth.time[span] - FIRST_EVENT,
+        truth=Estimate(x[:, 2], true_fault(x, u, c, wear), single.truth.injection_rate[span]),
+        estimates={
+            Estimator.MODEL: scheme.estimate(scheme.trained(0)),
+            Estimator.PAPER: paper,
+            Estimator.PAPER_TRAINED_ON: scheme.estimate(scheme.trained(TRAININGS)),
+            Estimator.PAPER_TESTED: scheme.estimate(tested),
+            Estimator.OURS: _ours(bench, single, single, injection),
+            Estimator.OURS_TRAINED_ON: _ours(bench, several, single, injection),
+        },
+        law_rate=np.array([c.nozzle_flow * root(value, c.transition) for value in paper.x_3]),
+        rejected=rejected,
+    )
+
+
+def _ours(bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow) -> Estimate:
+    """What our observer, having learned from one recording, says of an injection of another, or the same."""
+    knowledge = evaluate(bench, [learned_from.recording]).knowledge
+    (evaluation,) = evaluate(bench, [seen.recording], knowledge, learning=False).evaluations
+    trace, span = evaluation.trace, injection.span
+    return Estimate(trace.x[span, 2], trace.phi[span], trace.injection_rate[span])
+
+
+def _gain_case(bench: Bench, sample_rate: float, gain: float) -> GainCase:
+    simulation = _simulated(bench, sample_rate, NOZZLE_WEAR, 1)
+    (injection,) = injection_windows(simulation.truth.needle_lift, sample_rate)
+    scheme = _Scheme(bench, simulation, injection, gain)
+    true_x_3 = true_states(simulation.truth, coefficients(bench.injector))[injection.span, 2]
+    model, paper = scheme.estimate(scheme.trained(0)), scheme.estimate(scheme.trained(1))
+    true_volume = np.trapezoid(simulation.truth.injection_rate[injection.span])
+    return GainCase(
+        gain=gain,
+        mse_ratio=float(np.sum((model.x_3 - true_x_3) ** 2) / np.sum((paper.x_3 - true_x_3) ** 2)),
+        mass_error=float(np.trapezoid(paper.rate) / true_volume) - 1.0,
+    )
+
+
+class _Scheme:
+    """The paper's scheme on one noise-free injection: trained on it, and looked at while it runs over it."""
+
+    def __init__(self, bench: Bench, simulation: Simulation, injection: InjectionWindow, gain: float) -> None:
+        self._bench = bench_for(bench, simulation.recording)
+        self._gain = gain
+        self._constants = bench_constants(self._bench)
+        c, interval = self._constants.coefficients, self._constants.interval
+        self._setting = paper_setting(c, interval, self._constants.substeps, gain)
+        self._window, start = learning_window(
+            simulation.truth, injection, c, simulation.recording.sample_rate
+        )
+        self._span = slice(injection.first - start, injection.last - start)
+
+    def trained(self, trainings: int) -> FreeNetwork:
+        """The network after so many trainings, each of which takes force whatever it came to; phi = 0 after none."""
+        weights = first_weights()
+        for _ in range(trainings):
+            result = train(self._window, self._setting, weights).weights
+            weights = Weights(in_force=result, trained=result)
+        return network_of(weights.in_force, self._setting)
+
+    def tested(self, trainings: int) -> tuple[FreeNetwork, int]:
+        """The network in force after so many trainings behind the adoption test, and how many it refused."""
+        knowledge = no_knowledge(configured_noise(self._bench), self._constants.coefficients.pressure_scale)
+        learner = PaperLearner(self._constants, knowledge, self._gain)
+        rejected = 0
+        network = self.trained(0)
+        for _ in range(trainings):
+            outcome = learner.learn(self._window, Standstill(0, 0.0, None), np.zeros(PARAMETERS))
+            rejected += outcome.verdict is not Verdict.ADOPTED
+            network = outcome.free_rows or network
+        return network, rejected
+
+    def estimate(self, network: FreeNetwork) -> Estimate:
+        """The observer with this network over the injection."""
+        seen = swept(self._window, self._setting, network)
+        return Estimate(seen.x[self._span, 2], seen.phi[self._span], seen.rate[self._span])

@@ -1,0 +1,40 @@
+"""Which training a bench uses, and what that asks of bench and injector."""
+
+from observer_rt.config import Bench, Training
+from observer_rt.errors import UserError
+from observer_rt.model.parameters import LineOutflow
+from observer_rt.observer.learning import EventLearner, Knowledge, Learner
+from observer_rt.observer.state import Constants
+from observer_rt.paper.gain import check_gain
+from observer_rt.paper.learner import PaperLearner
+
+
+def make_learner(bench: Bench, constants: Constants, knowledge: Knowledge) -> EventLearner:
+    """The learner of a bench. Raises `UserError` when its training does not fit its sample rate or injector."""
+    learning = bench.config.learning
+    if learning.training is Training.PREDICTION_ERROR or learning.identification_gain is None:
+        return Learner(constants, knowledge)
+    if bench.injector.line_outflow is not LineOutflow.NOZZLE:
+        raise UserError(
+            f"{bench.path}: learning.training",
+            f"'paper' rests on a line drained by the nozzle flow (25), but {bench.injector_path} says "
+            f"line_outflow = '{bench.injector.line_outflow}'",
+            "use training = 'prediction_error'",
+        )
+    check_gain(
+        f"{bench.path}: learning.identification_gain",
+        learning.identification_gain,
+        constants.coefficients,
+        1.0 / constants.interval,
+    )
+    return PaperLearner(constants, knowledge, learning.identification_gain)
+
+
+def refuse_state(bench: Bench, option: str) -> None:
+    """Raise `UserError` naming an option that keeps what was learned where the training keeps nothing."""
+    if bench.config.learning.training is Training.PAPER:
+        raise UserError(
+            option,
+            "training = 'paper' starts anew every time and keeps nothing",
+            f"leave {option} out, or use training = 'prediction_error'",
+        )

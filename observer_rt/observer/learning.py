@@ -139,9 +139,9 @@ class Outcome:
     """Result of learning from one event: what to carry from the adoption point on, and what to say of the event.
 
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
-    with its covariance (m, m), None where the training knows none. rate, rate_slopes: injection rate [m3/s] (n,) of the
-    event re-simulated with the estimate, over its window, and its derivatives (n, m). free_rows: the paper's network
-    to carry instead of theta's, where that is what was trained.
+    with its covariance (m, m), None where the training knows none. rate, rate_slopes: injection rate [m3/s] (n,) of
+    the event re-simulated with the estimate, over its window, and its derivatives (n, m). free_rows: the paper's
+    network to carry instead of theta's, where that is what was trained.
     """
 
     verdict: Verdict

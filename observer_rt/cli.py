@@ -5,16 +5,19 @@ user supplied must change.
 """
 
 import json
+import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
 
 from observer_rt import __version__
+from observer_rt.cli_options import BenchOption, JsonOption, ModelOption, StateOption
 from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR
 from observer_rt.errors import ObserverError, UserError
+from observer_rt.screen import results, say
 
 if TYPE_CHECKING:
     from observer_rt.config import Bench
@@ -28,38 +31,29 @@ app = typer.Typer(
 )
 messages = Console(stderr=True)
 
-BenchOption = Annotated[
-    Path,
-    typer.Option(
-        "--bench",
-        help="Bench file (default: the example bench of the package).",
-        metavar="FILE",
-        show_default=False,
-    ),
-]
-ModelOption = Annotated[
-    Path | None, typer.Option("--model", help="Injector file, instead of the bench's.", metavar="FILE")
-]
-StateOption = Annotated[
-    Path | None, typer.Option("--state", help="Learned state to start from.", metavar="FILE")
-]
-
 
 def main() -> None:
     """Entry point of `observer-rt`."""
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()  # so that what cannot be written shows here
     except ObserverError as error:
-        messages.print(f"[red]error:[/red] {_escaped(str(error))}", highlight=False, soft_wrap=True)
-        sys.exit(error.exit_code)
+        _fail(str(error), error.exit_code)
     except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the interpreter's own last flush
         sys.exit(1)
+    except MemoryError:
+        _fail("not enough memory\n  remedy: cut the recording, or sample it slower", 1)
+    except OSError as error:
+        _fail(f"{error.filename or 'output'}: {error.strerror or error}", 1)
 
 
-def _escaped(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)
+def _fail(message: str, exit_code: int) -> NoReturn:
+    messages.print("[red]error:[/red]", end=" ")
+    say(messages, message)
+    sys.exit(exit_code)
 
 
 def _version(show: bool) -> None:
@@ -130,7 +124,12 @@ def run(
 
 @app.command(epilog="Example: observer-rt replay recording.csv --bench bench.toml --speed 0.1")
 def replay(
-    recording: Annotated[Path, typer.Argument(help="Recording (.csv, .mf4) or candump log (.log).")],
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            help="Recording (.csv, .mf4) or candump log (.log).", metavar="RECORDING", show_default=False
+        ),
+    ],
     bench: BenchOption = EXAMPLE_BENCH,
     channel: Annotated[
         str | None, typer.Option("--channel", help="CAN channel, instead of the bench's.")
@@ -149,7 +148,7 @@ def replay(
     windowed: Annotated[
         bool, typer.Option("--windowed", help="Only about 6 ms round each injection.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Statistics as JSON on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Send a recording onto a bus as the measuring devices would, on an absolute time grid."""
     from observer_rt.recording.replay import ReplayOptions, replay_onto
@@ -226,7 +225,10 @@ def simulate(
 
 @app.command(epilog="Example: observer-rt evaluate worn.csv --output trace.csv --plot worn.png")
 def evaluate(
-    recordings: Annotated[list[Path], typer.Argument(help="Recordings (.csv, .mf4).")],
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help="Recordings (.csv, .mf4).", metavar="RECORDING", show_default=False),
+    ],
     bench: BenchOption = EXAMPLE_BENCH,
     model: ModelOption = None,
     state: StateOption = None,
@@ -246,7 +248,7 @@ def evaluate(
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Figure (png, svg, pdf).", metavar="FILE")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Results as JSON on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
@@ -263,10 +265,9 @@ def evaluate(
 def check(
     bench: BenchOption = EXAMPLE_BENCH,
     model: ModelOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Findings as JSON on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
-    from observer_rt.screen import results
     from observer_rt.service.checkup import Level, as_json_document, as_table, checkup
 
     findings = checkup(_load(bench, model))

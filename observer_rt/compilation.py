@@ -4,6 +4,7 @@ Numba notices a change of the file a function stands in, but not of the files it
 state of the package's source gets a folder of its own, named by a digest of that source.
 """
 
+import contextlib
 import hashlib
 import os
 import shutil
@@ -32,6 +33,11 @@ def use_own_cache() -> None:
     os.environ[_VARIABLE] = str(folder)
 
 
+def is_compiled() -> bool:
+    """Whether anything of this source was compiled before."""
+    return any(Path(os.environ[_VARIABLE]).rglob("*.nbi"))
+
+
 def _writable_root() -> Path:
     """The user's own cache folder, else one of the temporary folder."""
     chosen = os.environ.get(_VARIABLE)
@@ -51,5 +57,6 @@ def _writable_root() -> Path:
 def _remove_unused(root: Path, used: Path) -> None:
     os.utime(used)
     for folder in root.iterdir():
-        if time.time() - folder.stat().st_mtime > _KEEP_UNUSED:
-            shutil.rmtree(folder, ignore_errors=True)
+        with contextlib.suppress(FileNotFoundError):  # another process may remove it at the same time
+            if time.time() - folder.stat().st_mtime > _KEEP_UNUSED:
+                shutil.rmtree(folder, ignore_errors=True)

@@ -6,7 +6,9 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ from observer_rt.bus.codec import decode
 from observer_rt.bus.link import open_link
 from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench, LinkConfig, load_bench
+from observer_rt.destinations import FIGURE_SUFFIXES, check_destination
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.evaluation.figures import MassRow, RateCurves, plot_injections
 from observer_rt.model.coefficients import coefficients
@@ -26,12 +29,13 @@ from observer_rt.recording.files import file_errors
 from observer_rt.recording.framing import Framer, whole
 from observer_rt.recording.player import play
 from observer_rt.recording.recording import Recording
-from observer_rt.screen import results
+from observer_rt.screen import results, say, say_if_compiling
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.main import draw
 from observer_rt.service.report import InjectionReport
 from observer_rt.service.view import Reference, View
 from observer_rt.service.warm_up import warm_up
+from observer_rt.signals import stop_on_signals
 from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
@@ -56,20 +60,20 @@ class DemoResult:
 
 def run_demo(wear: float, injections: int, speed: float, seed: int, figure: Path, console: Console) -> None:
     """The command: set the scene, show the view, print the table, write the picture."""
-    console.print(
-        f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...", highlight=False
-    )
+    check_destination("--figure", figure, FIGURE_SUFFIXES)
+    say_if_compiling(console)
+    say(console, f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...")
     scene = Demo(wear, injections, seed)
-    console.print(
+    say(
+        console,
         f"replaying them as CAN FD frames over {scene.link.interface} {scene.link.channel} at {speed:g} times real "
         "time; the observer knows the nominal injector only",
-        highlight=False,
     )
-    result = scene.run(speed, draw if console.is_terminal else _wait)
+    result = scene.run(speed, partial(draw, console=console) if console.is_terminal else _wait)
     with file_errors(figure):
         write_figure(result, wear, figure)
     results().print(_table(result))
-    console.print(f"picture: {figure}", highlight=False, markup=False)
+    say(console, f"picture: {figure}")
 
 
 def _wait(_view: View, until: threading.Event) -> None:
@@ -135,10 +139,9 @@ class Demo:
     def run(self, speed: float, show: Callable[[View, threading.Event], None]) -> DemoResult:
         """Replay at `speed` (1: real time); `show` draws the view until its event is set.
 
-        Raises `RunError` when the bus fails.
+        Raises `RunError` when the bus fails, `KeyboardInterrupt` when stopped by a signal.
         """
         bus = map_bus(self.bench)
-        warm_up(self.bench, bus)
         view = View(
             f"observer_rt demo: {self.link.interface} {self.link.channel}",
             self.bench.config.sampling.rate_hz,
@@ -152,27 +155,31 @@ class Demo:
         stop, done = threading.Event(), threading.Event()
         inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
         with contextlib.ExitStack() as stack:
+            interrupted = stack.enter_context(stop_on_signals())
+            warm_up(self.bench, bus)
             player_link = stack.enter_context(_open(self.link, []))
             daemon_link = stack.enter_context(_open(self.link, inputs))
             listener = stack.enter_context(_listening(self.link, bus, self.recording.samples))
+            threads = stack.enter_context(ThreadPoolExecutor(2))
             daemon = Daemon(self.bench, bus, daemon_link, on_report=on_report)
             view.watch(daemon)
-            serving = threading.Thread(target=daemon.run, args=(stop,), name="daemon")
-            serving.start()
 
             def replay() -> None:
                 try:
-                    play(Framer(bus).frames(self.recording, whole(self.recording)), player_link, speed)
-                    _wait_until_quiet(daemon)
+                    frames = Framer(bus).frames(self.recording, whole(self.recording))
+                    play(frames, player_link, speed, stop=interrupted)
+                    _wait_until_quiet(daemon, interrupted)
                 finally:
                     stop.set()
-                    serving.join()
                     done.set()
 
-            playing = threading.Thread(target=replay, name="player")
-            playing.start()
+            serving = threads.submit(daemon.run, stop)
+            playing = threads.submit(replay)
             show(view, done)
-            playing.join()
+            playing.result()
+            serving.result()
+            if interrupted.is_set():
+                raise KeyboardInterrupt
             time.sleep(0.2)  # for the listener to take in the last frames
             return self._result(listener.rate)
 
@@ -261,11 +268,10 @@ def _on_link(bench: Bench, link: LinkConfig) -> Bench:
     return bench.model_copy(update={"config": config})
 
 
-def _wait_until_quiet(daemon: Daemon) -> None:
+def _wait_until_quiet(daemon: Daemon, interrupted: threading.Event) -> None:
     """Until the daemon has processed all it received."""
     seen, since = -1, time.monotonic()
-    while time.monotonic() - since < _QUIET:
+    while time.monotonic() - since < _QUIET and not interrupted.wait(0.05):
         processed = daemon.core.processed
         if processed != seen:
             seen, since = processed, time.monotonic()
-        time.sleep(0.05)

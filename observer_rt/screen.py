@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from observer_rt.compilation import is_compiled
+
 
 @contextlib.contextmanager
 def progress_bar(console: Console, text: str, total: float | None) -> Iterator[Callable[[float], None]]:
@@ -14,6 +16,17 @@ def progress_bar(console: Console, text: str, total: float | None) -> Iterator[C
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(text, total=total)
         yield lambda done: progress.update(task, completed=done)
+
+
+def say(console: Console, text: str) -> None:
+    """A message as it is: no markup, no colours, wrapped on a terminal only."""
+    console.print(text, highlight=False, markup=False, soft_wrap=not console.is_terminal)
+
+
+def say_if_compiling(console: Console) -> None:
+    """Say why nothing happens for a while; to be called before the first compiled function."""
+    if not is_compiled():
+        say(console, "compiling for the first start of this version, which takes up to a minute")
 
 
 def results() -> Console:

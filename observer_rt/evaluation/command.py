@@ -1,30 +1,28 @@
 """`observer-rt evaluate`: files in, table, JSON, trace and figure out."""
 
 import json
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from observer_rt.config import Bench
+from observer_rt.destinations import FIGURE_SUFFIXES, check_destination, check_folder
 from observer_rt.errors import UserError
 from observer_rt.evaluation.evaluate import Evaluation, History, evaluate
-from observer_rt.evaluation.results import SCHEMA, InjectionResult, injection_results, recording_json
+from observer_rt.evaluation.results import SCHEMA, injection_results, recording_json
+from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace_file import SUFFIX, write_trace
 from observer_rt.model.coefficients import Coefficients, coefficients
 from observer_rt.observer.learning import Knowledge
 from observer_rt.recording.files import file_errors, read_recording
 from observer_rt.recording.framing import bench_for
 from observer_rt.recording.recording import Recording
-from observer_rt.screen import progress_bar, results
+from observer_rt.screen import progress_bar, results, say_if_compiling
 from observer_rt.service.main import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
-from observer_rt.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 
 
 @dataclass(frozen=True)
@@ -44,8 +42,12 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
     """Evaluate the recordings and write what the options ask for."""
     _refuse_ambiguous(paths, options)
     recordings = [read_recording(path) for path in paths]
+    _check_destinations(paths, options)
+    say_if_compiling(console)
     model = model_hash(bench.injector)
     pressure_scale = bench.injector.scaling.pressure
+    if options.state is not None and not options.state.exists():
+        raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
     knowledge = restored_knowledge(options.state, model, pressure_scale, console)
     histories = _histories(bench, recordings, knowledge, options, console)
     evaluations = [evaluation for history in histories for evaluation in history.evaluations]
@@ -53,7 +55,7 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
     if options.save_state is not None:
         save_knowledge(options.save_state, histories[-1].knowledge, model, pressure_scale)
     if options.output is not None:
-        _write_traces(options.output, evaluations)
+        _write_traces(options.output, paths, evaluations)
     if options.plot is not None:
         _plot(options.plot, evaluations, c)
     if options.json:
@@ -66,22 +68,64 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
     else:
         results_console = results()
         for evaluation in evaluations:
-            results_console.print(_table(evaluation, injection_results(evaluation, c)))
+            print_evaluation(evaluation, c, results_console)
 
 
 def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
-    if len(paths) > 1 and options.output is not None and options.output.suffix:
-        raise UserError(
-            f"--output {options.output}", "names a file, but there are several recordings", "name a folder"
-        )
-    if len(paths) > 1 and options.plot is not None:
+    if len(paths) == 1:
+        return
+    if options.output is not None:
+        if not _is_folder(options.output):
+            raise UserError(
+                f"--output {options.output}",
+                "names a file, but there are several recordings",
+                "name a folder",
+            )
+        traces = [_trace_in(options.output, path) for path in paths]
+        twice = next((trace for trace in traces if traces.count(trace) > 1), None)
+        if twice is not None:
+            raise UserError(
+                f"--output {options.output}", f"{twice.name} would be written twice", "rename the recordings"
+            )
+    if options.plot is not None:
         raise UserError(
             "--plot", "makes one figure, but there are several recordings", "evaluate one of them"
         )
-    if len(paths) > 1 and options.save_state is not None and not options.chain:
+    if options.save_state is not None and not options.chain:
         raise UserError(
             "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
         )
+
+
+def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None:
+    """Refuse, before the long work, what could not be written after it."""
+    if options.output is not None and _is_folder(options.output):
+        with file_errors(options.output):
+            options.output.mkdir(parents=True, exist_ok=True)
+        check_folder("--output", options.output)
+    elif options.output is not None:
+        check_destination("--output", options.output)
+    if options.plot is not None:
+        check_destination("--plot", options.plot, FIGURE_SUFFIXES)
+    if options.save_state is not None:
+        check_destination("--save-state", options.save_state)
+        check_folder("--save-state", options.save_state.absolute().parent)
+    inputs = {path.resolve() for path in paths}
+    for option, path in (
+        ("--output", options.output),
+        ("--plot", options.plot),
+        ("--save-state", options.save_state),
+    ):
+        if path is not None and path.resolve() in inputs:
+            raise UserError(f"{option} {path}", "is a recording to be evaluated", "name another file")
+
+
+def _is_folder(output: Path) -> bool:
+    return output.is_dir() or not (output.suffix or output.exists())
+
+
+def _trace_in(folder: Path, recording: Path) -> Path:
+    return folder / (recording.name + SUFFIX)
 
 
 def _histories(
@@ -109,14 +153,9 @@ def _report_progress(progress: Callable[[float], None], before: int, samples: in
     progress(before + samples)
 
 
-def _write_traces(output: Path, evaluations: Sequence[Evaluation]) -> None:
-    if output.suffix and not output.is_dir():
-        write_trace(output, evaluations[0])
-        return
-    with file_errors(output):
-        output.mkdir(parents=True, exist_ok=True)
-    for evaluation in evaluations:
-        write_trace(output / (Path(evaluation.recording.path or "recording").name + SUFFIX), evaluation)
+def _write_traces(output: Path, paths: Sequence[Path], evaluations: Sequence[Evaluation]) -> None:
+    for path, evaluation in zip(paths, evaluations, strict=True):
+        write_trace(_trace_in(output, path) if _is_folder(output) else output, evaluation)
 
 
 def _plot(path: Path, evaluations: Sequence[Evaluation], c: Coefficients) -> None:
@@ -132,48 +171,3 @@ def _plot(path: Path, evaluations: Sequence[Evaluation], c: Coefficients) -> Non
             evaluation_masses(injections),
             "measured",
         )
-
-
-def _table(evaluation: Evaluation, injections: Sequence[InjectionResult]) -> Table:
-    recording = evaluation.recording
-    counters = evaluation.counters
-    table = Table(
-        title=f"{recording.path}: {recording.samples} samples at {recording.sample_rate:g} Hz, "
-        f"{counters.lost_samples} lost; {counters.adoptions} phi adopted, {counters.rejected_adoptions} rejected",
-        title_justify="left",
-        box=None,
-    )
-    measured = recording.injection_rate is not None
-    headings = ["injection", "event", "start [s]", "rail [MPa]", "mass [mg]", "nominal [mg]"]
-    if measured:
-        headings += ["measured [mg]", "error [%]", "RMSE [mm3/ms]"]
-    for heading in [*headings, "v_H [-]", "v_S [-]", "state", "valid"]:
-        table.add_column(Text(heading), justify="right", no_wrap=True)
-    for result in injections:
-        report = result.report
-        cells = [
-            str(report.number),
-            str(report.event),
-            f"{result.start:.4f}",
-            f"{report.rail_pressure / MEGAPASCAL:.1f}",
-            _number(report.mass / MILLIGRAM),
-            _number(result.nominal_mass / MILLIGRAM),
-        ]
-        if measured:
-            cells += [
-                _number(result.measured_mass / MILLIGRAM),
-                _number(100 * (report.mass / result.measured_mass - 1)),
-                _number(result.rate_rmse / MM3_PER_MS),
-            ]
-        cells += [
-            f"{report.indicators.nozzle.value:+.3f}",
-            f"{report.indicators.seat.value:+.3f}",
-            report.state.name,
-            "yes" if report.valid else report.reason.name,
-        ]
-        table.add_row(*cells)
-    return table
-
-
-def _number(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.2f}"

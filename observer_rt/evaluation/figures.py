@@ -7,6 +7,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from observer_rt.evaluation.evaluate import Evaluation
@@ -15,6 +16,7 @@ from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
 CURVES = 3  # injections drawn as curves
+ANNOTATED = 24  # injections whose masses are also written as numbers
 
 
 @dataclass(frozen=True)
@@ -46,12 +48,18 @@ def plot_injections(
 
     `reference` names what the estimates are compared with ("true", "measured").
     """
-    figure = plt.figure(figsize=(4.2 * max(2, len(curves)), 6.4), layout="constrained")
+    figure = plt.figure(figsize=(max(8.4, 4.2 * len(curves)), 6.4), layout="constrained")
     grid = figure.add_gridspec(2, max(1, len(curves)), height_ratios=(3, 2))
     for column, curve in enumerate(curves):
-        _draw_curves(figure.add_subplot(grid[0, column]), curve, reference, legend=column == 0)
-    _draw_masses(figure.add_subplot(grid[1, :]), masses, reference)
-    figure.suptitle(title)
+        axes = figure.add_subplot(grid[0, column])
+        _draw_curves(axes, curve, reference)
+        if column == 0:
+            axes.set_ylabel("injection rate [mm³/ms]")
+            figure.legend(
+                *axes.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False
+            )
+    _draw_masses(figure.add_subplot(grid[1, :] if curves else grid[:, :]), masses, reference)
+    figure.suptitle(title, x=0.01, ha="left")
     figure.savefig(path, dpi=130)
     plt.close(figure)
 
@@ -94,24 +102,21 @@ def evaluation_masses(results: Sequence[InjectionResult]) -> list[MassRow]:
     ]
 
 
-def _draw_curves(axes: Axes, curve: RateCurves, reference: str, legend: bool) -> None:
+def _draw_curves(axes: Axes, curve: RateCurves, reference: str) -> None:
     time = curve.time / MILLISECOND
     if curve.reference is not None:
         axes.plot(time, curve.reference / MM3_PER_MS, color=REFERENCE, lw=2.4, label=reference)
-    axes.plot(time, curve.nominal / MM3_PER_MS, color=NOMINAL, ls="--", label="nominal model")
-    axes.plot(time, curve.estimated / MM3_PER_MS, color=ESTIMATED, lw=1.2, label="observer")
+    axes.plot(time, curve.estimated / MM3_PER_MS, color=ESTIMATED, lw=1.4, label="observer")
+    axes.plot(time, curve.nominal / MM3_PER_MS, color=NOMINAL, ls="--", lw=1.4, label="nominal model")
     axes.set(title=curve.title, xlabel="time [ms]")
     axes.grid(alpha=0.3)
-    if legend:
-        axes.set_ylabel("injection rate [mm³/ms]")
-        axes.legend(frameon=False, loc="lower center")
 
 
 def _draw_masses(axes: Axes, masses: Sequence[MassRow], reference: str) -> None:
     numbers = np.array([row.number for row in masses])
     estimated = np.array([row.estimated for row in masses])
     nominal = np.array([row.nominal for row in masses])
-    if masses and all(row.reference is not None for row in masses):
+    if masses and all(row.reference for row in masses):
         truth = np.array([row.reference for row in masses], float)
         series = [100 * (nominal / truth - 1), 100 * (estimated / truth - 1)]
         label = f"mass error against {reference} [%]"
@@ -119,14 +124,20 @@ def _draw_masses(axes: Axes, masses: Sequence[MassRow], reference: str) -> None:
     else:
         series = [nominal / MILLIGRAM, estimated / MILLIGRAM]
         label = "injected mass [mg]"
-    axes.bar(numbers - 0.2, series[0], 0.38, color=NOMINAL, label="nominal model")
-    bars = axes.bar(numbers + 0.2, series[1], 0.38, color=ESTIMATED, label="observer")
+    axes.bar(numbers - 0.2, series[0], 0.38, color=NOMINAL)
+    bars = axes.bar(numbers + 0.2, series[1], 0.38, color=ESTIMATED)
     for bar, row in zip(bars, masses, strict=True):
         if not row.valid:
             bar.set(alpha=0.35, hatch="//")
-    for number, value in zip(numbers, series[1], strict=True):
-        axes.annotate(f"{value:.2f}", (number + 0.2, value), ha="center", va="bottom", fontsize=7)
-    axes.set(xlabel="injection (hatched: observer not valid yet)", ylabel=label)
-    axes.set_xticks(numbers)
+    if len(masses) <= ANNOTATED:
+        for number, value in zip(numbers, series[1], strict=True):
+            if np.isfinite(value):
+                axes.annotate(
+                    f"{value:.2f}", (number + 0.2, max(value, 0)), ha="center", va="bottom", fontsize=7
+                )
+    axes.set(xlabel="injection (hatched: observer not valid)", ylabel=label)
+    axes.margins(y=0.12)
+    axes.xaxis.set_major_locator(MaxNLocator(ANNOTATED, integer=True, min_n_ticks=1))
     axes.grid(axis="y", alpha=0.3)
-    axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    if not masses:
+        axes.text(0.5, 0.5, "no injection found", ha="center", transform=axes.transAxes)

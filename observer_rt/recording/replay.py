@@ -12,12 +12,12 @@ from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench
 from observer_rt.errors import UserError
 from observer_rt.recording.bus_range import recorded_out_of_range
-from observer_rt.recording.files import read_recording
+from observer_rt.recording.files import READERS, read_recording
 from observer_rt.recording.framing import TimedFrame, bench_for
 from observer_rt.recording.log_frames import log_extent, log_frames
 from observer_rt.recording.player import PlayStatistics, play
 from observer_rt.recording.recording_frames import Extent, recording_extent, recording_frames
-from observer_rt.screen import progress_bar
+from observer_rt.screen import progress_bar, say
 from observer_rt.signals import stop_on_signals
 
 LOG_SUFFIX = ".log"
@@ -39,8 +39,15 @@ def replay_onto(bench: Bench, path: Path, options: ReplayOptions, console: Conso
 
     Raises `UserError` for a file that does not fit, `RunError` when the bus fails.
     """
+    suffix = path.suffix.lower()
+    if suffix != LOG_SUFFIX and suffix not in READERS:
+        raise UserError(
+            str(path),
+            f"unknown kind of file '{path.suffix}'",
+            f"known suffixes: {', '.join(READERS)}, {LOG_SUFFIX}",
+        )
     bus = map_bus(bench)
-    if path.suffix == LOG_SUFFIX:
+    if suffix == LOG_SUFFIX:
         frames, extent = _log(path, bus, options)
     else:
         frames, extent = _recording(bench, path, bus, options, console)
@@ -69,7 +76,7 @@ def _recording(
     recording = read_recording(path)
     bench_for(bench, recording)
     for warning in recorded_out_of_range(recording, bus):
-        console.print(f"warning: {warning}", highlight=False, markup=False)
+        say(console, f"warning: {warning}")
     extent = recording_extent(recording, bus, options.windowed, options.start, options.stop)
     frames = recording_frames(recording, bus, options.windowed, options.loop, options.start, options.stop)
     return frames, extent

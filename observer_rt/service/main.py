@@ -4,14 +4,16 @@ import threading
 import time
 from pathlib import Path
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.live import Live
 
 from observer_rt.bus.link import open_link
 from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench
+from observer_rt.destinations import check_folder
 from observer_rt.observer.front_end import LOOKAHEAD
 from observer_rt.observer.learning import Knowledge
+from observer_rt.screen import say, say_if_compiling
 from observer_rt.service.core import bench_constants
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.report import InjectionReport
@@ -29,12 +31,16 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
 
     Raises `UserError` for files that do not fit, `RunError` when the link fails.
     """
+    if view and not console.is_terminal:
+        say(console, "no terminal for the view: one line an injection instead")
+        view = False
     bus = map_bus(bench)
+    if state is not None:
+        check_folder("--state", state.absolute().parent)
     model = model_hash(bench.injector)
     pressure_scale = bench.injector.scaling.pressure
     knowledge = restored_knowledge(state, model, pressure_scale, console)
     _announce(bench, bus, console)
-    warm_up(bench, bus)
     link_config = bench.config.link
     wanted = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
     screen = View(
@@ -45,36 +51,40 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
         if view:
             screen.on_report(report)
         else:
-            console.print(_line(report), highlight=False, markup=False)
+            say(console, _line(report))
 
-    with (
-        stop_on_signals() as stop,
-        open_link(link_config.interface, link_config.channel, link_config.fd, wanted) as link,
-    ):
-        daemon = Daemon(bench, bus, link, knowledge, on_report)
-        screen.watch(daemon)
-        console.print("ready", highlight=False)
-        try:
-            if view:
-                _run_with_view(daemon, screen, stop)
-            else:
-                daemon.run(stop)
-        finally:
-            if state is not None:
-                save_knowledge(state, daemon.core.knowledge, model, pressure_scale)
-                console.print(f"learned state saved in {state}", highlight=False, markup=False)
+    # from here on, so that a signal while compiling is neither lost nor an interrupt in the middle of it
+    with stop_on_signals() as stop:
+        say_if_compiling(console)
+        warm_up(bench, bus)
+        with open_link(link_config.interface, link_config.channel, link_config.fd, wanted) as link:
+            daemon = Daemon(bench, bus, link, knowledge, on_report)
+            screen.watch(daemon)
+            say(console, "ready")
+            try:
+                if view:
+                    _run_with_view(daemon, screen, stop, console)
+                else:
+                    daemon.run(stop)
+            finally:
+                if state is not None:
+                    save_knowledge(state, daemon.core.knowledge, model, pressure_scale)
+                    say(console, f"learned state saved in {state}")
     _farewell(daemon, console)
 
 
 def restored_knowledge(
     path: Path | None, model: str, pressure_scale: float, console: Console
 ) -> Knowledge | None:
-    """What a state file holds for this model, saying on the console what became of it; None without one."""
+    """What a state file holds for this model, saying on the console what became of it; None without one.
+
+    A state learned from no event is no reason to trust the first results sooner: it counts as none.
+    """
     if path is None:
         return None
     restored = load_knowledge(path, model, pressure_scale)
-    console.print(restored.message, highlight=False, markup=False)
-    return restored.knowledge
+    say(console, restored.message)
+    return restored.knowledge if restored.knowledge and restored.knowledge.events else None
 
 
 def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
@@ -82,16 +92,20 @@ def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
     link = bench.config.link
     inputs = ", ".join(layout.name for layout in bus.input_layouts)
     rate = bench.config.sampling.rate_hz
-    console.print(
+    say(
+        console,
         f"{link.interface} {link.channel}: {inputs} at {rate:g} Hz -> {bus.rate.layout.name}\n"
         f"{constants.substeps} integration steps a sample, look-ahead {LOOKAHEAD} samples "
         f"({LOOKAHEAD / rate / MICROSECOND:g} us)",
-        highlight=False,
-        markup=False,
     )
+    if link.interface == "virtual":
+        say(
+            console,
+            "the virtual bus ends at this process: nothing will come in (vcan0 reaches other programs)",
+        )
 
 
-def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event) -> None:
+def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event, console: Console) -> None:
     """The loop in a thread of its own, the view in this one; an error of the loop is raised here."""
     failure: list[BaseException] = []
 
@@ -104,18 +118,25 @@ def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event) -> None:
 
     serving = threading.Thread(target=loop, name="daemon")
     serving.start()
-    draw(screen, stop)
-    serving.join()
+    try:
+        draw(screen, stop, console)
+    finally:
+        stop.set()
+        serving.join()
     if failure:
         raise failure[0]
 
 
-def draw(screen: View, until: threading.Event) -> None:
-    """Draw the view on the terminal until the event is set."""
-    with Live(screen.render(time.monotonic_ns()), auto_refresh=False) as live:
+def draw(screen: View, until: threading.Event, console: Console) -> None:
+    """Draw the view on a terminal until the event is set."""
+
+    def picture() -> RenderableType:
+        return screen.render(time.monotonic_ns(), console.width, console.height)
+
+    with Live(picture(), console=console, auto_refresh=False) as live:
         while not until.wait(1 / FRAMES_PER_SECOND):
-            live.update(screen.render(time.monotonic_ns()), refresh=True)
-        live.update(screen.render(time.monotonic_ns()), refresh=True)
+            live.update(picture(), refresh=True)
+        live.update(picture(), refresh=True)
 
 
 def _line(report: InjectionReport) -> str:
@@ -129,10 +150,9 @@ def _line(report: InjectionReport) -> str:
 
 def _farewell(daemon: Daemon, console: Console) -> None:
     counters = daemon.core.counters
-    console.print(
+    say(
+        console,
         f"stopped after {counters.samples} samples, {counters.injections} injections; {counters.lost_samples} "
         f"samples lost, {daemon.dropped} frames dropped, {counters.adoptions} phi adopted, "
         f"{counters.late_adoptions} late",
-        highlight=False,
-        markup=False,
     )

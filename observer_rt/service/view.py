@@ -16,8 +16,11 @@ from observer_rt.service.daemon import Daemon
 from observer_rt.service.report import InjectionReport
 from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS
 
-SHOWN = 8  # injections in the table
-PLOT_SIZE = (92, 18)  # characters
+SHOWN = 8  # injections in the table, where the terminal has the lines
+WIDEST, HIGHEST = 120, 18  # characters, of the view and its plot
+AROUND = 4  # characters beside the plot: the panel's border and padding
+ABOVE = 9  # lines for the panel's border, the status, the table's heading and a line to spare
+LOWEST = 6  # lines of the plot
 
 
 @dataclass(frozen=True)
@@ -62,12 +65,15 @@ class View:
         rate = self._daemon.core.rows(report.start, report.end + 1)["injection_rate"].copy()
         self._shown.append(_Shown(report, rate, self._references(report)))
 
-    def render(self, now: int) -> RenderableType:
-        """The whole view at a monotonic time [ns]."""
+    def render(self, now: int, width: int, height: int) -> RenderableType:
+        """The whole view at a monotonic time [ns], for a terminal of `width` x `height` characters."""
         shown = list(self._shown)
+        lines = max(0, height - ABOVE)
+        rows = max(1, min(SHOWN, lines // 3))
+        size = min(width, WIDEST) - AROUND, max(LOWEST, min(HIGHEST, lines - rows))
         parts: list[RenderableType] = [self._status(now)]
         if shown:
-            parts += [Text.from_ansi(_plot(shown[-1], self._sample_rate)), _table(shown)]
+            parts += [Text.from_ansi(_plot(shown[-1], self._sample_rate, size)), _table(shown[-rows:])]
         else:
             parts.append(Text("no injection yet", style="dim"))
         return Panel(Group(*parts), title=self._title, expand=False)
@@ -88,18 +94,17 @@ class View:
         )
         line.append(
             f" frames {counters.frames}  samples {counters.samples}  lost {counters.lost_samples}  "
-            f"dropped {self._daemon.dropped}  CRC errors {counters.crc_errors}  "
-            f"sequence errors {counters.sequence_errors}",
+            f"dropped {self._daemon.dropped}  CRC {counters.crc_errors}  sequence {counters.sequence_errors}",
             style="dim",
         )
         return line
 
 
-def _plot(shown: _Shown, sample_rate: float) -> str:
-    """Curves of one injection as ANSI text."""
+def _plot(shown: _Shown, sample_rate: float, size: tuple[int, int]) -> str:
+    """Curves of one injection as ANSI text of `size` (columns, lines)."""
     time = np.arange(len(shown.rate)) / sample_rate / (1000 * MICROSECOND)
     plotext.clear_figure()
-    plotext.plotsize(*PLOT_SIZE)
+    plotext.plotsize(*size)
     plotext.theme("clear")
     curves = [(reference.name, reference.rate) for reference in shown.references]
     for name, rate in [*curves, ("estimated", shown.rate)]:
@@ -112,16 +117,9 @@ def _plot(shown: _Shown, sample_rate: float) -> str:
 
 
 def _table(shown: Sequence[_Shown]) -> Table:
-    table = Table(box=None, padding=(0, 1))
-    names = [reference.name for reference in shown[-1].references]
-    for heading in (
-        "injection",
-        "rail [MPa]",
-        "mass [mg]",
-        *(f"{name} [mg]" for name in names),
-        "v_H [-]",
-        "",
-    ):
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
+    names = [f"{reference.name}\nmg" for reference in shown[-1].references]
+    for heading in ("\nno", "rail\nMPa", "mass\nmg", *names, "v_H\n-", ""):
         table.add_column(Text(heading), justify="right", no_wrap=True)
     for item in shown:
         report = item.report

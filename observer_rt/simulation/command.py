@@ -6,9 +6,10 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config import load_injector
+from observer_rt.destinations import check_destination
 from observer_rt.errors import UserError
-from observer_rt.recording.files import write_recording
-from observer_rt.screen import progress_bar
+from observer_rt.recording.files import WRITERS, write_recording
+from observer_rt.screen import progress_bar, say, say_if_compiling
 from observer_rt.simulation.effects import parse_effects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import (
@@ -19,6 +20,8 @@ from observer_rt.simulation.schedule import (
 )
 from observer_rt.simulation.simulate import simulate, truth_path, write_truth
 from observer_rt.units import MILLISECOND
+
+MAX_SAMPLES = 20_000_000  # that a machine of 4 GiB can hold with their truth
 
 
 def simulate_to_file(
@@ -39,6 +42,15 @@ def simulate_to_file(
     """Write a recording and, beside it, its truth. Raises `UserError` for options that make no sense."""
     if noise not in ("on", "off"):
         raise UserError("--noise", f"is {noise!r}", "give on or off")
+    check_destination("--output", output, tuple(WRITERS))
+    samples = injections * period_ms * MILLISECOND * sample_rate
+    if samples > MAX_SAMPLES:
+        raise UserError(
+            "--injections",
+            f"{injections} events every {period_ms:g} ms at {sample_rate:g} Hz are {samples:.3g} samples "
+            f"(at most {MAX_SAMPLES:.3g})",
+            "write several recordings; `evaluate --chain` takes them as one history",
+        )
     schedule = make_schedule(
         parse_rail_pressures(rail_pressure),
         injections,
@@ -46,6 +58,7 @@ def simulate_to_file(
         parse_energizing_times(energizing_time),
         parse_shots(shots) if shots else (),
     )
+    say_if_compiling(console)
     with progress_bar(console, "simulating", 1.0) as progress:
         simulation = simulate(
             load_injector(model),
@@ -59,8 +72,8 @@ def simulate_to_file(
         )
     write_recording(output, simulation.recording)
     write_truth(truth_path(output), simulation.truth)
-    console.print(
+    say(
+        console,
         f"{output}: {simulation.recording.samples} samples at {sample_rate:g} Hz, {injections} events; "
         f"truth in {truth_path(output).name}",
-        highlight=False,
     )

@@ -13,10 +13,12 @@ from rich.markup import escape
 from observer_rt.errors import ObserverError, UserError
 from tools.benchmarks.accuracy import Plan, print_results, run_accuracy
 from tools.benchmarks.cases import CLASSES
+from tools.benchmarks.figures import save_figures
 from tools.benchmarks.tables import json_document
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 messages = Console(stderr=True)
+INTERRUPTED = 130  # exit code
 TABLE_WIDTH = 190  # where stdout is no terminal
 
 
@@ -34,11 +36,14 @@ def accuracy(
     out: Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")] = Path(
         "build/accuracy"
     ),
+    no_peers: Annotated[bool, typer.Option("--no-peers", help="Only our observer.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
-    plan = Plan(_chosen(classes), cases, seed, workers, out)
+    plan = Plan(_chosen(classes), cases, seed, workers, out, not no_peers)
     found = run_accuracy(plan, messages)
+    for figure in save_figures(found.scores, out):
+        messages.print(f"figure: {figure}", highlight=False)
     if as_json:
         print(json.dumps(json_document(found.scores, [str(crash) for crash in found.crashes]), indent=2))
     else:
@@ -61,6 +66,9 @@ def main() -> None:
     except ObserverError as error:
         messages.print(f"[red]error:[/red] {escape(str(error))}", highlight=False, soft_wrap=True)
         sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        messages.print("interrupted; what is scored is kept, the same command goes on")
+        sys.exit(INTERRUPTED)
 
 
 if __name__ == "__main__":

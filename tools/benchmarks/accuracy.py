@@ -1,7 +1,9 @@
 """`tools/bench accuracy`: run the cases, print what came out."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 from rich.console import Console
 
@@ -9,13 +11,16 @@ import observer_rt
 from observer_rt.screen import progress_bar
 from tools.benchmarks.bars import violations
 from tools.benchmarks.cases import make_case
+from tools.benchmarks.peers import PeerScore, has_peers, score_peers
 from tools.benchmarks.pool import Crash, Task, run_tasks
 from tools.benchmarks.score import CaseScore
 from tools.benchmarks.scoring import score_case, warm_up
 from tools.benchmarks.store import Store, digest_of
-from tools.benchmarks.tables import class_table
+from tools.benchmarks.tables import class_table, peer_table
 
-SOURCES = (Path(observer_rt.__file__).parent, Path(__file__).parent)
+BENCHMARKS = Path(__file__).parent
+PACKAGE = Path(observer_rt.__file__).parent
+Part = TypeVar("Part", CaseScore, PeerScore)
 
 
 @dataclass(frozen=True)
@@ -27,6 +32,7 @@ class Plan:
     master_seed: int
     workers: int
     out: Path
+    peers: bool
 
     @property
     def tasks(self) -> tuple[Task, ...]:
@@ -43,29 +49,26 @@ class Results:
 
 
 def run_accuracy(plan: Plan, console: Console) -> Results:
-    """Score the cases not yet scored by this state of the code; progress goes to `console`."""
-    store = Store(plan.out / "observer.jsonl", CaseScore, digest_of(SOURCES))
-    wanted = set(plan.tasks)
-    scores = {task: s for s in store.load() if (task := _task_of(s)) in wanted}
-    missing = [task for task in plan.tasks if task not in scores]
-    crashes = []
-    if scores and missing:
-        console.print(f"{len(scores)} of {len(wanted)} cases are there already, in {plan.out}")
-    if missing:
-        with progress_bar(console, "accuracy", float(len(missing))) as progress:
-            for number, result in enumerate(run_tasks(score_task, missing, plan.workers, warm_up)):
-                if isinstance(result, Crash):
-                    crashes.append(result)
-                else:
-                    store.add(result)
-                    scores[_task_of(result)] = result
-                progress(float(number + 1))
+    """Score the cases not yet scored by this state of the code; progress goes to `console`.
+
+    The peers' results are kept apart: they stay good while only the package changes.
+    """
+    crashes: list[Crash] = []
+    store = Store(plan.out / "observer.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS)))
+    scores = _scored("observer", store, score_task, plan.tasks, plan, console, crashes)
+    if plan.peers:
+        peer_store = Store(plan.out / "peers.jsonl", PeerScore, digest_of((BENCHMARKS,)))
+        tasks = tuple(task for task in plan.tasks if has_peers(task.class_name))
+        peers = _scored("peers", peer_store, peers_task, tasks, plan, console, crashes)
+        scores = {task: _joined(score, peers.get(task)) for task, score in scores.items()}
     return Results(tuple(scores[task] for task in plan.tasks if task in scores), tuple(crashes))
 
 
 def print_results(results: Results, console: Console) -> None:
-    """The table, then a line for every bar that is missed and every crash."""
+    """The tables, then a line for every bar that is missed and every crash."""
     console.print(class_table(results.scores))
+    if any(score.limits_mg for score in results.scores):
+        console.print(peer_table(results.scores))
     for line in violations(results.scores):
         console.print(line, highlight=False, markup=False)
     for crash in results.crashes:
@@ -73,9 +76,47 @@ def print_results(results: Results, console: Console) -> None:
 
 
 def score_task(task: Task) -> CaseScore:
-    """Work of one process."""
+    """Work of one process: our observer on a case."""
     return score_case(make_case(task.class_name, task.master_seed, task.number))
 
 
-def _task_of(score: CaseScore) -> Task:
+def peers_task(task: Task) -> PeerScore:
+    """Work of one process: the peers on a case."""
+    return score_peers(make_case(task.class_name, task.master_seed, task.number))
+
+
+def _scored(
+    what: str,
+    store: Store[Part],
+    work: Callable[[Task], Part],
+    tasks: tuple[Task, ...],
+    plan: Plan,
+    console: Console,
+    crashes: list[Crash],
+) -> dict[Task, Part]:
+    wanted = set(tasks)
+    scores = {task: s for s in store.load() if (task := _task_of(s)) in wanted}
+    missing = [task for task in tasks if task not in scores]
+    if scores and missing:
+        console.print(f"{what}: {len(scores)} of {len(wanted)} cases are there already, in {plan.out}")
+    if not missing:
+        return scores
+    with progress_bar(console, what, float(len(missing))) as progress:
+        for number, result in enumerate(run_tasks(work, missing, plan.workers, warm_up)):
+            if isinstance(result, Crash):
+                crashes.append(result)
+            else:
+                store.add(result)
+                scores[_task_of(result)] = result
+            progress(float(number + 1))
+    return scores
+
+
+def _joined(score: CaseScore, peers: PeerScore | None) -> CaseScore:
+    if peers is None:
+        return score
+    return replace(score, estimators=score.estimators + peers.estimators, limits_mg=peers.limits_mg)
+
+
+def _task_of(score: CaseScore | PeerScore) -> Task:
     return Task(score.class_name, score.master_seed, score.number)

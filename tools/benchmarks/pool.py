@@ -4,8 +4,11 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import TypeVar
+
+from observer_rt.errors import RunError
 
 Result = TypeVar("Result")
 _SINGLE_THREADED = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -47,4 +50,6 @@ def run_tasks(
             for future in done:
                 task = running.pop(future)
                 error = future.exception()
+                if isinstance(error, BrokenProcessPool):
+                    raise RunError("a process of the bench was killed; what is scored is kept, run it again")
                 yield Crash(task, f"{type(error).__name__}: {error}") if error else future.result()

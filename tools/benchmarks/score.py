@@ -10,6 +10,7 @@ SCORED = slice(10, 20)  # events 11-20
 WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong
 WRONG_RATE = 3.0  # mm3/ms
 OBSERVER, NOMINAL = "observer", "nominal"
+UKF, EKF, FIT = "joint UKF", "joint EKF", "parametric fit"
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class CaseScore:
     """Mass error of every opening of each event, for information."""
     training_ms: tuple[float, ...]
     seconds: float
+    limits_mg: tuple[float, ...] = ()
+    """Information limit of every event's mass (one sigma); empty without peers."""
 
     def estimator(self, name: str) -> EstimatorScore:
         """The score of an estimator. Raises KeyError when it did not run."""
@@ -66,7 +69,8 @@ class CaseScore:
 
     def event_errors_pct(self, name: str = OBSERVER) -> NDArray[np.float64]:
         """Signed mass error of every event."""
-        return 100.0 * (np.array(self.estimator(name).mass_mg) / np.array(self.true_mass_mg) - 1.0)
+        relative = np.array(self.estimator(name).mass_mg) / np.array(self.true_mass_mg)
+        return np.asarray(100.0 * (relative - 1.0), np.float64)
 
     def rate_rmse(self, name: str = OBSERVER) -> float:
         """RMSE of the rate over events 11-20 together [mm3/ms]."""
@@ -94,7 +98,21 @@ class CaseScore:
     def covered(self, event: int) -> bool | None:
         """Whether the 95 % interval of an event's (from 0) mass holds the true mass; None without interval."""
         interval = self.mass_ci95_mg[event]
-        return None if interval is None else interval[0] <= self.true_mass_mg[event] <= interval[1]
+        return None if interval is None else bool(interval[0] <= self.true_mass_mg[event] <= interval[1])
+
+    @property
+    def limit_pct(self) -> float | None:
+        """Information limit of the mass of events 11-20 together (one sigma): they share their parameters."""
+        if not self.limits_mg:
+            return None
+        return 100.0 * sum(self.limits_mg[SCORED]) / sum(self.true_mass_mg[SCORED])
+
+    def halfwidth_vs_limit(self, event: int) -> float | None:
+        """Half-width of an event's (from 0) interval over 1.96 sigma of the limit; None without either."""
+        interval = self.mass_ci95_mg[event]
+        if interval is None or not self.limits_mg:
+            return None
+        return 0.5 * (interval[1] - interval[0]) / (1.96 * self.limits_mg[event])
 
     def _mean(self, squares: tuple[float, ...]) -> float:
         weights = self.window_samples[SCORED]

@@ -1,0 +1,23 @@
+"""Options that several commands share."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+BenchOption = Annotated[
+    Path,
+    typer.Option(
+        "--bench",
+        help="Bench file (default: the example bench of the package).",
+        metavar="FILE",
+        show_default=False,
+    ),
+]
+ModelOption = Annotated[
+    Path | None, typer.Option("--model", help="Injector file, instead of the bench's.", metavar="FILE")
+]
+StateOption = Annotated[
+    Path | None, typer.Option("--state", help="Learned state to start from.", metavar="FILE")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Results as JSON on stdout.")]

@@ -1,0 +1,88 @@
+"""Evaluated recordings on the screen: a table of at most 80 columns each."""
+
+import math
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from observer_rt.evaluation.evaluate import Evaluation
+from observer_rt.evaluation.results import InjectionResult, checks, injection_results
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.observer.state import Reason
+from observer_rt.screen import say
+from observer_rt.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
+
+
+def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) -> None:
+    """One recording: what it is, injection by injection, and what is wrong with it."""
+    recording, counters = evaluation.recording, evaluation.counters
+    say(
+        console,
+        f"{recording.path}: {recording.samples} samples at {recording.sample_rate:g} Hz, "
+        f"{counters.lost_samples} lost; {counters.adoptions} phi adopted, {counters.rejected_adoptions} rejected",
+    )
+    injections = injection_results(evaluation, c)
+    if injections:
+        console.print(_table(injections, recording.injection_rate is not None))
+    else:
+        say(console, "no injection found")
+    for reason, numbers in _not_valid(injections).items():
+        say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
+    for check in checks(evaluation, c):
+        if not check.passed:
+            say(console, f"check failed: {check.id} is {check.value:.3g} {check.unit}")
+
+
+def _table(injections: Sequence[InjectionResult], measured: bool) -> Table:
+    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    headings = ["\nno", "\nevent", "start\ns", "rail\nMPa", "mass\nmg", "nominal\nmg"]
+    if measured:
+        headings += ["measured\nmg", "error\n%", "RMSE\nmm3/ms"]
+    for heading in [*headings, "v_H\n-", "v_S\n-", "\nvalid"]:
+        table.add_column(Text(heading), justify="right", no_wrap=True)
+    for result in injections:
+        report = result.report
+        comparison = [
+            _number(result.measured_mass / MILLIGRAM),
+            _number(100 * (report.mass / result.measured_mass - 1)) if result.measured_mass else "-",
+            _number(result.rate_rmse / MM3_PER_MS),
+        ]
+        table.add_row(
+            str(report.number),
+            str(report.event),
+            f"{result.start:.3f}",
+            f"{report.rail_pressure / MEGAPASCAL:.1f}",
+            _number(report.mass / MILLIGRAM),
+            _number(result.nominal_mass / MILLIGRAM),
+            *(comparison if measured else ()),
+            f"{report.indicators.nozzle.value:+.3f}",
+            f"{report.indicators.seat.value:+.3f}",
+            "yes" if report.valid else "no",
+        )
+    return table
+
+
+def _not_valid(injections: Sequence[InjectionResult]) -> dict[Reason, list[int]]:
+    """Numbers of the injections that are not valid, by reason."""
+    numbers: dict[Reason, list[int]] = {}
+    for result in injections:
+        if not result.report.valid:
+            numbers.setdefault(result.report.reason, []).append(result.report.number)
+    return numbers
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    """Ascending numbers as "1, 4-6"."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.2f}"

@@ -1,0 +1,110 @@
+"""`tools/bench accuracy` as its users see it, and our observer scored on a short case."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tools.benchmarks.accuracy import Plan
+from tools.benchmarks.cases import Case, make_case
+from tools.benchmarks.figures import save_figures
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore
+from tools.benchmarks.scoring import score_case
+
+REPOSITORY = Path(__file__).parents[2]
+LIMIT_S = 300.0
+
+
+def bench(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "tools.benchmarks", *arguments],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
+        check=False,
+        timeout=LIMIT_S,
+    )
+
+
+def shortened(name: str, events: int = 5) -> Case:
+    case = make_case(name, 1, 0)
+    return replace(case, bench=replace(case.bench, events=case.bench.events[:events]))
+
+
+@pytest.fixture(scope="module")
+def worn() -> CaseScore:
+    return score_case(shortened("orifice_area"))
+
+
+def test_nominal_model_is_right_on_a_healthy_plant_that_shares_no_code_with_it() -> None:
+    score = score_case(shortened("healthy"))
+    assert max(abs(score.event_errors_pct(NOMINAL))) < 0.4
+    assert max(score.estimator(NOMINAL).rate_square_error) < 0.3**2
+
+
+def test_observer_is_scored_event_by_event(worn: CaseScore) -> None:
+    nominal, observer = (abs(worn.event_errors_pct(name)) for name in (NOMINAL, OBSERVER))
+    assert nominal.min() > 10.0
+    assert observer[2:].max() < 2.0
+    assert worn.estimator(OBSERVER).x3_square_error[4] < 0.1 * worn.estimator(NOMINAL).x3_square_error[4]
+    assert worn.valid == (False, False, True, True, True)
+    assert worn.reasons[0] != ""
+    assert len(worn.training_ms) == 5
+    assert min(worn.training_ms) > 0.0
+
+
+def test_figures_are_written_for_what_was_scored(worn: CaseScore, tmp_path: Path) -> None:
+    four_times = replace(
+        worn,
+        true_mass_mg=worn.true_mass_mg * 4,
+        window_samples=worn.window_samples * 4,
+        mass_ci95_mg=((0.0, 1e3),) * 20,
+        estimators=tuple(
+            replace(
+                e,
+                mass_mg=e.mass_mg * 4,
+                rate_square_error=e.rate_square_error * 4,
+                x3_square_error=e.x3_square_error * 4,
+            )
+            for e in worn.estimators
+        ),
+    )
+    written = save_figures([four_times], tmp_path / "figures")
+    assert [path.name for path in written] == [
+        "error_against_wear.png",
+        "learning_curve.png",
+        "interval_coverage.png",
+    ]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
+
+
+def test_a_run_resumes_and_prints_the_figures(tmp_path: Path) -> None:
+    arguments = ("accuracy", "--cases", "1", "--classes", "healthy", "--workers", "1", "--no-peers", "--json")
+    first = bench(*arguments, "--out", str(tmp_path))
+    assert first.returncode == 0, first.stderr
+    figures = json.loads(first.stdout)["figures"]
+    assert figures["mass_error_max_pct"] < 1.0
+    stored = (tmp_path / "observer.jsonl").read_text()
+    assert len(stored.splitlines()) == 1
+    again = bench(*arguments, "--out", str(tmp_path))
+    assert json.loads(again.stdout)["figures"] == figures
+    assert (tmp_path / "observer.jsonl").read_text() == stored
+
+
+def test_unknown_class_is_the_users_to_mend(tmp_path: Path) -> None:
+    done = bench("accuracy", "--classes", "healthy,nozzel", "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert "nozzel" in done.stderr
+    assert "orifice_area" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_tasks_are_every_case_of_every_class() -> None:
+    plan = Plan(("healthy", "mixture"), 3, 9, 1, Path("unused"), peers=False)
+    assert [(t.class_name, t.number) for t in plan.tasks] == [
+        (name, n) for name in ("healthy", "mixture") for n in range(3)
+    ]

@@ -1,0 +1,123 @@
+"""The benchmark's peers: filters equal to filterpy's, the fit right on what it models, the limit kept."""
+
+import numpy as np
+import pytest
+from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
+from numpy.typing import NDArray
+
+from tools.benchmarks.information_limit import mass_limits_mg, true_parameters
+from tools.benchmarks.joint_fit import fits, joint_fit_rate
+from tools.benchmarks.kalman_peers import (
+    UNSCENTED_SHAPE,
+    joint_ekf,
+    joint_ukf,
+    measurement_variance,
+    process_noise,
+    start_of,
+)
+from tools.benchmarks.peer_equations import Stream, joint_jacobian, joint_step, rest
+from tools.benchmarks.peer_inputs import PeerInputs, peer_inputs
+from tools.benchmarks.peers import TUNING
+from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
+from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.windows import windows_of
+
+WORN = Faults(orifice_area=0.3, line_friction=1.0, line_pressure_sensor_offset=0.5e6)
+DENSITY = 830.0
+
+
+def recorded(faults: Faults, events: int) -> Outcome:
+    rails = (60e6, 130e6, 90e6)
+    planned = tuple(Event(rails[i % 3], (Shot(0.0, 1.5e-3),), faults) for i in range(events))
+    return record(Bench(Injector(), Needle(), planned, seed=3))
+
+
+@pytest.fixture(scope="module")
+def one_injection() -> PeerInputs:
+    """From shortly before an injection to shortly after the sac is at rest again."""
+    whole = peer_inputs(recorded(Faults(orifice_area=0.3), 1).measured)
+    cut = slice(14_900, 15_700)
+    stream = Stream(
+        whole.stream.inputs[cut],
+        whole.stream.output[cut],
+        whole.stream.resting[cut],
+        whole.stream.interval,
+        whole.stream.substeps,
+    )
+    assert stream.resting[-1]
+    assert not stream.resting.all()
+    return PeerInputs(whole.model, stream, whole.events, whole.open[cut])
+
+
+def test_joint_ukf_is_filterpys(one_injection: PeerInputs) -> None:
+    stream, model = one_injection.stream, one_injection.model
+    sample = 0
+
+    def transition(x: NDArray[np.float64], _: float) -> NDArray[np.float64]:
+        return np.asarray(joint_step(np.ascontiguousarray(x), sample, stream, model), np.float64)
+
+    points = MerweScaledSigmaPoints(4, *UNSCENTED_SHAPE)
+    ukf = UnscentedKalmanFilter(4, 1, stream.interval, lambda x: x[:1], transition, points)
+    ukf.x, ukf.P = start_of(one_injection)
+    ukf.Q, ukf.R = process_noise(one_injection, TUNING), np.eye(1) * measurement_variance(TUNING)
+    expected = [ukf.x.copy()]
+    for sample in range(stream.output.size - 1):
+        ukf.predict()
+        ukf.update(stream.output[sample + 1 : sample + 2])
+        if stream.resting[sample + 1]:
+            rest(ukf.x, ukf.P)
+        expected.append(ukf.x.copy())
+    ours = joint_ukf(one_injection, TUNING)
+    assert ours.survived
+    assert np.ptp(ours.states[:, 3]) > 0.1
+    np.testing.assert_allclose(ours.states, np.array(expected), rtol=0.0, atol=1e-9)
+
+
+def test_joint_ekf_is_filterpys(one_injection: PeerInputs) -> None:
+    stream, model = one_injection.stream, one_injection.model
+
+    ekf = ExtendedKalmanFilter(4, 1)
+    ekf.predict_x = lambda u: None  # the model is not linear: below
+    ekf.x, ekf.P = start_of(one_injection)
+    ekf.Q, ekf.R = process_noise(one_injection, TUNING), np.eye(1) * measurement_variance(TUNING)
+    expected = [ekf.x.copy()]
+    for sample in range(stream.output.size - 1):
+        ekf.F = joint_jacobian(ekf.x, sample, stream, model)
+        ekf.x = joint_step(ekf.x, sample, stream, model)
+        ekf.predict()
+        ekf.update(stream.output[sample + 1 : sample + 2], lambda _: np.eye(1, 4), lambda x: x[:1])
+        if stream.resting[sample + 1]:
+            rest(ekf.x, ekf.P)
+        expected.append(ekf.x.copy())
+    ours = joint_ekf(one_injection, TUNING)
+    assert ours.survived
+    np.testing.assert_allclose(ours.states, np.array(expected), rtol=0.0, atol=1e-9)
+
+
+def test_joint_filters_find_nozzle_wear() -> None:
+    inputs = peer_inputs(recorded(Faults(orifice_area=0.3), 4).measured)
+    for run in (joint_ukf, joint_ekf):
+        assert run(inputs, TUNING).states[-1, 3] == pytest.approx(0.3, abs=0.02)
+
+
+def test_fit_finds_what_it_models_within_its_own_uncertainty() -> None:
+    inputs = peer_inputs(recorded(WORN, 6).measured)
+    *_, (_, last) = fits(inputs)
+    distance = (last.theta - true_parameters(WORN)) / np.sqrt(np.diag(last.covariance))
+    assert np.max(np.abs(distance)) < 4.0
+    assert last.theta[0] == pytest.approx(0.3, abs=0.02)
+
+
+def test_limit_falls_with_events_and_the_fit_keeps_near_it() -> None:
+    outcome = recorded(WORN, 6)
+    inputs = peer_inputs(outcome.measured)
+    windows = windows_of(outcome, 100e3)
+    events = tuple(Event(0.0, (), WORN) for _ in range(6))
+    limits = np.array(mass_limits_mg(inputs, windows, events, DENSITY))
+    true = np.array(windows.event_masses_mg(outcome.truth.injection_rate, DENSITY))
+    relative = limits / true
+    assert relative[0] > 0.1  # nothing known but the prior
+    assert relative[1] < 0.01
+    assert relative[5] < relative[1]
+    errors = np.array(windows.event_masses_mg(joint_fit_rate(inputs), DENSITY)) - true
+    assert np.max(np.abs(errors[1:] / limits[1:])) < 5.0

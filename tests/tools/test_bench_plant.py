@@ -1,0 +1,235 @@
+"""The benchmark's plant: independent of the package, right by a reference solution, every fault felt."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from tools.benchmarks.plant import (
+    FIRST_EVENT,
+    Bench,
+    Event,
+    Measured,
+    Needle,
+    Outcome,
+    Shot,
+    record,
+    strokes_of,
+    wave_injector,
+)
+from tools.benchmarks.plant_equations import lift_at
+from tools.benchmarks.plant_parameters import Faults, Injector
+
+REPOSITORY = Path(__file__).parents[2]
+ALONE = """
+import sys
+
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] == "observer_rt":
+            raise ImportError("observer_rt is blocked")
+
+sys.meta_path.insert(0, Blocked())
+from tools.benchmarks import cases, plant
+event = plant.Event(100e6, (plant.Shot(0.0, 1e-3),), plant.Faults())
+outcome = plant.record(plant.Bench(plant.Injector(), plant.Needle(), (event,)))
+assert outcome.truth.injection_rate.max() > 4e-5
+assert not [name for name in sys.modules if name.startswith("observer_rt")]
+"""
+SENSOR_FAULTS = {
+    "line_pressure_sensor_lag": 40e-6,
+    "channel_skew": 25e-6,
+    "line_pressure_sensor_offset": 0.8e6,
+    "line_pressure_sensor_gain": 0.02,
+    "rail_pressure_sensor_offset": 3e6,
+    "rail_pressure_sensor_gain": 0.02,
+    "lift_offset": 10e-6,
+    "lift_gain": 0.1,
+    "lift_sensor_lag": 20e-6,
+}
+PLANT_FAULTS = {
+    "orifice_area": 0.3,
+    "seat_area": -0.3,
+    "guide_leakage": 3e-14,
+    "chamber_pressure_rise": 8e6,
+    "orifice_cavitation": 0.12,
+    "line_friction": 2.0,
+    "bulk_modulus": 0.2,
+    "entrained_air": 4e-3,
+    "seat_lift_loss": 0.4,
+    "seat_outflow": 1.0,
+    "nozzle_lift_loss": 0.3,
+    "line_inertance": 0.2,
+    "sac_stiffness": 0.3,
+}
+
+
+def once(
+    faults: Faults = Faults(),  # noqa: B008 - immutable
+    injector: Injector = Injector(),  # noqa: B008
+    rail_pressure: float = 100e6,
+    duration: float = 1.9e-3,
+    noise: float = 0.0,
+) -> Outcome:
+    event = Event(rail_pressure, (Shot(0.0, duration),), faults)
+    return record(Bench(injector, Needle(), (event,), noise=noise, seed=1))
+
+
+def test_plant_and_cases_run_where_the_package_cannot_be_imported() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", ALONE],
+        capture_output=True,
+        text=True,
+        cwd=REPOSITORY,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def reference(
+    event: Event, until: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Equations (19)-(23) of the nominal part as the paper prints them, by an adaptive implicit solver."""
+    part = Injector()
+    strokes = strokes_of(event, FIRST_EVENT, Needle(), part.max_lift)
+    jet = math.sqrt(2.0 / part.density)
+
+    def root(d: float) -> float:
+        return math.copysign(math.sqrt(abs(d)), d)
+
+    def rates(t: float, x: NDArray[np.float64]) -> list[float]:
+        p_l, q_l, p_s = x
+        lift = lift_at(t, strokes)
+        sine, sine_full = math.sin(part.seat_half_angle), math.sin(2 * part.seat_half_angle)
+        area = math.pi * lift * sine * (part.seat_diameter - 0.5 * lift * sine_full)
+        q_s = part.seat_coefficient * area * jet * root(p_l - p_s)
+        q_h = part.nozzle_area * jet * root(p_s - part.chamber_pressure)
+        return [
+            part.bulk_modulus_line / part.line_volume * (q_l - q_h),
+            part.line_area / (part.density * part.line_length) * (event.rail_pressure - p_l)
+            - part.line_loss / (2.0 * part.line_area * part.line_length) * q_l * abs(q_l),
+            part.bulk_modulus_sac / part.sac_volume * (q_s - q_h),
+        ]
+
+    times = np.arange(round(FIRST_EVENT * 1e5) - 5, round(until * 1e5)) / 1e5
+    start = [event.rail_pressure, 0.0, part.chamber_pressure]
+    solved = solve_ivp(
+        rates, (times[0], times[-1]), start, "LSODA", times, rtol=1e-8, atol=[1.0, 1e-12, 1.0], max_step=1e-6
+    )
+    rate = part.nozzle_area * jet * np.sqrt(np.maximum(solved.y[2] - part.chamber_pressure, 0.0))
+    return times, solved.y[0], rate
+
+
+@pytest.mark.parametrize("rail_pressure", [40e6, 150e6])
+def test_agrees_with_an_adaptive_solver(rail_pressure: float) -> None:
+    event = Event(rail_pressure, (Shot(0.0, 0.8e-3),), Faults())
+    times, line, rate = reference(event, FIRST_EVENT + 2e-3)
+    truth = once(rail_pressure=rail_pressure, duration=0.8e-3).truth
+    samples = slice(round(times[0] * 1e5), round(times[0] * 1e5) + times.size)
+    assert np.max(np.abs(truth.line_pressure[samples] - line)) < 2e3
+    assert (
+        np.max(np.abs(truth.injection_rate[samples] - rate)) < 0.1e-6
+    )  # as the sac runs empty; elsewhere far less
+    assert np.sum(truth.injection_rate[samples]) == pytest.approx(np.sum(rate), rel=2e-4)
+
+
+@pytest.mark.parametrize(("rail_pressure", "peak"), [(60e6, 53e-6), (100e6, 69e-6), (140e6, 82e-6)])
+def test_peaks_of_the_nominal_injector(rail_pressure: float, peak: float) -> None:
+    assert once(rail_pressure=rail_pressure).truth.injection_rate.max() == pytest.approx(peak, rel=0.01)
+
+
+def ringing_frequency(outcome: Outcome) -> float:
+    """Of the line pressure 2-12 ms after the needle shut, by its crossings of the rail pressure."""
+    shut = int(outcome.openings[-1, 1])
+    part = slice(shut + 200, shut + 1200)
+    swing = (outcome.truth.line_pressure - outcome.truth.rail_pressure)[part]
+    up = np.flatnonzero((swing[:-1] < 0.0) & (swing[1:] >= 0.0))
+    exact = up - swing[up] / (swing[up + 1] - swing[up])
+    return float((exact.size - 1) / (exact[-1] - exact[0]) * 1e5)
+
+
+def test_lump_rings_at_its_mode_and_a_wave_line_at_its_quarter_wave() -> None:
+    part = Injector()
+    inertance = part.density * part.line_length / part.line_area
+    travel_time = math.sqrt(inertance * part.line_volume / part.bulk_modulus_line)
+    assert ringing_frequency(once()) == pytest.approx(1.0 / (2.0 * math.pi * travel_time), rel=0.01)
+    assert ringing_frequency(once(injector=wave_injector())) == pytest.approx(
+        1.0 / (4.0 * travel_time), rel=0.02
+    )
+
+
+def test_wave_line_drained_by_its_seat_injects_what_the_rail_delivers() -> None:
+    outcome = once(injector=wave_injector(), duration=1.0e-3)
+    injected = np.sum(outcome.truth.injection_rate) * 1e-5
+    part = wave_injector()
+    settled = np.mean(outcome.truth.line_pressure[-500:]) - outcome.truth.rail_pressure[0]
+    assert injected > 2e-8
+    assert abs(settled) * part.line_volume / part.bulk_modulus_line < 1e-3 * injected
+
+
+@pytest.mark.parametrize("name", PLANT_FAULTS)
+def test_every_fault_of_the_plant_changes_what_is_injected_and_measured(name: str) -> None:
+    healthy, faulty = once(), once(Faults(**{name: PLANT_FAULTS[name]}))
+    assert np.max(np.abs(faulty.truth.injection_rate - healthy.truth.injection_rate)) > 0.05e-6
+    assert np.max(np.abs(faulty.measured.line_pressure - healthy.measured.line_pressure)) > 0.02e6
+
+
+@pytest.mark.parametrize("name", SENSOR_FAULTS)
+def test_every_fault_of_a_sensor_changes_what_is_measured_only(name: str) -> None:
+    healthy, faulty = once(), once(Faults(**{name: SENSOR_FAULTS[name]}))
+    for signal, values in vars(healthy.truth).items():
+        np.testing.assert_array_equal(getattr(faulty.truth, signal), values)
+    changed = [
+        s
+        for s in vars(healthy.measured)
+        if np.any(getattr(faulty.measured, s) != getattr(healthy.measured, s))
+    ]
+    assert len(changed) == 1
+    assert name.startswith(("line", "channel")) == (changed == ["line_pressure"])
+
+
+def test_all_faults_are_tested() -> None:
+    assert set(SENSOR_FAULTS) | set(PLANT_FAULTS) | {"seat_lift_scale"} == set(Faults._fields)
+
+
+def test_late_channel_records_an_earlier_pressure() -> None:
+    truth, late = once().truth, once(Faults(channel_skew=25e-6)).measured
+    expected = np.interp(late.time - 25e-6, late.time, truth.line_pressure)
+    assert np.max(np.abs(late.line_pressure - expected)[1:]) < 0.04e6
+    assert np.max(np.abs(late.line_pressure - truth.line_pressure)) > 1e6
+
+
+def test_lagging_sensor_obeys_its_law() -> None:
+    lag = 40e-6
+    outcome = once(Faults(line_pressure_sensor_lag=lag))
+    seen, true = outcome.measured.line_pressure, outcome.truth.line_pressure
+    slope = (seen[2:] - seen[:-2]) / 2e-5
+    swing = np.max(true) - np.min(true)
+    error = seen[1:-1] + lag * slope - true[1:-1]
+    assert np.sqrt(np.mean(error**2)) < 0.01 * swing
+
+
+def test_noise_and_codes_are_those_of_sensors_and_bus() -> None:
+    rest: Measured = once(noise=1.0).measured
+    standstill = slice(0, 14_000)
+    for signal, sigma, step in (
+        (rest.rail_pressure, 0.1e6, 0.005e6),
+        (rest.line_pressure, 0.15e6, 0.005e6),
+        (rest.needle_lift, 0.4e-6, 0.01e-6),
+    ):
+        assert np.std(signal[standstill]) == pytest.approx(sigma, rel=0.03)
+        codes = signal / step
+        np.testing.assert_allclose(codes, np.rint(codes), atol=1e-6)
+
+
+def test_slower_recordings_are_every_nth_sample() -> None:
+    event = Event(100e6, (Shot(0.0, 1e-3),), Faults())
+    fast, slow = (record(Bench(Injector(), Needle(), (event,), rate, 1.0, 5)) for rate in (100e3, 20e3))
+    np.testing.assert_array_equal(slow.measured.line_pressure, fast.measured.line_pressure[::5])
+    np.testing.assert_array_equal(slow.truth.injection_rate, fast.truth.injection_rate[::5])

@@ -1,0 +1,169 @@
+"""Peer: the parametric fit. Named parameters of the nominal structure, no network, learned event after event.
+
+Gauss-Newton on the whitened innovations of the predictor with a prior, information accumulated, drift added: the
+same problem the observer solves, with W = 0, all parameters always free, and sensitivities by finite differences.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tools.benchmarks.kalman_peers import LINE_NOISE, RAIL_NOISE
+from tools.benchmarks.peer_equations import LAG, PARAMETERS, V_H, predict
+from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs
+
+# v_H, v_S, friction k, leak c [m3/(s Pa)], offset o [p0], lag tau [s], stiffness r
+PRIOR_SIGMA = np.array([0.45, 0.4, 1.75, 5.5e-14, 0.025, 35e-6, 0.18])
+DRIFT_SIGMA = np.array([5e-4, 5e-4, 2e-3, 2e-16, 2e-5, 1e-7, 2e-4])  # per event
+LOWEST = np.array([-0.9, -0.9, -0.9, 0.0, -0.1, 0.0, -0.6])
+HIGHEST = np.array([3.0, 3.0, 10.0, 1e-12, 0.1, 200e-6, 1.5])
+DIFFERENCE = 1e-3  # of the prior sigma, for sensitivities
+LEAD, BURN_IN = 2e-3, 1e-3  # s of shut needle before an event's opening; of it, not counted
+FIRST_ITERATIONS, ITERATIONS, HALVINGS = 6, 3, 6
+SMALL_DECREMENT = 0.01
+RICCATI_STEPS = 400
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Samples of one event: predicted from `first` on, counted from `counted` on, to the next event's lead."""
+
+    first: int
+    counted: int
+    opening: int
+    closed: int
+    end: int
+
+
+def segments_of(inputs: PeerInputs) -> tuple[Segment, ...]:
+    """One segment an event; the first holds the standstill before it."""
+    interval = inputs.stream.interval
+    lead, burn_in = round(LEAD / interval), round(BURN_IN / interval)
+    openings, closed = inputs.events[:, 0], inputs.events[:, 1]
+    ends = np.append(openings[1:] - lead + burn_in, inputs.stream.output.size)
+    firsts = np.maximum(openings - lead, 0)
+    firsts[0] = 0
+    return tuple(
+        Segment(int(f), int(f) + burn_in, int(o), int(c), int(e))
+        for f, o, c, e in zip(firsts, openings, closed, ends, strict=True)
+    )
+
+
+def steady_gain(inputs: PeerInputs, lag: float) -> tuple[NDArray[np.float64], float]:
+    """Kalman gain (3,) on [x1, x2, lagged x1] of the line at rest, and the innovation's sigma (normalised)."""
+    m, t = inputs.model, inputs.stream.interval
+    angle, impedance = math.sqrt(m.a1 * m.a3) * t, math.sqrt(m.a1 / m.a3)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    late = lag / t
+    decay = math.exp(-1.0 / late) if late > 0.0 else 0.0
+    now, before = 1.0 - late * (1.0 - decay), late * (1.0 - decay) - decay
+    row = np.array([cosine, impedance * sine, 0.0])
+    transition = np.array([row, [-sine / impedance, cosine, 0.0], now * row + [before, 0.0, decay]])
+    drive = np.array([1.0 - cosine, sine / impedance, now * (1.0 - cosine)])
+    process = np.outer(drive, drive) * (RAIL_NOISE / PRESSURE_SCALE) ** 2
+    measurement = (LINE_NOISE / PRESSURE_SCALE) ** 2
+    covariance = np.eye(3) * measurement
+    gain, variance = np.zeros(3), measurement
+    for _ in range(RICCATI_STEPS):
+        covariance = transition @ covariance @ transition.T + process
+        variance = covariance[2, 2] + measurement
+        gain = covariance[:, 2] / variance
+        covariance = covariance - np.outer(gain, covariance[2])
+    return gain, math.sqrt(variance)
+
+
+def innovations(
+    inputs: PeerInputs, segment: Segment, theta: NDArray[np.float64], gain: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Counted innovations of a segment, normalised."""
+    errors, sac = np.empty((2, segment.end - segment.first))
+    end = segment.end
+    predict(inputs.stream, inputs.model, theta, gain, segment.first, end, end, errors, sac)
+    return errors[segment.counted - segment.first :]
+
+
+def sensitivities(
+    inputs: PeerInputs, segment: Segment, theta: NDArray[np.float64], gain: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Innovations (n,) and their derivatives (n, PARAMETERS)."""
+    base = innovations(inputs, segment, theta, gain)
+    slopes = np.empty((base.size, PARAMETERS))
+    for i, step in enumerate(DIFFERENCE * PRIOR_SIGMA):
+        shifted = theta.copy()
+        shifted[i] += step
+        slopes[:, i] = (innovations(inputs, segment, shifted, gain) - base) / step
+    return base, slopes
+
+
+def open_loop_rate(
+    inputs: PeerInputs, segment: Segment, theta: NDArray[np.float64], gain: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Injection rate [m3/s] over [first, closed) of a segment, the gain stopped at the opening."""
+    errors, sac = np.empty((2, segment.closed - segment.first))
+    predict(
+        inputs.stream, inputs.model, theta, gain, segment.first, segment.opening, segment.closed, errors, sac
+    )
+    root = sac / np.sqrt(np.sqrt(sac**2 + inputs.model.transition**2))
+    return np.asarray(inputs.model.nozzle_flow * (1.0 + theta[V_H]) * root, np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """theta (PARAMETERS,) and its covariance after an event."""
+
+    theta: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
+def fits(inputs: PeerInputs) -> Iterator[tuple[Segment, Fitted]]:
+    """Every event's segment with what was known before it (the prior first), drift included."""
+    known = Fitted(np.zeros(PARAMETERS), np.diag(PRIOR_SIGMA**2))
+    for number, segment in enumerate(segments_of(inputs)):
+        yield segment, known
+        learned = _learn(inputs, segment, known, FIRST_ITERATIONS if number == 0 else ITERATIONS)
+        known = Fitted(learned.theta, learned.covariance + np.diag(DRIFT_SIGMA**2))
+
+
+def joint_fit_rate(inputs: PeerInputs) -> NDArray[np.float64]:
+    """Rate [m3/s] at every sample: each event open loop with what was learned from those before it."""
+    rate = np.zeros(inputs.stream.output.size)
+    for segment, known in fits(inputs):
+        gain, _ = steady_gain(inputs, known.theta[LAG])
+        rate[segment.first : segment.closed] = open_loop_rate(inputs, segment, known.theta, gain)
+    return rate
+
+
+def _learn(inputs: PeerInputs, segment: Segment, known: Fitted, iterations: int) -> Fitted:
+    prior = np.asarray(np.linalg.inv(known.covariance), np.float64)
+    theta, covariance = known.theta, known.covariance
+    for _ in range(iterations):
+        gain, sigma = steady_gain(inputs, theta[LAG])
+        errors, slopes = sensitivities(inputs, segment, theta, gain)
+        information = prior + slopes.T @ slopes / sigma**2
+        gradient = slopes.T @ errors / sigma**2 + prior @ (theta - known.theta)
+        covariance = np.asarray(np.linalg.inv(information), np.float64)
+        step = -covariance @ gradient
+        cost = _cost(errors, sigma, theta, known, prior)
+        for _ in range(HALVINGS):
+            trial = np.asarray(np.clip(theta + step, LOWEST, HIGHEST), np.float64)
+            if _cost(innovations(inputs, segment, trial, gain), sigma, trial, known, prior) < cost:
+                theta = trial
+                break
+            step = 0.5 * step
+        if float(step @ information @ step) < SMALL_DECREMENT:
+            break
+    return Fitted(theta, covariance)
+
+
+def _cost(
+    errors: NDArray[np.float64],
+    sigma: float,
+    theta: NDArray[np.float64],
+    known: Fitted,
+    prior: NDArray[np.float64],
+) -> float:
+    distance = theta - known.theta
+    return 0.5 * float(errors @ errors) / sigma**2 + 0.5 * float(distance @ prior @ distance)

@@ -1,0 +1,95 @@
+"""Peers: joint unscented and extended Kalman filters, v_H as a fourth state, on every sample."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tools.benchmarks.peer_equations import extended, unscented
+from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs
+
+RAIL_NOISE, LINE_NOISE = 0.1e6, 0.15e6  # Pa, as on every bench
+UNSCENTED_SHAPE = (0.5, 2.0, 0.0)  # alpha, beta, kappa
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Noise settings of a joint filter; sigmas per sample at 100 kHz.
+
+    wear_walk: of v_H; model_noise: of p_L and p_S, for what the model does not know [Pa]; line_noise: of the
+    measurement, as a multiple of the true one.
+    """
+
+    wear_walk: float
+    model_noise: float
+    line_noise: float
+
+
+@dataclass(frozen=True, eq=False)
+class FilterResult:
+    """Rate [m3/s] and states (n, 4) [x1, x2, x3, v_H]; from where the filter broke down on, its last rate is 0."""
+
+    rate: NDArray[np.float64]
+    states: NDArray[np.float64]
+    survived: bool
+
+
+def start_of(inputs: PeerInputs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """State and covariance at the first sample: the line at rest, v_H within +-0.5."""
+    x = np.array([inputs.stream.output[0], 0.0, 0.0, 0.0])
+    line = LINE_NOISE / PRESSURE_SCALE
+    return x, np.diag([line**2, 0.1**2, 1e-10, 0.3**2])
+
+
+def process_noise(inputs: PeerInputs, tuning: Tuning) -> NDArray[np.float64]:
+    """Covariance (4, 4) a sample adds: rail noise through the line's inertia, wear, model."""
+    m, t = inputs.model, inputs.stream.interval
+    scale = t / 1e-5
+    rail = np.array([0.5 * m.a1 * m.a3 * t * t, m.a3 * t, 0.0, 0.0]) * RAIL_NOISE / PRESSURE_SCALE
+    model = (tuning.model_noise / PRESSURE_SCALE) ** 2 * scale
+    return np.outer(rail, rail) + np.diag([model, 0.0, model, tuning.wear_walk**2 * scale])
+
+
+def measurement_variance(tuning: Tuning) -> float:
+    """Of p_L, normalised."""
+    return (tuning.line_noise * LINE_NOISE / PRESSURE_SCALE) ** 2
+
+
+def joint_ukf(inputs: PeerInputs, tuning: Tuning) -> FilterResult:
+    """The joint UKF over a recording."""
+    x, covariance = start_of(inputs)
+    states = np.full((inputs.stream.output.size, 4), np.nan)
+    survived = unscented(
+        inputs.stream,
+        inputs.model,
+        x,
+        covariance,
+        process_noise(inputs, tuning),
+        measurement_variance(tuning),
+        UNSCENTED_SHAPE,
+        states,
+    )
+    return _result(inputs, states, survived)
+
+
+def joint_ekf(inputs: PeerInputs, tuning: Tuning) -> FilterResult:
+    """The joint EKF over a recording."""
+    x, covariance = start_of(inputs)
+    states = np.full((inputs.stream.output.size, 4), np.nan)
+    survived = extended(
+        inputs.stream,
+        inputs.model,
+        x,
+        covariance,
+        process_noise(inputs, tuning),
+        measurement_variance(tuning),
+        states,
+    )
+    return _result(inputs, states, survived)
+
+
+def _result(inputs: PeerInputs, states: NDArray[np.float64], survived: bool) -> FilterResult:
+    sac = states[:, 2]
+    difference = sac / np.sqrt(np.sqrt(sac**2 + inputs.model.transition**2))
+    rate = inputs.model.nozzle_flow * (1.0 + states[:, 3]) * difference
+    return FilterResult(np.nan_to_num(rate), states, survived)

@@ -1,0 +1,67 @@
+"""The peers on one case, and the information limit beside them."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.units import MM3_PER_MS
+from tools.benchmarks.cases import CLASSES, Case, Group
+from tools.benchmarks.information_limit import mass_limits_mg
+from tools.benchmarks.joint_fit import joint_fit_rate
+from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
+from tools.benchmarks.peer_inputs import PeerInputs, peer_inputs
+from tools.benchmarks.plant import record
+from tools.benchmarks.score import EKF, FIT, UKF, EstimatorScore
+from tools.benchmarks.windows import windows_of
+
+TUNING = Tuning(wear_walk=1e-4, model_noise=3e4, line_noise=1.0)  # see peer_tuning.py
+
+PEERS: dict[str, Callable[[PeerInputs], NDArray[np.float64]]] = {
+    UKF: lambda inputs: joint_ukf(inputs, TUNING).rate,
+    EKF: lambda inputs: joint_ekf(inputs, TUNING).rate,
+    FIT: joint_fit_rate,
+}
+"""Rate [m3/s] at every sample of a recording; the nominal model runs beside the observer."""
+
+
+@dataclass(frozen=True)
+class PeerScore:
+    """The peers' part of a case; tuples are per event."""
+
+    class_name: str
+    master_seed: int
+    number: int
+    estimators: tuple[EstimatorScore, ...]
+    limits_mg: tuple[float, ...]
+    """The information limit: smallest standard deviation of the mass."""
+    seconds: float
+
+
+def has_peers(class_name: str) -> bool:
+    """Peers run on every class but the many cases of `stability`."""
+    return CLASSES[class_name].group is not Group.STABILITY
+
+
+def score_peers(case: Case) -> PeerScore:
+    """Record a case and score every peer on the recording."""
+    begin = time.perf_counter()
+    outcome = record(case.bench)
+    inputs = peer_inputs(outcome.measured)
+    windows = windows_of(outcome, case.bench.sample_rate)
+    density = case.bench.injector.density
+    estimators = []
+    for name, rate_of in PEERS.items():
+        rate = rate_of(inputs)
+        squares = windows.mean_squares((rate - outcome.truth.injection_rate) / MM3_PER_MS)
+        estimators.append(EstimatorScore(name, windows.event_masses_mg(rate, density), squares))
+    return PeerScore(
+        case.class_name,
+        case.master_seed,
+        case.number,
+        tuple(estimators),
+        mass_limits_mg(inputs, windows, case.bench.events, density),
+        time.perf_counter() - begin,
+    )

@@ -6,6 +6,7 @@ import pytest
 from tools.benchmarks.cases import CLASSES, EVENTS, make_case
 from tools.benchmarks.plant import record
 from tools.benchmarks.plant_parameters import Faults
+from tools.benchmarks.windows import windows_of
 
 MANY = range(300)
 
@@ -29,7 +30,7 @@ def test_every_opening_is_seen_in_its_event(name: str) -> None:
     durations = (outcome.openings[:, 1] - outcome.openings[:, 0]) / case.bench.sample_rate
     assert durations.min() > 0.2e-3
     assert durations.max() < 3.1e-3
-    assert len(case.bench.events) == EVENTS
+    assert len([event for event in case.bench.events if event.shots]) == EVENTS
 
 
 def test_operating_points_span_the_range() -> None:
@@ -60,6 +61,13 @@ def test_jumps_begin_healthy_and_growing_wear_grows() -> None:
     growing = [e.faults.orifice_area for e in make_case("growing_wear", 1, 1).bench.events]
     assert np.ptp(np.diff(growing)) < 1e-12
     assert abs(growing[-1]) > abs(growing[0]) > 0.0
+
+
+def test_missing_injections_leave_periods_empty() -> None:
+    case = make_case("missing_injections", 1, 0)
+    assert sum(not event.shots for event in case.bench.events) == 3
+    assert case.bench.events[0].shots
+    assert len(windows_of(record(case.bench), case.bench.sample_rate).of_event) == EVENTS
 
 
 def test_mixtures_hold_two_faults() -> None:

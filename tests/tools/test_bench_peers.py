@@ -112,8 +112,7 @@ def test_limit_falls_with_events_and_the_fit_keeps_near_it() -> None:
     outcome = recorded(WORN, 6)
     inputs = peer_inputs(outcome.measured)
     windows = windows_of(outcome, 100e3)
-    events = tuple(Event(0.0, (), WORN) for _ in range(6))
-    limits = np.array(mass_limits_mg(inputs, windows, events, DENSITY))
+    limits = np.array(mass_limits_mg(inputs, windows, (WORN,) * 6, DENSITY))
     true = np.array(windows.event_masses_mg(outcome.truth.injection_rate, DENSITY))
     relative = limits / true
     assert relative[0] > 0.1  # nothing known but the prior

@@ -11,13 +11,17 @@ from rich.console import Console
 from rich.markup import escape
 
 from observer_rt.errors import ObserverError, UserError
+from observer_rt.screen import progress_bar
 from tools.benchmarks.accuracy import Plan, print_results, run_accuracy
 from tools.benchmarks.cases import CLASSES
 from tools.benchmarks.figures import save_figures
+from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
+from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.tables import json_document
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 messages = Console(stderr=True)
+FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
 INTERRUPTED = 130  # exit code
 TABLE_WIDTH = 190  # where stdout is no terminal
 
@@ -41,7 +45,11 @@ def accuracy(
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
     plan = Plan(_chosen(classes), cases, seed, workers, out, not no_peers)
-    found = run_accuracy(plan, messages)
+    try:
+        found = run_accuracy(plan, messages)
+    except KeyboardInterrupt:
+        messages.print("interrupted; what is scored is kept, the same command goes on")
+        raise typer.Exit(INTERRUPTED) from None
     for figure in save_figures(found.scores, out):
         messages.print(f"figure: {figure}", highlight=False)
     if as_json:
@@ -49,6 +57,21 @@ def accuracy(
     else:
         console = Console()
         print_results(found, console if console.is_terminal else Console(width=TABLE_WIDTH))
+
+
+@app.command(epilog="Example: tools/bench peer-tuning --peer ekf")
+def peer_tuning(
+    peer: Annotated[str, typer.Option(help="Which filter: ukf or ekf.")] = "ukf",
+) -> None:
+    """The grid the joint Kalman filters' noise settings were chosen from, best first (minutes)."""
+    if peer not in FILTERS:
+        raise UserError("--peer", f"unknown filter '{peer}'", f"known: {', '.join(FILTERS)}")
+    tried: list[Trial] = []
+    with progress_bar(messages, f"tuning {peer}", float(len(grid()))) as progress:
+        for trial in trials(FILTERS[peer]):
+            tried.append(trial)
+            progress(float(len(tried)))
+    Console(width=TABLE_WIDTH).print(tuning_table(sorted(tried, key=lambda trial: trial.rmse)))
 
 
 def _chosen(classes: str) -> tuple[str, ...]:
@@ -66,9 +89,6 @@ def main() -> None:
     except ObserverError as error:
         messages.print(f"[red]error:[/red] {escape(str(error))}", highlight=False, soft_wrap=True)
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        messages.print("interrupted; what is scored is kept, the same command goes on")
-        sys.exit(INTERRUPTED)
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ class Bars:
 
 _MAIN = Bars(0.4, 0.45, 0.5)
 _BARS = {
-    **{name: _MAIN for name, c in CLASSES.items() if c.group is Group.MAIN},
+    **{name: _MAIN for name, c in CLASSES.items() if c.group in (Group.MAIN, Group.OPERATION)},
     "chamber_pressure_rise": Bars(0.4, 0.6, 0.5),
     "at_50_khz": Bars(0.7, 0.7),
     "at_20_khz": Bars(1.2, 1.2),

@@ -29,6 +29,7 @@ class Group(StrEnum):
     LOOK_ALIKE = "look-alike"  # never wrong while valid
     WAVE = "wave"  # never valid
     CHANGE = "change"  # followed
+    OPERATION = "operation"  # estimated well, whatever the bench does
     RATE = "rate"  # estimated, less well
     STABILITY = "stability"  # never wrong while valid, never diverging
 
@@ -145,6 +146,7 @@ class FaultClass:
     waves: bool = False
     jumps: bool = False  # healthy first, the faults appear at one event
     grows: bool = False  # the faults grow from 0 to their size over the events
+    missing: int = 0  # periods without an injection, among the others
 
 
 _JUMPS: dict[str, Draw] = {
@@ -164,6 +166,7 @@ CLASSES: dict[str, FaultClass] = {
     "wave_worn": FaultClass(Group.WAVE, _wear, waves=True),
     **{name: FaultClass(Group.CHANGE, draw, jumps=True) for name, draw in _JUMPS.items()},
     "growing_wear": FaultClass(Group.CHANGE, _wear, grows=True),
+    "missing_injections": FaultClass(Group.OPERATION, _wear, missing=3),
     "at_50_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=50e3),
     "at_20_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=20e3),
     "stability": FaultClass(Group.STABILITY, _two_of(_VOCABULARY)),
@@ -184,6 +187,9 @@ def make_case(class_name: str, master_seed: int, number: int) -> Case:
         replace(event, faults=_faults_at(i, faults, change_event, fault_class.grows))
         for i, event in enumerate(schedule)
     )
+    for _ in range(fault_class.missing):
+        place = int(rng.integers(1, 10))
+        events = (*events[:place], replace(events[place], shots=()), *events[place:])
     injector = wave_injector(rng.uniform(2e-9, 4e-9)) if fault_class.waves else Injector()
     bench = Bench(injector, needle, events, fault_class.sample_rate, noise, seed)
     return Case(class_name, master_seed, number, bench, change_event)

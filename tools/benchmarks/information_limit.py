@@ -19,7 +19,6 @@ from tools.benchmarks.joint_fit import (
 )
 from tools.benchmarks.peer_equations import LAG, PARAMETERS
 from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs
-from tools.benchmarks.plant import Event
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.windows import Windows
 
@@ -41,13 +40,13 @@ def true_parameters(faults: Faults) -> NDArray[np.float64]:
 
 
 def mass_limits_mg(
-    inputs: PeerInputs, windows: Windows, events: tuple[Event, ...], density: float
+    inputs: PeerInputs, windows: Windows, faults: tuple[Faults, ...], density: float
 ) -> tuple[float, ...]:
-    """Smallest standard deviation of each event's mass [mg], given the events before it."""
+    """Smallest standard deviation of each event's mass [mg], given the events before it; `faults`: at every event."""
     covariance = np.diag(PRIOR_SIGMA**2)
     limits = []
     for number, segment in enumerate(segments_of(inputs)):
-        theta = true_parameters(events[number].faults)
+        theta = true_parameters(faults[number])
         gain, sigma = steady_gain(inputs, theta[LAG])
 
         def mass(theta: NDArray[np.float64]) -> float:

@@ -1,7 +1,6 @@
 """The peers' model and filters: the nominal equations with named parameters, joint UKF and EKF, a predictor.
 
-States are normalised as in (24): x = [(p_L - p_C)/p0, Q_L/Q0, (p_S - p_C)/p0]. Written apart from the package, so
-that the peers share no mistake with the observer.
+States are normalised as in (24). Shares no code, and so no mistake, with the package.
 """
 
 import math
@@ -87,24 +86,36 @@ def advance(
 
 
 @njit(cache=True, nogil=True)
+def _joint_advance(
+    x: NDArray[np.float64], k: int, stream: Stream, m: Model, theta: NDArray[np.float64]
+) -> None:
+    """`joint_step` in place; theta (PARAMETERS,) is room to work in."""
+    theta[V_H] = x[3]
+    x[0], x[1], x[2] = advance(x[0], x[1], x[2], k, stream, theta, m)
+
+
+@njit(cache=True, nogil=True)
 def joint_step(x: NDArray[np.float64], k: int, stream: Stream, m: Model) -> NDArray[np.float64]:
     """[x1, x2, x3, v_H] one sample after sample k."""
-    theta = np.zeros(PARAMETERS)
-    theta[V_H] = x[3]
-    y1, y2, y3 = advance(x[0], x[1], x[2], k, stream, theta, m)
-    return np.array([y1, y2, y3, x[3]])
+    after = x.copy()
+    _joint_advance(after, k, stream, m, np.zeros(PARAMETERS))
+    return after
 
 
 @njit(cache=True, nogil=True)
 def joint_jacobian(x: NDArray[np.float64], k: int, stream: Stream, m: Model) -> NDArray[np.float64]:
     """Derivative (4, 4) of `joint_step`, by central differences."""
-    jacobian = np.zeros((4, 4))
+    jacobian, theta = np.empty((4, 4)), np.zeros(PARAMETERS)
+    high, low = np.empty(4), np.empty(4)
     for i in range(4):
-        shifted = x.copy()
-        shifted[i] += DIFFERENCE
-        high = joint_step(shifted, k, stream, m)
-        shifted[i] -= 2.0 * DIFFERENCE
-        jacobian[:, i] = (high - joint_step(shifted, k, stream, m)) / (2.0 * DIFFERENCE)
+        high[:] = x
+        low[:] = x
+        high[i] += DIFFERENCE
+        low[i] -= DIFFERENCE
+        _joint_advance(high, k, stream, m, theta)
+        _joint_advance(low, k, stream, m, theta)
+        for j in range(4):
+            jacobian[j, i] = (high[j] - low[j]) / (2.0 * DIFFERENCE)
     return jacobian
 
 
@@ -133,37 +144,44 @@ def unscented(
     Returns False when the covariance stopped being one; the remaining states are not written.
     """
     alpha, beta, kappa = shape
-    spread = alpha * alpha * (4.0 + kappa)
-    weight = 0.5 / spread
+    spread, weight = alpha * alpha * (4.0 + kappa), 0.5 / (alpha * alpha * (4.0 + kappa))
     mean_0 = (spread - 4.0) / spread
     covariance_0 = mean_0 + 1.0 - alpha * alpha + beta
+    x, covariance = x.copy(), covariance.copy()
     states[0] = x
-    points = np.empty((9, 4))
+    points, theta, cross = np.empty((9, 4)), np.zeros(PARAMETERS), np.empty(4)
     for k in range(stream.output.shape[0] - 1):
         if not _points(x, covariance, spread, points):
             return False
         for i in range(9):
-            points[i] = joint_step(points[i], k, stream, m)
-        x = mean_0 * points[0]
-        for i in range(1, 9):
-            x = x + weight * points[i]
-        covariance = process.copy()
-        for i in range(9):
-            d = points[i] - x
-            covariance += (covariance_0 if i == 0 else weight) * np.outer(d, d)
+            _joint_advance(points[i], k, stream, m, theta)
+        for j in range(4):
+            x[j] = mean_0 * points[0, j]
+            for i in range(1, 9):
+                x[j] += weight * points[i, j]
+        for j in range(4):
+            for h in range(j + 1):
+                total = covariance_0 * (points[0, j] - x[j]) * (points[0, h] - x[h])
+                for i in range(1, 9):
+                    total += weight * (points[i, j] - x[j]) * (points[i, h] - x[h])
+                covariance[j, h] = covariance[h, j] = process[j, h] + total
         if not _points(x, covariance, spread, points):
             return False
         predicted = mean_0 * points[0, 0]
         for i in range(1, 9):
             predicted += weight * points[i, 0]
-        variance, cross = measurement, np.zeros(4)
+        variance = measurement
+        cross[:] = 0.0
         for i in range(9):
-            w = covariance_0 if i == 0 else weight
-            variance += w * (points[i, 0] - predicted) ** 2
-            cross += w * (points[i, 0] - predicted) * (points[i] - x)
-        gain = cross / variance
-        x = x + gain * (stream.output[k + 1] - predicted)
-        covariance = covariance - variance * np.outer(gain, gain)
+            weighted = (covariance_0 if i == 0 else weight) * (points[i, 0] - predicted)
+            variance += weighted * (points[i, 0] - predicted)
+            for j in range(4):
+                cross[j] += weighted * (points[i, j] - x[j])
+        innovation = stream.output[k + 1] - predicted
+        for j in range(4):
+            x[j] += cross[j] / variance * innovation
+            for h in range(4):
+                covariance[j, h] -= cross[j] * cross[h] / variance
         if stream.resting[k + 1]:
             rest(x, covariance)
         states[k + 1] = x
@@ -175,22 +193,24 @@ def _points(
     x: NDArray[np.float64], covariance: NDArray[np.float64], spread: float, points: NDArray[np.float64]
 ) -> bool:
     """Sigma points (9, 4); False unless the covariance is positive definite."""
-    lower = np.zeros((4, 4))
+    lower = points[5:]  # the Cholesky factor, its columns as rows, until the last points take its place
     for i in range(4):
         for j in range(i + 1):
             total = spread * covariance[i, j]
             for h in range(j):
-                total -= lower[i, h] * lower[j, h]
+                total -= lower[h, i] * lower[h, j]
             if i == j:
                 if not total > 0.0:
                     return False
                 lower[i, i] = math.sqrt(total)
             else:
-                lower[i, j] = total / lower[j, j]
-    points[0] = x
-    for i in range(4):
-        points[1 + i] = x + lower[:, i]
-        points[5 + i] = x - lower[:, i]
+                lower[j, i] = total / lower[j, j]
+    for j in range(4):
+        points[0, j] = x[j]
+        for i in range(4):
+            deviation = lower[i, j] if j >= i else 0.0
+            points[1 + i, j] = x[j] + deviation
+            points[5 + i, j] = x[j] - deviation
     return True
 
 
@@ -205,23 +225,44 @@ def extended(
     states: NDArray[np.float64],
 ) -> bool:
     """Joint extended Kalman filter into `states` (n, 4); False when a state stopped being a number."""
+    x, covariance = x.copy(), covariance.copy()
+    theta, gain, product = np.zeros(PARAMETERS), np.empty(4), np.empty((4, 4))
     states[0] = x
     for k in range(stream.output.shape[0] - 1):
         jacobian = joint_jacobian(x, k, stream, m)
-        x = joint_step(x, k, stream, m)
-        covariance = jacobian @ covariance @ jacobian.T + process
+        _joint_advance(x, k, stream, m, theta)
+        _product(jacobian, covariance, product)
+        for i in range(4):
+            for j in range(i + 1):
+                total = process[i, j]
+                for h in range(4):
+                    total += product[i, h] * jacobian[j, h]
+                covariance[i, j] = covariance[j, i] = total
         variance = covariance[0, 0] + measurement
-        gain = covariance[:, 0] / variance
-        x = x + gain * (stream.output[k + 1] - x[0])
-        left = np.eye(4)
-        left[:, 0] -= gain
-        covariance = left @ covariance @ left.T + measurement * np.outer(gain, gain)
+        innovation = stream.output[k + 1] - x[0]
+        for i in range(4):
+            gain[i] = covariance[i, 0] / variance
+            x[i] += gain[i] * innovation
+        for i in range(4):
+            for j in range(4):
+                product[i, j] = covariance[i, j] - gain[i] * covariance[0, j]
+        for i in range(4):
+            for j in range(4):  # (I - K C) P (I - K C)' + K R K'
+                kept = product[i, j] - product[i, 0] * gain[j]
+                covariance[i, j] = kept + measurement * gain[i] * gain[j]
         if stream.resting[k + 1]:
             rest(x, covariance)
-        if not np.isfinite(x).all():
+        if not math.isfinite(x[0] + x[1] + x[2] + x[3]):
             return False
         states[k + 1] = x
     return True
+
+
+@njit(cache=True, nogil=True)
+def _product(a: NDArray[np.float64], b: NDArray[np.float64], result: NDArray[np.float64]) -> None:
+    for i in range(4):
+        for j in range(4):
+            result[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j] + a[i, 3] * b[3, j]
 
 
 @njit(cache=True, nogil=True)

@@ -17,7 +17,7 @@ from tools.benchmarks.plant import record
 from tools.benchmarks.score import EKF, FIT, UKF, EstimatorScore
 from tools.benchmarks.windows import windows_of
 
-TUNING = Tuning(wear_walk=1e-4, model_noise=3e4, line_noise=1.0)  # see peer_tuning.py
+TUNING = Tuning(wear_walk=1e-5, model_noise=3e4, line_noise=2.0)  # see peer_tuning.py
 
 PEERS: dict[str, Callable[[PeerInputs], NDArray[np.float64]]] = {
     UKF: lambda inputs: joint_ukf(inputs, TUNING).rate,
@@ -52,6 +52,7 @@ def score_peers(case: Case) -> PeerScore:
     inputs = peer_inputs(outcome.measured)
     windows = windows_of(outcome, case.bench.sample_rate)
     density = case.bench.injector.density
+    injected = tuple(event.faults for event in case.bench.events if event.shots)
     estimators = []
     for name, rate_of in PEERS.items():
         rate = rate_of(inputs)
@@ -62,6 +63,6 @@ def score_peers(case: Case) -> PeerScore:
         case.master_seed,
         case.number,
         tuple(estimators),
-        mass_limits_mg(inputs, windows, case.bench.events, density),
+        mass_limits_mg(inputs, windows, injected, density),
         time.perf_counter() - begin,
     )

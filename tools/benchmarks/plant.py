@@ -116,7 +116,7 @@ def strokes_of(event: Event, start: float, needle: Needle, max_lift: float) -> N
         opening = start + shot.start
         closed = opening + shot.duration
         rows.append((opening, opening + rise, closed - rise * up / down, closed, up, down))
-    return np.array(rows)
+    return np.array(rows, np.float64).reshape(-1, 6)
 
 
 def record(bench: Bench) -> Outcome:

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -39,7 +40,7 @@ def run_tasks(
     for variable in _SINGLE_THREADED:  # the processes share the cores already
         os.environ.setdefault(variable, "1")
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=warm_up) as pool:
+    with ProcessPoolExecutor(workers, context, initializer=_prepare, initargs=(warm_up,)) as pool:
         waiting = list(reversed(tasks))
         running: dict[Future[Result], Task] = {}
         while waiting or running:
@@ -53,3 +54,8 @@ def run_tasks(
                 if isinstance(error, BrokenProcessPool):
                     raise RunError("a process of the bench was killed; what is scored is kept, run it again")
                 yield Crash(task, f"{type(error).__name__}: {error}") if error else future.result()
+
+
+def _prepare(warm_up: Callable[[], None]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's: it lets the cases under way end
+    warm_up()

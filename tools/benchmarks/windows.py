@@ -52,6 +52,7 @@ def windows_of(outcome: Outcome, sample_rate: float) -> Windows:
         slice(max(0, int(begin) - lead), min(int(shut) + 1 + tail, int(next_begin)) + 1)
         for (begin, shut), next_begin in zip(outcome.openings, following, strict=True)
     )
-    events = int(outcome.event_of.max()) + 1
-    members = tuple(tuple(int(i) for i in np.flatnonzero(outcome.event_of == e)) for e in range(events))
+    members = tuple(
+        tuple(int(i) for i in np.flatnonzero(outcome.event_of == e)) for e in np.unique(outcome.event_of)
+    )
     return Windows(ranges, members, 1.0 / sample_rate)

@@ -136,6 +136,7 @@ def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
             ),
             "line_pressure_sensor_lag": _estimate(wear.line_pressure_lag, 1.0, "s"),
             "bulk_modulus": _estimate(wear.bulk_modulus, 1.0, "-"),
+            "entrained_air": _estimate(wear.entrained_air, c.compression, "-"),
         },
     }
 

@@ -86,7 +86,8 @@ def advance(
             c,
             network,
         )
-    return emptied(x, u_start, u_end)
+    end: tuple[float, float, float] = emptied(x, u_start, u_end)
+    return end
 
 
 @njit(cache=True, nogil=True)

@@ -276,7 +276,9 @@ class Learner:
         """The fitted event into the belief, its information divided by `temper`."""
         information = fit.prior.information() + fit.linearisation.information / temper
         vector = fit.prior.information() @ fit.prior.mean + fit.linearisation.vector / temper
-        self._belief = belief_from_information(np.linalg.solve(information, vector), information)
+        self._belief = belief_from_information(
+            np.asarray(np.linalg.solve(information, vector), np.float64), information
+        )
         self._theta, self._active = fit.theta, fit.active
 
     def _event_statistics(self, window: Window, theta: NDArray[np.float64]) -> PhaseStatistics:

@@ -26,10 +26,11 @@ def network_in_force(observer: Observer) -> Network:
 def coefficients_in_force(observer: Observer) -> Coefficients:
     """The model's coefficients with the line terms in the observer's memory."""
     memory = observer.memory[0]
-    return with_line_terms(
+    c: Coefficients = with_line_terms(
         observer.constants.coefficients,
         LineTerms(memory.friction, memory.leakage, memory.stiffness, memory.air),
     )
+    return c
 
 
 @njit(cache=True, nogil=True)

@@ -34,9 +34,7 @@ def searched(
         used = [c for c in range(SIZE) if c not in off]
         theta = np.zeros(SIZE)
         theta[used] = np.linalg.lstsq(square_root[:, used], target, rcond=None)[0]
-        if any(
-            on and theta[c] < low for c, low, on in zip(GATE.columns, GATE.lowest, switches, strict=True)
-        ):
+        if any(on and theta[c] < low for c, low, on in zip(GATE.columns, GATE.lowest, switches, strict=True)):
             continue
         chi2 = float(np.sum((square_root @ theta - target) ** 2))
         on = frozenset(c for c in GATE.columns if c not in off)

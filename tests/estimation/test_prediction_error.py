@@ -133,7 +133,8 @@ def test_meaning_of_a_parameter_vector() -> None:
     theta[Parameter.ENTRAINED_AIR] = 0.05
     learned = learned_of(theta)
     assert learned.line == LineTerms(friction=2.0, leakage=0.04, stiffness=-0.1, air=0.05)
-    assert (learned.offset, learned.lag) == (0.3, pytest.approx(40e-6))
+    assert learned.offset == 0.3
+    assert learned.lag == pytest.approx(40e-6)
     assert flow_changes(x, u, learned.network) == (0.0, 0.0)
     theta[Parameter.NOZZLE_BIAS] = 0.2
     assert flow_changes(x, u, learned_of(theta).network) == (0.2, 0.0)

@@ -62,7 +62,7 @@ def test_a_coloured_phase_is_named(phase: Phase) -> None:
     """Neighbours correlated by 0.9, the variance as it should be."""
     random = np.random.default_rng(19)
     noise = random.normal(size=(100, PHASES_OF_EVENT.size))
-    inside = PHASES_OF_EVENT == phase
+    inside = phase == PHASES_OF_EVENT
     for e in noise:
         e[inside] = lfilter([np.sqrt(1 - 0.9**2)], [1.0, -0.9], random.normal(size=int(inside.sum())))
     found = [inadequate_phase(statistics) for statistics in pooled(noise)]
@@ -74,7 +74,7 @@ def test_a_coloured_phase_is_named(phase: Phase) -> None:
 def test_a_phase_that_is_always_off_is_named(phase: Phase) -> None:
     """Two standard deviations, 0.3 MPa at the usual noise, from the second such event on."""
     noise = np.random.default_rng(20).normal(size=(100, PHASES_OF_EVENT.size))
-    noise[:, PHASES_OF_EVENT == phase] += 2.0
+    noise[:, phase == PHASES_OF_EVENT] += 2.0
     found = [inadequate_phase(statistics) for statistics in pooled(noise)]
     assert all(name is phase for name in found[1:])
 
@@ -127,7 +127,7 @@ def test_offset_and_lag_limits(sign: float) -> None:
     assert findings(white, sign * 0.99 * LARGEST_OFFSET, 0.99 * LARGEST_LAG) == []
     assert findings(white, sign * 1.01 * LARGEST_OFFSET, 0.0) == [Finding(Reason.PRESSURE_OFFSET)]
     assert findings(white, 0.0, 1.01 * LARGEST_LAG) == [Finding(Reason.SENSOR_LAG)]
-    assert LARGEST_OFFSET == pytest.approx(2e6)
+    assert pytest.approx(2e6) == LARGEST_OFFSET
 
 
 @pytest.mark.parametrize("scale", [0.7, 0.8, 0.9, 1.1, 1.2, 1.3])

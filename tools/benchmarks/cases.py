@@ -145,7 +145,7 @@ class FaultClass:
     sample_rate: float = 100e3  # Hz
     waves: bool = False
     jumps: bool = False  # healthy first, the faults appear at one event
-    grows: bool = False  # the faults grow from 0 to their size over the events
+    grows: float = 0.0  # share of the faults' size that comes only event by event
     missing: int = 0  # periods without an injection, among the others
 
 
@@ -165,7 +165,7 @@ CLASSES: dict[str, FaultClass] = {
     "wave_healthy": FaultClass(Group.WAVE, _healthy, waves=True),
     "wave_worn": FaultClass(Group.WAVE, _wear, waves=True),
     **{name: FaultClass(Group.CHANGE, draw, jumps=True) for name, draw in _JUMPS.items()},
-    "growing_wear": FaultClass(Group.CHANGE, _wear, grows=True),
+    "growing_wear": FaultClass(Group.CHANGE, _wear, grows=0.1),
     "missing_injections": FaultClass(Group.OPERATION, _wear, missing=3),
     "at_50_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=50e3),
     "at_20_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=20e3),
@@ -195,12 +195,12 @@ def make_case(class_name: str, master_seed: int, number: int) -> Case:
     return Case(class_name, master_seed, number, bench, change_event)
 
 
-def _faults_at(event: int, faults: Faults, change_event: int | None, grows: bool) -> Faults:
+def _faults_at(event: int, faults: Faults, change_event: int | None, grows: float) -> Faults:
     if change_event is not None and event < change_event:
         return Faults()
-    if grows:
-        share = (event + 1) / EVENTS
-        return Faults(*(new + share * (old - new) for new, old in zip(Faults(), faults, strict=True)))
+    if grows > 0.0:
+        size = 1.0 - grows * (1.0 - (event + 1) / EVENTS)
+        return Faults(*(new + size * (old - new) for new, old in zip(Faults(), faults, strict=True)))
     return faults
 
 

@@ -142,14 +142,14 @@ def _interval(reports: list[InjectionReport]) -> tuple[float, float] | None:
 
 @contextmanager
 def timed_training() -> Iterator[list[float]]:
-    """Milliseconds of every training run in lockstep meanwhile."""
+    """Milliseconds of one core of every training run in lockstep meanwhile."""
     durations: list[float] = []
     original = InlineExecutor.submit
 
     def submit(self: InlineExecutor, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        begin = time.perf_counter()
+        begin = time.thread_time()
         future = original(self, fn, *args, **kwargs)
-        durations.append((time.perf_counter() - begin) / MILLISECOND)
+        durations.append((time.thread_time() - begin) / MILLISECOND)
         return future
 
     InlineExecutor.submit = submit  # type: ignore[method-assign]

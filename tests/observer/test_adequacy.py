@@ -62,7 +62,7 @@ def test_a_coloured_phase_is_named(phase: Phase) -> None:
     """Neighbours correlated by 0.9, the variance as it should be."""
     random = np.random.default_rng(19)
     noise = random.normal(size=(100, PHASES_OF_EVENT.size))
-    inside = phase == PHASES_OF_EVENT
+    inside = np.equal(PHASES_OF_EVENT, phase)
     for e in noise:
         e[inside] = lfilter([np.sqrt(1 - 0.9**2)], [1.0, -0.9], random.normal(size=int(inside.sum())))
     found = [inadequate_phase(statistics) for statistics in pooled(noise)]
@@ -74,7 +74,7 @@ def test_a_coloured_phase_is_named(phase: Phase) -> None:
 def test_a_phase_that_is_always_off_is_named(phase: Phase) -> None:
     """Two standard deviations, 0.3 MPa at the usual noise, from the second such event on."""
     noise = np.random.default_rng(20).normal(size=(100, PHASES_OF_EVENT.size))
-    noise[:, phase == PHASES_OF_EVENT] += 2.0
+    noise[:, np.equal(PHASES_OF_EVENT, phase)] += 2.0
     found = [inadequate_phase(statistics) for statistics in pooled(noise)]
     assert all(name is phase for name in found[1:])
 

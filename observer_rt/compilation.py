@@ -8,6 +8,7 @@ import contextlib
 import hashlib
 import os
 import shutil
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -31,6 +32,8 @@ def use_own_cache() -> None:
     folder.mkdir(exist_ok=True)
     _remove_unused(root, folder)
     os.environ[_VARIABLE] = str(folder)
+    if "numba" in sys.modules:  # it has read its settings already
+        sys.modules["numba"].config.CACHE_DIR = str(folder)
 
 
 def is_compiled() -> bool:

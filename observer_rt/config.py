@@ -1,7 +1,6 @@
 """The user's files `bench.toml` and `injector.toml`: read, validated, refused with file, key and remedy."""
 
 import tomllib
-from difflib import get_close_matches
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
@@ -11,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from observer_rt.errors import UserError
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.names import nearest
 
 PACKAGE_DATA = Path(str(files("observer_rt.data")))
 NOMINAL_INJECTOR = PACKAGE_DATA / "crin3_nominal.toml"
@@ -208,8 +208,8 @@ def _explanation(model: type[BaseModel], location: tuple[Any, ...], error: Any) 
     """Problem and remedy for one pydantic error."""
     if error["type"] == "extra_forbidden":
         known = _keys_at(model, location[:-1])
-        near = get_close_matches(str(location[-1]), known, n=1, cutoff=0.4)
-        hint = f"did you mean '{near[0]}'? " if near else ""
+        near = nearest(str(location[-1]), known)
+        hint = f"did you mean '{near}'? " if near else ""
         return "unknown key", f"{hint}known keys: {', '.join(known)}"
     if error["type"] == "missing":
         kind = "injector" if model is InjectorParameters else "bench"

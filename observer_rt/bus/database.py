@@ -4,13 +4,13 @@ import hashlib
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from difflib import SequenceMatcher
 from pathlib import Path
 
 import cantools.database
 from cantools.database.can import Database, Message, Signal
 
 from observer_rt.errors import UserError
+from observer_rt.names import nearest
 
 NANOSECONDS_PER_MILLISECOND = 1_000_000
 
@@ -228,12 +228,8 @@ def _expand(pattern: str, known: Sequence[str], place: str) -> tuple[str, ...]:
 
 
 def _nearest(name: str, known: Sequence[str]) -> str:
-    if not known:
-        return "there are none to choose from"
-    wanted = name.lower()
-    return "nearest name: " + max(
-        known, key=lambda other: SequenceMatcher(None, wanted, other.lower()).ratio()
-    )
+    best = nearest(name, known)
+    return f"there are: {', '.join(known)}" if best is None else f"nearest name: {best}"
 
 
 def _why_not_loaded(error: Exception) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import can.util
 import numpy as np
 from cantools.database.can import Database, Message
 from numpy.typing import NDArray
@@ -28,7 +29,8 @@ _UNITS = {
 INPUT_MESSAGE = np.dtype(
     [
         ("key", np.int64),
-        ("length", np.int64),  # bytes
+        ("length", np.int64),  # bytes, by the database
+        ("padded_length", np.int64),  # bytes, as CAN FD carries a message of this length
         ("data_id", np.int64),  # of E2E, -1 for an unprotected message
         ("samples", np.int64),  # of every role, in one frame
         ("roles", np.int64),  # bit r: carries ROLES[r]
@@ -184,6 +186,7 @@ def _map_message(bench: Bench, message: Message, roles: Sequence[Role], row: np.
     _require_known_profile(layout)
     row["key"] = frame_key(layout.frame_id, layout.is_extended)
     row["length"] = layout.length
+    row["padded_length"] = can.util.dlc2len(can.util.len2dlc(layout.length))
     row["data_id"] = -1 if layout.e2e_data_id is None else layout.e2e_data_id
     names: list[str] = [_index_signal(bench, message, roles)]
     for role in roles:

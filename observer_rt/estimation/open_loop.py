@@ -39,12 +39,12 @@ def rate_with_sensitivity(
     slopes[:, :] = 0.0
     for k in range(1, window.output.shape[0]):
         u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
-        u = (window.inputs[k, 0], window.inputs[k, 1])
+        u = (window.inputs[k, 0], max(window.inputs[k, 1], 0.0))
         before = x[0]
         x = advance_with_sensitivity(
             x,
             u_start,
-            u,
+            (window.inputs[k, 0], window.inputs[k, 1]),
             setting.interval,
             setting.substeps,
             setting.coefficients,

@@ -166,7 +166,7 @@ def advance_with_sensitivity(
             for j in range(PARAMETERS):
                 sensitivity[row, j] += sixth * (k_1[row, j] + 2.0 * (k_2[row, j] + k_3[row, j]) + k_4[row, j])
     x = emptied(x, u_start, u_end)
-    if x[2] == 0.0 and u_end[1] == 0.0:
+    if x[2] == 0.0 and u_end[1] <= 0.0:
         sensitivity[2, :] = 0.0
     return x
 

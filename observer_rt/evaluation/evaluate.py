@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench
+from observer_rt.errors import UserError
 from observer_rt.observer.learning import Knowledge
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import State
@@ -74,7 +75,13 @@ def evaluate(
     """
     bench = bench_for(bench, recordings[0])
     for recording in recordings[1:]:
-        bench_for(bench, recording)
+        if bench_for(bench, recording).config.sampling != bench.config.sampling:
+            raise UserError(
+                str(recording.path),
+                f"is sampled at {recording.sample_rate:g} Hz, {recordings[0].path} before it at "
+                f"{recordings[0].sample_rate:g} Hz",
+                "recordings of one history must have one sample rate",
+            )
     run = _Run(bench, map_bus(bench), knowledge, learning, progress)
     for recording in recordings:
         run.take(recording)

@@ -12,24 +12,35 @@ from observer_rt.evaluation.results import InjectionResult, checks, injection_re
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.state import Reason
 from observer_rt.screen import say
-from observer_rt.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
+from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS
+
+NOTEWORTHY = 4.0  # standard deviations from nothing
 
 
 def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) -> None:
     """One recording: what it is, injection by injection, and what is wrong with it."""
     recording, counters = evaluation.recording, evaluation.counters
+    injections = injection_results(evaluation, c)
+    unfit = sum(result.report.reason is Reason.MODEL_INADEQUATE for result in injections)
+    if unfit:
+        say(
+            console,
+            f"MODEL_INADEQUATE: the measured line pressure contradicts the model in {unfit} of {len(injections)} "
+            "injections; their rates and masses are not to be believed",
+        )
     say(
         console,
         f"{recording.path}: {recording.samples} samples at {recording.sample_rate:g} Hz, "
         f"{counters.lost_samples} lost; {counters.adoptions} phi adopted, {counters.rejected_adoptions} rejected",
     )
-    injections = injection_results(evaluation, c)
     if injections:
         console.print(_table(injections, recording.injection_rate is not None))
     else:
         say(console, "no injection found")
     for reason, numbers in _not_valid(injections).items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
+    for line in _line_side(injections, c):
+        say(console, line)
     for check in checks(evaluation, c):
         if not check.passed:
             say(console, f"check failed: {check.id} is {check.value:.3g} {check.unit}")
@@ -37,13 +48,14 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) 
 
 def _table(injections: Sequence[InjectionResult], measured: bool) -> Table:
     table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    headings = ["\nno", "\nevent", "start\ns", "rail\nMPa", "mass\nmg", "nominal\nmg"]
+    headings = ["\nno", "\nevent", "start\ns", "rail\nMPa", "mass\nmg", "95 %\nmg", "nominal\nmg"]
     if measured:
         headings += ["measured\nmg", "error\n%", "RMSE\nmm3/ms"]
     for heading in [*headings, "v_H\n-", "v_S\n-", "\nvalid"]:
         table.add_column(Text(heading), justify="right", no_wrap=True)
     for result in injections:
         report = result.report
+        interval = report.mass_ci95
         comparison = [
             _number(result.measured_mass / MILLIGRAM),
             _number(100 * (report.mass / result.measured_mass - 1)) if result.measured_mass else "-",
@@ -55,6 +67,7 @@ def _table(injections: Sequence[InjectionResult], measured: bool) -> Table:
             f"{result.start:.3f}",
             f"{report.rail_pressure / MEGAPASCAL:.1f}",
             _number(report.mass / MILLIGRAM),
+            "-" if interval is None else "-".join(f"{bound / MILLIGRAM:.1f}" for bound in interval),
             _number(result.nominal_mass / MILLIGRAM),
             *(comparison if measured else ()),
             f"{report.indicators.nozzle.value:+.3f}",
@@ -86,3 +99,24 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 def _number(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.2f}"
+
+
+def _line_side(injections: Sequence[InjectionResult], c: Coefficients) -> list[str]:
+    """What was found beside the nozzle and the seat at the last injection, none of it part of the rate."""
+    if not injections:
+        return []
+    found = injections[-1].report.indicators
+    matters = (
+        ("line friction k", found.line_friction, 1.0, "-"),
+        ("guide leakage c", found.guide_leakage, c.flow_scale / c.pressure_scale, "m3/(s Pa)"),
+        ("bulk modulus r", found.bulk_modulus, 1.0, "-"),
+        ("entrained air K g / p_0", found.entrained_air, 1.0, "-"),
+        ("line pressure sensor lag", found.line_pressure_lag, 1.0 / MICROSECOND, "us"),
+        ("line pressure sensor offset", found.line_pressure_offset, c.pressure_scale / MEGAPASCAL, "MPa"),
+    )
+    return [
+        f"line-side or sensor matter, not in the rate: {name} = {estimate.value * factor:+.3g} "
+        f"± {1.96 * estimate.sigma * factor:.2g} {unit}"
+        for name, estimate, factor, unit in matters
+        if estimate.sigma and abs(estimate.value) > NOTEWORTHY * estimate.sigma
+    ]

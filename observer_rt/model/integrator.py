@@ -14,8 +14,13 @@ LINE_STEP = 0.1  # radians of the line mode an RK4 step may span while nothing f
 
 @njit(cache=True, nogil=True)
 def between(u_start: tuple[float, float], u_end: tuple[float, float], share: float) -> tuple[float, float]:
-    """Inputs at a share (0..1) of the way between two samples."""
-    return u_start[0] + share * (u_end[0] - u_start[0]), u_start[1] + share * (u_end[1] - u_start[1])
+    """Inputs at a share (0..1) of the way between two samples.
+
+    A negative area is a shut seat: a sample at which the needle is shut may carry the negative area from which, or
+    to which, the ramp leads, so that the seat opens and shuts between the samples where the needle does.
+    """
+    area = u_start[1] + share * (u_end[1] - u_start[1])
+    return u_start[0] + share * (u_end[0] - u_start[0]), max(area, 0.0)
 
 
 @njit(cache=True, nogil=True)
@@ -59,7 +64,7 @@ def steps_in(
     c: Coefficients,
 ) -> int:
     """RK4 steps an interval needs: `substeps` for the sac, far fewer while only the line moves."""
-    if is_at_rest(x, u_start) and u_end[1] == 0.0:
+    if is_at_rest(x, u_start) and u_end[1] <= 0.0:
         return min(substeps, math.ceil(interval * math.sqrt(c.a1 * c.a3) / LINE_STEP))
     return substeps
 
@@ -95,6 +100,6 @@ def emptied(
     x: tuple[float, float, float], u_start: tuple[float, float], u_end: tuple[float, float]
 ) -> tuple[float, float, float]:
     """The state with a sac that has drained behind a shut needle at exactly chamber pressure."""
-    if u_start[1] == 0.0 and u_end[1] == 0.0 and math.fabs(x[2]) < EMPTY_SAC:
+    if u_start[1] <= 0.0 and u_end[1] <= 0.0 and math.fabs(x[2]) < EMPTY_SAC:
         return x[0], x[1], 0.0
     return x

@@ -20,7 +20,7 @@ def model_flows(
 @njit(cache=True, nogil=True)
 def is_at_rest(x: tuple[float, float, float], u: tuple[float, float]) -> bool:
     """Needle shut and sac at chamber pressure: no flow, so phi vanishes whatever the network says."""
-    return u[1] == 0.0 and x[2] == 0.0
+    return u[1] <= 0.0 and x[2] == 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -17,6 +17,8 @@ TEMPER_ABOVE = 1.6
 TEMPER_SIGNIFICANT = 2.5
 POOLING = 0.7  # weight of the statistics before this event
 LARGEST_OFFSET = 2e6  # Pa, between line and rail pressure
+FREEZE_AFTER = 2  # events
+RELEASE_AFTER = 3
 LEAST_SCALE = 0.03  # of the logarithm of 1 + r
 LARGEST_LAG = 0.2e-3  # s
 
@@ -65,6 +67,27 @@ def findings(statistics: PhaseStatistics, offset: float, lag: float) -> list[Fin
     if lag > LARGEST_LAG:
         result.append(Finding(Reason.SENSOR_LAG))
     return result
+
+
+class Freezer:
+    """Learning stops when the standstill contradicts the model twice, and goes on after three good events."""
+
+    def __init__(self) -> None:
+        self._bad = 0
+        self._good = 0
+        self._frozen = False
+
+    def is_frozen_after(self, statistics: PhaseStatistics) -> bool:
+        """Take in an event's pooled statistics; whether learning is frozen from it on."""
+        if inadequate_phase(statistics) is Phase.STANDSTILL:
+            self._bad, self._good = self._bad + 1, 0
+        else:
+            self._bad, self._good = 0, self._good + 1
+        if self._bad >= FREEZE_AFTER:
+            self._frozen = True
+        elif self._good >= RELEASE_AFTER:
+            self._frozen = False
+        return self._frozen
 
 
 def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:

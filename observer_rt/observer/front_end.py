@@ -2,10 +2,12 @@
 
 from numba import njit
 
+from observer_rt.model.laws import seat_area
 from observer_rt.observer.state import RING, Observer
 
 LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts
 CONFIRM = 2  # consecutive samples that decide
+FOOT = 0.3  # of the dead band, above which these samples are the foot of a ramp
 LOOKAHEAD = LOOK_BACK + CONFIRM - 1  # samples the front end must know beyond the one in hand
 _MASK = RING - 1
 
@@ -26,16 +28,26 @@ def known(observer: Observer, position: int) -> int:
 
 @njit(cache=True, nogil=True)
 def opens_at(observer: Observer, position: int) -> bool:
-    """Whether the dead band is crossed at `position` or soon after: the needle counts as open from there on."""
+    """Whether the needle counts as open from `position` on: it crosses the dead band there, or soon after."""
+    return bool(opens_within(observer, position, known(observer, position)))
+
+
+@njit(cache=True, nogil=True)
+def opens_within(observer: Observer, position: int, samples: int) -> bool:
+    """`opens_at`, from what is known of the next `samples` samples.
+
+    Up to LOOK_BACK samples before the crossing belong to the opening while they stand out of the noise.
+    """
     threshold = observer.memory[0].lift_on
     run = 0
-    for ahead in range(known(observer, position) + 1):
-        if observer.ring[(position + ahead) & _MASK].needle_lift > threshold:
+    for ahead in range(samples + 1):
+        lift = observer.ring[(position + ahead) & _MASK].needle_lift
+        if lift > threshold:
             run += 1
             if run == CONFIRM:
                 return True
-        else:
-            run = 0
+        elif run > 0 or lift < FOOT * threshold:
+            return False
     return False
 
 
@@ -47,3 +59,31 @@ def closes_at(observer: Observer, position: int) -> bool:
         if observer.ring[(position + ahead) & _MASK].needle_lift > threshold:
             return False
     return not opens_at(observer, position)
+
+
+@njit(cache=True, nogil=True)
+def area_at(observer: Observer, position: int) -> float:
+    """Normalised seat area of an open needle, from the raw lift."""
+    c = observer.constants.coefficients
+    lift = observer.ring[position & _MASK].needle_lift
+    return float(seat_area(lift, c.seat_diameter, c.half_cone_angle) / c.area_scale)
+
+
+@njit(cache=True, nogil=True)
+def shut_area(observer: Observer, position: int) -> float:
+    """Normalised seat area of a closed needle: 0, or beside an opening the negative area its ramp comes from.
+
+    The ramp of the two samples beyond is extrapolated, so that an area linear between samples reaches 0 where the
+    needle leaves or meets its seat, and not at the sample before or after.
+    """
+    virtual = 0.0
+    ahead = known(observer, position)
+    if ahead >= 2 and opens_within(observer, position + 1, ahead - 1):
+        first = area_at(observer, position + 1)
+        virtual = 2.0 * first - area_at(observer, position + 2)
+    elif position >= observer.memory[0].segment_start + 2:
+        last = observer.ring[(position - 1) & _MASK].seat_area
+        before = observer.ring[(position - 2) & _MASK].seat_area
+        if last > 0.0:
+            virtual = 2.0 * last - before
+    return min(virtual, 0.0)

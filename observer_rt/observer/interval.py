@@ -3,22 +3,23 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.observer.learning import Outcome
-
 MODEL_SHARE = 1e-3  # systematic, of the volume (one sigma)
 MODEL_VOLUME = 0.015e-9  # m3, systematic (one sigma)
 
 
 def volume_interval(
-    volume: float, slopes: NDArray[np.float64], interval: float, outcome: Outcome
+    rate: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    interval: float,
 ) -> tuple[float, float]:
-    """95 % interval of an injected volume [m3] that was estimated with `outcome.carried` in force.
+    """95 % interval of an injected volume [m3], by what was learned up to the injection and from it.
 
-    slopes: (n, m) derivatives of the rate over the injection's window; interval of the samples [s]. Centred where
-    the estimate learned from the injection itself puts the volume.
+    rate [m3/s] (n,) and slopes (n, m): the injection re-simulated with the newest estimate over its window, and the
+    derivatives; covariance (m, m) of the estimate; interval of the samples [s].
     """
-    gradient = (slopes.sum(axis=0) - 0.5 * (slopes[0] + slopes[-1])) * interval
-    centre = volume + float(gradient @ (outcome.estimate - outcome.carried))
-    variance = float(gradient @ outcome.covariance @ gradient)
-    sigma = np.sqrt(variance + (MODEL_SHARE * volume) ** 2 + MODEL_VOLUME**2)
-    return centre - 1.96 * sigma, centre + 1.96 * sigma
+    volume = float(np.trapezoid(rate)) * interval
+    gradient = np.trapezoid(slopes, axis=0) * interval
+    variance = float(gradient @ covariance @ gradient)
+    sigma = float(np.sqrt(variance + (MODEL_SHARE * volume) ** 2 + MODEL_VOLUME**2))
+    return volume - 1.96 * sigma, volume + 1.96 * sigma

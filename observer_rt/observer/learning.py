@@ -25,7 +25,7 @@ from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.network import HIDDEN, flow_changes
-from observer_rt.observer.adequacy import POOLING, Finding, findings, looks_like_inertance, tempering
+from observer_rt.observer.adequacy import POOLING, Finding, Freezer, findings, looks_like_inertance, tempering
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import Constants, Reason
 
@@ -93,6 +93,7 @@ class Verdict(StrEnum):
     ADOPTED = "adopted"
     REJECTED = "rejected"  # the new theta does not lower the re-simulated output error
     FAILED = "failed"  # singular information, or no finite cost
+    FROZEN = "frozen"  # the standstill contradicts the model: nothing learned from it may be used
 
 
 def theta_bounds(pressure_scale: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -134,8 +135,8 @@ class Outcome:
     """Result of learning from one event: what to carry from the adoption point on, and what to say of the event.
 
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
-    with its covariance (m, m); carried: the theta in force during the event. rate_slopes: (n, m) derivatives of the
-    injection rate [m3/s] over the event's window.
+    with its covariance (m, m). rate, rate_slopes: injection rate [m3/s] (n,) of the event re-simulated with the
+    estimate, over its window, and its derivatives (n, m).
     """
 
     verdict: Verdict
@@ -144,7 +145,7 @@ class Outcome:
     findings: tuple[Finding, ...]
     estimate: NDArray[np.float64]
     covariance: NDArray[np.float64]
-    carried: NDArray[np.float64]
+    rate: NDArray[np.float64]
     rate_slopes: NDArray[np.float64]
 
 
@@ -175,6 +176,7 @@ class Learner:
         self._statistics = knowledge.statistics
         self._schedule = self._gains()
         self._previous: Window | None = None
+        self._freezer = Freezer()
 
     @property
     def schedule(self) -> GainSchedule:
@@ -203,9 +205,11 @@ class Learner:
         self._statistics = self._statistics.faded(POOLING, statistics)
         if fit.contradicts:
             self._previous = None  # it belongs to another injector
-        adopted = self._is_better(window, in_force)
+        better = self._is_better(window, in_force)
         self._previous = window
-        verdict = Verdict.ADOPTED if adopted else Verdict.REJECTED
+        if self._freezer.is_frozen_after(self._statistics):
+            return self._frozen(window, in_force)
+        verdict = Verdict.ADOPTED if better else Verdict.REJECTED
         return self._outcome(verdict, window, in_force, fit.contradicts)
 
     def _prior(self, standstill: Standstill) -> Belief:
@@ -276,9 +280,8 @@ class Learner:
         """The fitted event into the belief, its information divided by `temper`."""
         information = fit.prior.information() + fit.linearisation.information / temper
         vector = fit.prior.information() @ fit.prior.mean + fit.linearisation.vector / temper
-        self._belief = belief_from_information(
-            np.asarray(np.linalg.solve(information, vector), np.float64), information
-        )
+        mean = np.linalg.solve(information, vector).astype(np.float64)
+        self._belief = belief_from_information(mean, information)
         self._theta, self._active = fit.theta, fit.active
 
     def _event_statistics(self, window: Window, theta: NDArray[np.float64]) -> PhaseStatistics:
@@ -302,6 +305,16 @@ class Learner:
 
     def _failed(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         return self._outcome(Verdict.FAILED, window, in_force)
+
+    def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
+        """Fall back to phi = 0 and forget: what was learned belongs to another line."""
+        outcome = self._outcome(Verdict.FROZEN, window, in_force)
+        fresh = no_knowledge(self._noise, self._scale)
+        self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
+        self._events = 0
+        self._previous = None
+        knowledge = replace(fresh, events=outcome.knowledge.events, statistics=self._statistics)
+        return replace(outcome, knowledge=knowledge)
 
     def _outcome(
         self,
@@ -328,7 +341,7 @@ class Learner:
             findings=self._findings(verdict, window, contradicts),
             estimate=self._theta.copy(),
             covariance=conditional_covariance(self._belief.information(), GATE, self._active),
-            carried=in_force.copy(),
+            rate=rate,
             rate_slopes=slopes,
         )
 

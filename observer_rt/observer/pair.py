@@ -104,6 +104,6 @@ def read_out(observer: Observer, position: int) -> None:
     c = coefficients_in_force(observer)
     network = network_in_force(observer)
     x = (row.x_hat[0], row.x_hat[1], row.x_hat[2])
-    u = (row.rail_pressure, row.seat_area)
+    u = (row.rail_pressure, max(row.seat_area, 0.0))
     row.injection_rate = injection_rate(x, u, c, network)
     row.phi[0], row.phi[1], row.phi[2] = fault(x, u, c, network)

@@ -14,6 +14,8 @@ ENOUGH_SAMPLES = 10_000  # of standstill, before measured noise replaces the con
 FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 _ORDER = 4  # differences: order 4 leaves the ringing of the line below the noise even at 20 kHz
 _GAIN = 70.0  # sum of squares of 1 4 6 4 1
+_TRUSTED = 200  # squares, from which on their mean tells a spike
+_SPIKE = 36.0  # times the mean square: six sigma
 _MASK = RING - 1
 _NUMERICAL = int(Reason.NUMERICAL)
 
@@ -34,22 +36,44 @@ def gather(observer: Observer, position: int) -> None:
         b = observer.ring[(position - 3) & _MASK]
         c = observer.ring[(position - 2) & _MASK]
         d = observer.ring[(position - 1) & _MASK]
+        count = memory.difference_count
+        memory.rail_squares += _square(
+            a.rail_pressure,
+            b.rail_pressure,
+            c.rail_pressure,
+            d.rail_pressure,
+            row.rail_pressure,
+            memory.rail_squares,
+            count,
+        )
+        memory.line_squares += _square(
+            a.line_pressure,
+            b.line_pressure,
+            c.line_pressure,
+            d.line_pressure,
+            row.line_pressure,
+            memory.line_squares,
+            count,
+        )
+        memory.lift_squares += _square(
+            a.needle_lift,
+            b.needle_lift,
+            c.needle_lift,
+            d.needle_lift,
+            row.needle_lift,
+            memory.lift_squares,
+            count,
+        )
         memory.difference_count += 1
-        memory.rail_squares += (
-            a.rail_pressure
-            - 4 * (b.rail_pressure + d.rail_pressure)
-            + 6 * c.rail_pressure
-            + row.rail_pressure
-        ) ** 2
-        memory.line_squares += (
-            a.line_pressure
-            - 4 * (b.line_pressure + d.line_pressure)
-            + 6 * c.line_pressure
-            + row.line_pressure
-        ) ** 2
-        memory.lift_squares += (
-            a.needle_lift - 4 * (b.needle_lift + d.needle_lift) + 6 * c.needle_lift + row.needle_lift
-        ) ** 2
+
+
+@njit(cache=True, nogil=True)
+def _square(a: float, b: float, c: float, d: float, e: float, total: float, count: int) -> float:
+    """Square of the fourth difference, a spike's limited to what the `count` squares before make plausible."""
+    square = (a - 4 * (b + d) + 6 * c + e) ** 2
+    if count < _TRUSTED:
+        return float(square)
+    return float(min(square, _SPIKE * total / count))
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ import numpy as np
 from numba import njit
 
 from observer_rt.continuity import Break
-from observer_rt.model.laws import seat_area
 from observer_rt.observer.events import (
     begin_injection,
     break_event,
@@ -12,7 +11,7 @@ from observer_rt.observer.events import (
     judgement_due,
     make_all_due,
 )
-from observer_rt.observer.front_end import LOOKAHEAD, closes_at, known, opens_at
+from observer_rt.observer.front_end import LOOKAHEAD, area_at, closes_at, known, opens_at, shut_area
 from observer_rt.observer.pair import read_out, start_pair, step_pair
 from observer_rt.observer.standstill import gather
 from observer_rt.observer.state import MAX_EVENT, RING, Observer, Reason, State
@@ -150,7 +149,7 @@ def _begin_segment(observer: Observer, position: int) -> None:
 
 @njit(cache=True, nogil=True)
 def _move_needle(observer: Observer, position: int, opens: bool) -> None:
-    """Dead band and events; the seat area of a closed needle is exactly 0."""
+    """Dead band and events; the seat area of a closed needle is 0 or, beside an opening, negative."""
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
     if opens:
@@ -159,10 +158,10 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
     elif memory.needle_open and closes_at(observer, position):
         memory.needle_open = False
         memory.shut_since = row.index
-    c = observer.constants.coefficients
-    row.seat_area = 0.0
     if memory.needle_open:
-        row.seat_area = seat_area(row.needle_lift, c.seat_diameter, c.half_cone_angle) / c.area_scale
+        row.seat_area = area_at(observer, position)
+    else:
+        row.seat_area = shut_area(observer, position)
 
 
 @njit(cache=True, nogil=True)

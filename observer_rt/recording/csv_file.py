@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.errors import UserError
-from observer_rt.recording.names import nearest_name
+from observer_rt.names import hint
 from observer_rt.recording.recording import Recording, check_samples
 from observer_rt.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 
@@ -101,7 +101,7 @@ def _read_header(path: Path) -> list[Column]:
     names = [name.strip() for name in header.split(",")]
     for name in names:
         if name not in known:
-            raise UserError(place, f"unknown column '{name}'{nearest_name(name, known)}", expected)
+            raise UserError(place, f"unknown column '{name}'{hint(name, known)}", expected)
         if names.count(name) > 1:
             raise UserError(place, f"column '{name}' appears {names.count(name)} times", expected)
     for column in REQUIRED:

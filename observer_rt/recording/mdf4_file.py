@@ -14,7 +14,7 @@ from asammdf.blocks.v4_blocks import FileHistory
 from numpy.typing import NDArray
 
 from observer_rt.errors import UserError
-from observer_rt.recording.names import nearest_name
+from observer_rt.names import hint
 from observer_rt.recording.recording import Recording
 from observer_rt.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROMETRE, MILLIMETRE, MM3_PER_MS
 
@@ -124,7 +124,7 @@ def _read_channels(file: MDF, path: Path) -> dict[str, Signal]:
         elif name in REQUIRED:
             raise UserError(
                 str(path),
-                f"channel '{name}' is missing{nearest_name(name, file.channels_db)}",
+                f"channel '{name}' is missing{hint(name, file.channels_db)}",
                 f"name the channels {', '.join(UNITS)} (the last optional)",
             )
     return signals

@@ -264,13 +264,17 @@ class Core:
             injection["middle_x"],
             injection["middle_u"],
         )
-        volume = float(injection["volume"])
         interval = None
-        if outcome is not None:
+        if outcome is not None and outcome.verdict in (Verdict.ADOPTED, Verdict.REJECTED):
             first = int(injection["start"]) - int(event["window_start"])
             last = int(injection["end"]) - int(event["window_start"])
-            slopes = outcome.rate_slopes[max(first, 0) : last + 1]
-            interval = volume_interval(volume, slopes, self._constants.interval, outcome)
+            window = slice(max(first, 0), last + 1)
+            interval = volume_interval(
+                outcome.rate[window],
+                outcome.rate_slopes[window],
+                outcome.covariance,
+                self._constants.interval,
+            )
         return InjectionReport(
             number=int(injection["number"]),
             event=int(injection["event"]),

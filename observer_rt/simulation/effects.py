@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from observer_rt.errors import UserError
-from observer_rt.recording.names import nearest_name
+from observer_rt.names import hint
 from observer_rt.units import MEGAPASCAL
 
 OPTION = "--effect"
@@ -76,7 +76,7 @@ def _parse(text: str) -> tuple[str, float]:
     if name not in _DEFINITIONS:
         raise UserError(
             OPTION,
-            f"unknown effect '{name}'{nearest_name(name, _DEFINITIONS)}",
+            f"unknown effect '{name}'{hint(name, _DEFINITIONS)}",
             f"known effects: {', '.join(f'{known}:{d.parameter}' for known, d in _DEFINITIONS.items())}",
         )
     definition = _DEFINITIONS[name]

@@ -57,15 +57,18 @@ def tempering(statistics: PhaseStatistics) -> float:
 
 
 def findings(statistics: PhaseStatistics, offset: float, lag: float) -> list[Finding]:
-    """What speaks against an event; offset [Pa] and lag [s] as identified. Empty: it passed."""
+    """What speaks against an event; offset [Pa] and lag [s] as identified.
+
+    Empty: it passed. What names a cause comes first.
+    """
     result = []
-    phase = inadequate_phase(statistics)
-    if phase is not None:
-        result.append(Finding(Reason.MODEL_INADEQUATE, phase))
     if abs(offset) > LARGEST_OFFSET:
         result.append(Finding(Reason.PRESSURE_OFFSET))
     if lag > LARGEST_LAG:
         result.append(Finding(Reason.SENSOR_LAG))
+    phase = inadequate_phase(statistics)
+    if phase is not None:
+        result.append(Finding(Reason.MODEL_INADEQUATE, phase))
     return result
 
 

@@ -17,6 +17,7 @@ from observer_rt.observer.adequacy import (
     LARGEST_OFFSET,
     POOLING,
     Finding,
+    Freezer,
     findings,
     inadequate_phase,
     looks_like_inertance,
@@ -128,6 +129,24 @@ def test_offset_and_lag_limits(sign: float) -> None:
     assert findings(white, sign * 1.01 * LARGEST_OFFSET, 0.0) == [Finding(Reason.PRESSURE_OFFSET)]
     assert findings(white, 0.0, 1.01 * LARGEST_LAG) == [Finding(Reason.SENSOR_LAG)]
     assert pytest.approx(2e6) == LARGEST_OFFSET
+
+
+def test_what_names_a_cause_comes_first() -> None:
+    coloured = statistics_of(3.0, 1.0, 1e3, Phase.OPEN)
+    assert findings(coloured, 3e6, 1e-3) == [
+        Finding(Reason.PRESSURE_OFFSET),
+        Finding(Reason.SENSOR_LAG),
+        Finding(Reason.MODEL_INADEQUATE, Phase.OPEN),
+    ]
+
+
+def test_learning_freezes_after_two_bad_standstills_and_goes_on_after_three_good_ones() -> None:
+    bad, good = (statistics_of(colour, 1.0, 1e3, Phase.STANDSTILL) for colour in (3.0, 1.0))
+    open_phase = statistics_of(3.0, 1.0, 1e3, Phase.OPEN)
+    freezer = Freezer()
+    events = [bad, good, open_phase, bad, bad, good, good, bad, good, good, good, bad, good]
+    frozen = [freezer.is_frozen_after(statistics) for statistics in events]
+    assert frozen == [False] * 4 + [True] * 6 + [False] * 3
 
 
 @pytest.mark.parametrize("scale", [0.7, 0.8, 0.9, 1.1, 1.2, 1.3])

@@ -221,3 +221,24 @@ def test_same_events_same_bits() -> None:
     np.testing.assert_array_equal(outcomes[0].estimate, outcomes[1].estimate)
     first, second = (outcome.knowledge.belief.covariance for outcome in outcomes)
     np.testing.assert_array_equal(first, second)
+
+
+def test_standstill_that_contradicts_the_model_freezes_learning() -> None:
+    """Something swings in the shut line that the model does not know: phi falls back to 0 until it is over."""
+    learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+    carried = nozzle_wear(0.0)
+    verdicts = []
+    for number in range(12):
+        window = event(0.3, seed=number)
+        if number < 3:
+            window.output[:100] += 4e-3 * np.sin(np.arange(100) / 8)
+        outcome = learner.learn(window, NO_STANDSTILL, carried)
+        carried = outcome.knowledge.in_force
+        verdicts.append(outcome.verdict)
+        if outcome.verdict is Verdict.FROZEN:
+            assert not carried.any()
+            assert not outcome.knowledge.belief.mean.any()
+    assert verdicts[:3] == [Verdict.ADOPTED, Verdict.FROZEN, Verdict.FROZEN]
+    assert verdicts[5] is Verdict.FROZEN  # fewer than three good events since
+    assert Verdict.FROZEN not in verdicts[-2:]
+    assert wear_of(carried) == pytest.approx(0.3, abs=0.02)

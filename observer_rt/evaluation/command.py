@@ -141,10 +141,11 @@ def _histories(
     total = sum(recording.samples for recording in recordings)
     done = 0
     histories = []
+    learning = options.learning and bench.config.learning.enabled
     with progress_bar(console, "evaluating", total) as progress:
         for group in groups:
             report = partial(_report_progress, progress, done)
-            histories.append(evaluate(bench, group, knowledge, options.learning, report))
+            histories.append(evaluate(bench, group, knowledge, learning, report))
             done += sum(recording.samples for recording in group)
     return histories
 

@@ -1,0 +1,77 @@
+"""The command line in this process: arguments in, exit code and both outputs back."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from observer_rt.cli import main
+from observer_rt.config import EXAMPLE_BENCH, load_injector
+from observer_rt.recording.files import write_recording
+from observer_rt.simulation.effects import PlantEffects
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command left behind."""
+
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Outcome]
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Run `observer-rt` with these arguments; whatever the user did wrong, never a traceback."""
+
+    def run(*arguments: object) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["observer-rt", *map(str, arguments)])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err
+        code = end.value.code
+        assert code is None or isinstance(code, int)
+        return Outcome(code or 0, out, err)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def worn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recording of a worn nozzle: four events at 50 kHz with noise and a measured rate."""
+    path = tmp_path_factory.mktemp("worn") / "worn.csv"
+    schedule = make_schedule([60e6, 120e6], 4, 0.05, [1.1e-3])
+    simulation = simulate(
+        load_injector(), schedule, 50e3, PlantEffects(orifice_area=0.3), NoiseLevels(), True, seed=3
+    )
+    write_recording(path, simulation.recording)
+    return path
+
+
+@pytest.fixture(scope="session")
+def resting(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recording of 20 ms without an injection."""
+    path = tmp_path_factory.mktemp("resting") / "resting.csv"
+    rows = [f"{k * 1e-5:.5f},60,0,60" for k in range(2000)]
+    path.write_text("time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa\n" + "\n".join(rows) + "\n")
+    return path
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    """Bench file on the virtual bus of this process, for 50 kHz."""
+    text = EXAMPLE_BENCH.read_text()
+    text = text.replace('"socketcan"', '"virtual"').replace("rate_hz = 100e3", "rate_hz = 50e3")
+    path = tmp_path / "bench.toml"
+    path.write_text(text)
+    return path

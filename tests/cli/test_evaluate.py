@@ -1,0 +1,221 @@
+"""`observer-rt evaluate`: results on the screen, as JSON, trace, figure and learned state; mistakes it names."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.conftest import Command
+
+INJECTION_KEYS = {
+    "number",
+    "event",
+    "start_s",
+    "end_s",
+    "rail_pressure_MPa",
+    "mass_mg",
+    "mass_ci95_mg",
+    "nominal_mass_mg",
+    "measured_mass_mg",
+    "rate_rmse_mm3_per_ms",
+    "nominal_rate_rmse_mm3_per_ms",
+    "valid",
+    "reasons",
+    "state",
+    "phi_version",
+    "indicators",
+}
+INDICATORS = {
+    "nozzle_v_H",
+    "seat_v_S",
+    "line_friction",
+    "guide_leakage",
+    "line_pressure_sensor_offset",
+    "line_pressure_sensor_lag",
+    "bulk_modulus",
+}
+
+
+def document(command: Command, *arguments: object) -> dict[str, Any]:
+    outcome = command("evaluate", *arguments, "--json")
+    assert outcome.code == 0, outcome.err
+    parsed: dict[str, Any] = json.loads(outcome.out, parse_constant=lambda name: pytest.fail(name))
+    return parsed
+
+
+def test_json_document(command: Command, worn: Path) -> None:
+    found = document(command, worn)
+    assert found.keys() == {"schema", "model_sha256", "recordings"}
+    assert found["schema"] == 1
+    (recording,) = found["recordings"]
+    assert recording["file"] == str(worn)
+    assert recording["sample_rate_hz"] == 50e3
+    assert recording["lost_samples"] == 0
+    assert recording["checks"][0]["id"] == "rail_line_offset"
+    assert recording["checks"][0]["passed"] is True
+    assert [i["number"] for i in recording["injections"]] == [1, 2, 3, 4]
+    for injection in recording["injections"]:
+        assert injection.keys() == INJECTION_KEYS
+        assert injection["indicators"].keys() == INDICATORS
+        assert injection["reasons"] == ([] if injection["valid"] else ["TOO_FEW_EVENTS"])
+    last = recording["injections"][-1]
+    assert last["valid"]
+    assert last["state"] == "ADAPTED"
+    assert last["mass_mg"] == pytest.approx(last["measured_mass_mg"], rel=0.01)
+    assert last["nominal_mass_mg"] < 0.85 * last["measured_mass_mg"]
+    assert last["rate_rmse_mm3_per_ms"] < 0.2 * last["nominal_rate_rmse_mm3_per_ms"]
+    low, high = last["indicators"]["nozzle_v_H"]["ci95"]
+    assert low < 0.3 < high
+    assert recording["summary"]["valid_share"] == 0.5
+    assert recording["summary"]["adoptions"] >= 2
+
+
+def test_table_fits_80_columns_and_tells_what_is_not_valid(command: Command, worn: Path) -> None:
+    outcome = command("evaluate", worn)
+    assert outcome.code == 0
+    title, *table = outcome.out.splitlines()
+    assert title.startswith(f"{worn}: ")
+    assert max(len(line.rstrip()) for line in table) <= 80
+    assert "not valid for TOO_FEW_EVENTS: 1-2" in table
+    rows = [line.split() for line in table[2:6]]
+    assert [row[-1] for row in rows] == ["no", "no", "yes", "yes"]
+
+
+def test_recording_without_injections(command: Command, resting: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "empty.svg"
+    outcome = command("evaluate", resting, "--plot", figure)
+    assert outcome.code == 0
+    assert "no injection found" in outcome.out
+    assert "no injection found" in figure.read_text()
+    (recording,) = document(command, resting)["recordings"]
+    assert recording["injections"] == []
+    assert recording["summary"]["valid_share"] == 0.0
+
+
+def test_trace_agrees_with_the_document(command: Command, worn: Path, tmp_path: Path) -> None:
+    trace = tmp_path / "trace.csv"
+    found = document(command, worn, "--output", trace)["recordings"][0]
+    with trace.open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == found["samples"]
+    for injection in found["injections"]:
+        window = [
+            float(row["injection_rate_mm3_per_ms"])
+            for row in rows
+            if injection["start_s"] - 1e-9 <= float(row["time_s"]) <= injection["end_s"] + 1e-9
+        ]
+        volume = (sum(window) - (window[0] + window[-1]) / 2) * 1e3 / found["sample_rate_hz"]  # mm3
+        assert volume * 0.83 == pytest.approx(injection["mass_mg"], rel=1e-6)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_figure(command: Command, worn: Path, tmp_path: Path, suffix: str) -> None:
+    figure = tmp_path / f"worn{suffix}"
+    assert command("evaluate", worn, "--plot", figure).code == 0
+    start = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}[suffix]
+    assert figure.read_bytes().startswith(start)
+
+
+def test_traces_of_several_recordings_go_to_a_folder(
+    command: Command, worn: Path, resting: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "new" / "traces"
+    assert command("evaluate", worn, resting, "--output", folder).code == 0
+    assert {path.name for path in folder.iterdir()} == {"worn.csv.trace.csv", "resting.csv.trace.csv"}
+
+
+def test_learned_state_is_saved_and_makes_the_second_injection_valid(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
+    state = tmp_path / "learned.json"
+    document(command, worn, "--save-state", state)
+    outcome = command("evaluate", worn, "--state", state, "--json")
+    assert "learned from 4 events" in outcome.err
+    injections = json.loads(outcome.out)["recordings"][0]["injections"]
+    assert [i["valid"] for i in injections] == [False, True, True, True]
+    assert injections[0]["mass_mg"] == pytest.approx(injections[0]["measured_mass_mg"], rel=0.02)
+
+
+def test_no_learning(command: Command, worn: Path) -> None:
+    (recording,) = document(command, worn, "--no-learning")["recordings"]
+    assert recording["summary"]["adoptions"] == 0
+    for injection in recording["injections"]:
+        assert injection["mass_mg"] == pytest.approx(injection["nominal_mass_mg"])
+        assert injection["phi_version"] == 0
+
+
+def test_learning_switched_off_by_the_bench(command: Command, worn: Path, bench: Path) -> None:
+    bench.write_text(bench.read_text().replace("enabled = true", "enabled = false"))
+    (recording,) = document(command, worn, "--bench", bench)["recordings"]
+    assert {i["phi_version"] for i in recording["injections"]} == {0}
+
+
+def test_chain_is_one_history_and_apart_are_several(command: Command, worn: Path) -> None:
+    chained = document(command, worn, worn, "--chain")["recordings"]
+    assert [i["number"] for i in chained[1]["injections"]] == [5, 6, 7, 8]
+    assert all(i["valid"] for i in chained[1]["injections"])
+    first, second = document(command, worn, worn)["recordings"]
+    assert first == second
+    assert first["injections"] == chained[0]["injections"]
+
+
+def test_model_replaces_that_of_the_bench(command: Command, worn: Path, bench: Path, tmp_path: Path) -> None:
+    model = tmp_path / "injector.toml"
+    text = command("run", "--print-example-injector").out
+    model.write_text(text.replace("flow_coefficient = 0.78", "flow_coefficient = 0.70"))
+    own = document(command, worn, "--bench", bench)
+    other = document(command, worn, "--bench", bench, "--model", model)
+    assert own["model_sha256"] != other["model_sha256"]
+    lower = other["recordings"][0]["injections"][0]["nominal_mass_mg"]
+    assert lower < 0.95 * own["recordings"][0]["injections"][0]["nominal_mass_mg"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("{worn}", "{resting}", "--output", "{here}/x.csv"), "--output {here}/x.csv: names a file"),
+        (("{worn}", "{worn}", "--output", "{here}/traces"), "worn.csv.trace.csv would be written twice"),
+        (("{worn}", "{resting}", "--plot", "x.png"), "--plot: makes one figure"),
+        (("{worn}", "{resting}", "--save-state", "x.json"), "--save-state: needs one history"),
+        (("{worn}", "--output", "{worn}"), "is a recording to be evaluated"),
+        (("{worn}", "--output", "{here}/no/x.csv"), "--output: {here}/no: no such folder"),
+        (("{worn}", "--plot", "{here}/no/x.png"), "--plot: {here}/no: no such folder"),
+        (("{worn}", "--plot", "{here}/x.bmp"), "known suffixes: .png, .svg, .pdf"),
+        (("{worn}", "--plot", "{here}/x"), "known suffixes: .png, .svg, .pdf"),
+        (("{worn}", "--save-state", "{here}/no/s.json"), "--save-state: {here}/no: no such folder"),
+        (("{worn}", "--state", "{here}/no.json"), "--state {here}/no.json: no such file"),
+        (("{worn}", "--bench", "{here}/no.toml"), "{here}/no.toml: no such file"),
+        (("{here}/no.csv",), "{here}/no.csv: no such file"),
+        (("{here}/a.log",), "known suffixes: .csv, .mf4"),
+        (("{here}",), "known suffixes: .csv, .mf4"),
+    ],
+)
+def test_mistakes_are_named_before_the_work(
+    command: Command, worn: Path, resting: Path, tmp_path: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    copy = tmp_path / "worn.csv"
+    shutil.copy(worn, copy)
+    places = {"worn": copy, "resting": resting, "here": tmp_path}
+    outcome = command("evaluate", *(argument.format(**places) for argument in arguments))
+    assert outcome.code == 2
+    assert message.format(**places) in outcome.err
+    assert outcome.out == ""
+    assert copy.read_bytes() == worn.read_bytes()
+
+
+@pytest.mark.parametrize("name", ["damaged.csv", "damaged.mf4"])
+def test_files_that_are_no_recordings(command: Command, tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(bytes(range(256)) * 20)
+    outcome = command("evaluate", path)
+    assert outcome.code == 2
+    assert str(path) in outcome.err
+
+
+def test_recording_at_another_rate_than_the_users_bench(command: Command, resting: Path, bench: Path) -> None:
+    outcome = command("evaluate", resting, "--bench", bench)
+    assert outcome.code == 2
+    assert "sampling.rate_hz: is 50000 Hz" in outcome.err

@@ -1,0 +1,139 @@
+"""`observer-rt replay` onto the virtual bus of this process: what arrives, and mistakes it names."""
+
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import can
+import cantools.database
+import pytest
+
+from observer_rt.config import PACKAGE_DATA
+from tests.cli.conftest import Command
+
+CHANNEL = "replay-test"
+ON_BUS = ("--interface", "virtual", "--channel", CHANNEL)
+BLOCK = cantools.database.load_file(PACKAGE_DATA / "observer_fd.dbc").get_message_by_name("SampleBlock")
+
+
+@pytest.fixture
+def bus() -> Iterator[can.BusABC]:
+    with can.Bus(interface="virtual", channel=CHANNEL, fd=True) as bus:
+        yield bus
+
+
+def received(bus: can.BusABC) -> list[can.Message]:
+    messages = []
+    while (message := bus.recv(0.0)) is not None:
+        messages.append(message)
+    return messages
+
+
+def indices(messages: list[can.Message]) -> list[int]:
+    return [int(BLOCK.decode(bytes(m.data), scaling=False)["SampleIndex"]) for m in messages]
+
+
+def test_recording_arrives_block_by_block(command: Command, bus: can.BusABC, worn: Path) -> None:
+    outcome = command("replay", worn, *ON_BUS, "--speed", "0")
+    assert outcome.code == 0
+    messages = received(bus)
+    samples = len(worn.read_text().splitlines()) - 1
+    assert indices(messages) == list(range(0, samples, 9))
+    assert all(m.is_fd and m.arbitration_id == BLOCK.frame_id for m in messages)
+    assert f"{len(messages)} frames" in outcome.out
+    values = BLOCK.decode(bytes(messages[0].data))
+    first = worn.read_text().splitlines()[1].split(",")
+    assert values["RailPressure_00"] == pytest.approx(float(first[1]), abs=0.0025)
+
+
+def test_part_in_loops_and_json(command: Command, bus: can.BusABC, worn: Path) -> None:
+    part = ("--start", "0.1", "--stop", "0.11", "--loop", "2", "--json")
+    outcome = command("replay", worn, *ON_BUS, "--speed", "1", *part)
+    assert outcome.code == 0
+    found = json.loads(outcome.out)
+    messages = received(bus)
+    assert found["frames"] == len(messages) == pytest.approx(2 * 500 / 9, abs=2)
+    assert 0.018 <= found["duration_s"] <= 0.2
+    assert found["lateness_median_s"] >= 0.0
+    starts = indices(messages)
+    assert all(later - earlier == 9 for earlier, later in pairwise(starts))
+
+
+def test_windowed_sends_the_injections_only(command: Command, bus: can.BusABC, worn: Path) -> None:
+    assert command("replay", worn, *ON_BUS, "--speed", "0", "--windowed").code == 0
+    starts = indices(received(bus))
+    jumps = sum(later - earlier > 1000 for earlier, later in pairwise(starts))
+    assert jumps == 3
+    assert 4 * 350 < 9 * len(starts) < 4 * 450  # some 8 ms round each of four
+
+
+def test_log_is_sent_as_recorded(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
+    log = tmp_path / "bus.LOG"
+    log.write_text("(100.000000) can0 123##1AABBCC\n(100.001000) can0 00000456#DD\n")
+    assert command("replay", log, *ON_BUS).code == 0
+    first, second = received(bus)
+    assert (first.arbitration_id, first.is_fd, bytes(first.data)) == (0x123, True, b"\xaa\xbb\xcc")
+    assert (second.arbitration_id, second.is_extended_id, second.is_fd) == (0x456, True, False)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_an_endless_replay(command: Command, worn: Path, number: signal.Signals) -> None:
+    with can.Bus(interface="virtual", channel=CHANNEL, fd=True) as bus:
+
+        def stop() -> None:
+            bus.recv(30.0)  # the replay runs, so its signal handlers are in place
+            time.sleep(0.05)
+            os.kill(os.getpid(), number)
+
+        thread = threading.Thread(target=stop)
+        thread.start()
+        outcome = command("replay", worn, *ON_BUS, "--loop", "0", "--json")
+        thread.join()
+    assert outcome.code == 0
+    assert json.loads(outcome.out)["frames"] > 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("{here}/no.csv",), "no.csv: no such file"),
+        (("{here}/no.log",), "no.log: no such file"),
+        (("{here}/no.blf",), "known suffixes: .csv, .mf4, .log"),
+        (("{worn}", "--start", "0.2", "--stop", "0.1"), "--start, --stop: 0.2 s is not before 0.1 s"),
+        (("{worn}", "--start", "nan"), "--start, --stop"),
+        (("{worn}", "--start", "99"), "select 0 samples"),
+        (("{worn}", "--stop", "0.05", "--windowed"), "--windowed: no injection"),
+        (("{log}", "--windowed"), "--windowed: a log is sent as it was recorded"),
+        (("{worn}", "--interface", "nosuch"), "link.interface: unknown interface 'nosuch'"),
+    ],
+)
+def test_mistakes_are_named(
+    command: Command, worn: Path, tmp_path: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    log = tmp_path / "a.log"
+    log.write_text("(100.000000) can0 123#AA\n")
+    places = {"here": tmp_path, "worn": worn, "log": log}
+    outcome = command("replay", *ON_BUS, *(argument.format(**places) for argument in arguments))
+    assert outcome.code == 2
+    assert message in outcome.err
+    assert outcome.out == ""
+
+
+def test_interface_that_is_not_there_is_a_failure_at_run_time(command: Command, worn: Path) -> None:
+    outcome = command("replay", worn, "--channel", "can_none_here")
+    assert outcome.code == 1
+    assert "remedy: " in outcome.err
+
+
+def test_values_the_bus_cannot_hold_are_told(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "high.csv"
+    header = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa\n"
+    path.write_text(header + "".join(f"{k * 1e-5:.5f},400,0,100\n" for k in range(50)))
+    outcome = command("replay", path, *ON_BUS)
+    assert outcome.code == 0
+    assert "warning: rail_pressure: 50 of 50 samples are above 317.665 MPa" in outcome.err

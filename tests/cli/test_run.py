@@ -1,0 +1,200 @@
+"""`observer-rt run` in this process: its signals, its learned state, its exit codes."""
+
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.link import open_link
+from observer_rt.bus.mapping import map_bus
+from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.errors import RunError
+from observer_rt.recording.files import read_recording
+from observer_rt.recording.framing import Framer, TimedFrame, whole
+from observer_rt.recording.player import play
+from observer_rt.service import main as service
+from observer_rt.service.state_file import load_knowledge, model_hash
+from tests.cli.conftest import Command, Outcome
+from tests.service.end_to_end import SUMMARY, Heard, decoded
+from tests.service.participants import ScriptedLink, listening, until
+
+
+@pytest.fixture
+def bench(bench: Path, tmp_path: Path) -> Path:
+    """Learning in lockstep, on a channel of the test's own."""
+    text = bench.read_text().replace("lockstep = false", "lockstep = true")
+    bench.write_text(text.replace('"can0"', f'"{tmp_path.name}"'))
+    return bench
+
+
+def frames_of(bench: Path, recording: Path) -> list[TimedFrame]:
+    samples = read_recording(recording)
+    return list(Framer(map_bus(load_bench(bench))).frames(samples, whole(samples)))
+
+
+def run_and_stop(
+    observer_rt: Command, bench: Path, recording: Path, number: signal.Signals, *options: object
+) -> tuple[Outcome, Heard]:
+    """Play a recording to the command over the virtual bus, then send it a signal."""
+    channel = load_bench(bench).config.link.channel
+    frames = frames_of(bench, recording)
+
+    with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
+
+        def bench_engineer() -> None:
+            try:
+                until(lambda: bool(listener.heard.statuses))
+                play(frames, player, math.inf)
+                until(lambda: listener.heard.last_status()["SamplesProcessed"] >= 9 * (len(frames) - 2))
+            finally:
+                os.kill(os.getpid(), number)
+
+        thread = threading.Thread(target=bench_engineer)
+        thread.start()
+        outcome = observer_rt("run", "--bench", bench, *options)
+        thread.join()
+        time.sleep(0.2)  # for the listener to hear the last frames
+    return outcome, listener.heard
+
+
+def valid_injections(heard: Heard) -> list[float]:
+    return [decoded(SUMMARY, payload)["Valid"] for payload in heard.summaries]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_is_a_clean_stop(command: Command, bench: Path, worn: Path, number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    outcome, heard = run_and_stop(command, bench, worn, number)
+    assert outcome.code == 0
+    assert outcome.out == ""
+    assert "ready" in outcome.err
+    assert "injection 4 at index" in outcome.err
+    assert "stopped after" in outcome.err
+    samples = read_recording(worn).samples
+    assert heard.last_status()["SamplesProcessed"] == samples  # also those the look-ahead held
+    assert signal.getsignal(number) == before
+
+
+def test_state_is_saved_and_restored(command: Command, bench: Path, worn: Path, tmp_path: Path) -> None:
+    """With it the first valid injection is the second, without it the third."""
+    state = tmp_path / "learned.json"
+    first, heard = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    assert f"no learned state at {state}" in first.err
+    assert f"learned state saved in {state}" in first.err
+    assert valid_injections(heard) == [0, 0, 1, 1]
+    second, heard = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    assert "learned state restored" in second.err
+    assert "learned from 4 events" in second.err
+    assert valid_injections(heard) == [0, 1, 1, 1]
+    restored = load_knowledge(state, model_hash(load_injector())).knowledge
+    assert restored is not None
+    assert restored.events == 8
+
+
+def test_state_learned_from_nothing_earns_no_trust(
+    command: Command, bench: Path, worn: Path, resting: Path, tmp_path: Path
+) -> None:
+    state = tmp_path / "learned.json"
+    text = bench.read_text()
+    bench.write_text(text.replace("rate_hz = 50e3", "rate_hz = 100e3"))
+    run_and_stop(command, bench, resting, signal.SIGTERM, "--state", state)
+    bench.write_text(text)
+    _, heard = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    assert valid_injections(heard) == [0, 0, 1, 1]
+
+
+def test_damaged_state_is_set_aside(command: Command, bench: Path, resting: Path, tmp_path: Path) -> None:
+    state = tmp_path / "learned.json"
+    state.write_text('{"version": 1}')
+    bench.write_text(bench.read_text().replace("rate_hz = 50e3", "rate_hz = 100e3"))
+    outcome, _ = run_and_stop(command, bench, resting, signal.SIGTERM, "--state", state)
+    assert outcome.code == 0
+    assert "learned state not restored" in outcome.err
+    assert (tmp_path / "learned.json.set-aside-1").read_text() == '{"version": 1}'
+
+
+def test_link_that_fails_ends_with_the_state_saved(
+    command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = tmp_path / "learned.json"
+    link = ScriptedLink(frames_of(bench, worn), RunError("vcan9 went away"))
+    monkeypatch.setattr(service, "open_link", lambda *_: link)
+    outcome = command("run", "--bench", bench, "--state", state)
+    assert outcome.code == 1
+    assert "error: vcan9 went away" in outcome.err
+    restored = load_knowledge(state, model_hash(load_injector())).knowledge
+    assert restored is not None
+    assert restored.events == 4
+
+
+def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench: Path, worn: Path) -> None:
+    outcome, _ = run_and_stop(command, bench, worn, signal.SIGINT, "--view")
+    assert outcome.code == 0
+    assert "no terminal for the view" in outcome.err
+    assert len(re.findall(r"^injection \d at index", outcome.err, re.MULTILINE)) == 4
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_while_starting_is_not_lost(bench: Path, tmp_path: Path, number: signal.Signals) -> None:
+    """From the first message on the process can be stopped; it stops as soon as it may."""
+    state = tmp_path / "learned.json"
+    process = subprocess.Popen(
+        command_line("run", "--bench", bench, "--state", state), stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr is not None
+    assert "no learned state" in process.stderr.readline()
+    time.sleep(0.2)
+    process.send_signal(number)
+    _, messages = process.communicate(timeout=120)
+    assert process.returncode == 0, messages
+    assert "Traceback" not in messages
+    assert state.exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "path"),
+    [("--print-example-bench", EXAMPLE_BENCH), ("--print-example-injector", NOMINAL_INJECTOR)],
+)
+def test_examples_can_be_used_as_they_are(command: Command, tmp_path: Path, option: str, path: Path) -> None:
+    outcome = command("run", option)
+    assert outcome.code == 0
+    assert outcome.out == path.read_text()
+    (tmp_path / path.name).write_text(outcome.out)
+    if option == "--print-example-bench":
+        assert load_bench(tmp_path / path.name).config == load_bench().config
+    else:
+        assert load_injector(tmp_path / path.name) == load_injector()
+
+
+def test_bench_file_is_required(command: Command) -> None:
+    outcome = command("run")
+    assert outcome.code == 2
+    assert "--print-example-bench" in outcome.err
+
+
+@pytest.mark.parametrize("state", ["no/learned.json", "."])
+def test_state_that_could_not_be_saved_is_refused_at_the_start(
+    command: Command, bench: Path, tmp_path: Path, state: str
+) -> None:
+    outcome = command("run", "--bench", bench, "--state", tmp_path / state)
+    assert outcome.code == 2
+    assert "ready" not in outcome.err
+    assert str(tmp_path) in outcome.err
+
+
+def test_interface_that_is_not_there(command: Command, bench: Path) -> None:
+    bench.write_text(bench.read_text().replace('interface = "virtual"', 'interface = "socketcan"'))
+    outcome = command("run", "--bench", bench)
+    assert outcome.code == 1
+    assert "remedy: " in outcome.err
+
+
+def command_line(*arguments: object) -> list[str]:
+    return [sys.executable, "-m", "observer_rt", *map(str, arguments)]

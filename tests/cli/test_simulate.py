@@ -1,0 +1,111 @@
+"""`observer-rt simulate`: files it writes and mistakes it names."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.recording.files import read_recording
+from tests.cli.conftest import Command
+
+FEW = ("--injections", "2", "--sample-rate", "50e3")
+
+
+def truth_columns(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Columns of a truth file by header."""
+    header = path.read_text().split("\n", 1)[0].split(",")
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    return dict(zip(header, table.T, strict=True))
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mf4"])
+def test_recording_and_its_truth(command: Command, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"made{suffix}"
+    outcome = command("simulate", *FEW, "--measured-rate", "--output", path)
+    assert outcome.code == 0
+    assert outcome.out == ""
+    assert "2 events" in outcome.err
+    recording = read_recording(path)
+    assert recording.sample_rate == 50e3
+    assert recording.injection_rate is not None
+    truth = truth_columns(tmp_path / f"made{suffix}.truth.csv")
+    np.testing.assert_allclose(truth["time_s"], recording.time, atol=1e-9)
+    error = recording.injection_rate / 1e-6 - truth["injection_rate_mm3_per_ms"]
+    assert 0.2 < np.std(error) < 1.0  # it is a measurement
+
+
+def test_without_noise_the_recording_is_the_truth(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "clean.csv"
+    assert command("simulate", *FEW, "--noise", "off", "--output", path).code == 0
+    recording = read_recording(path)
+    truth = truth_columns(tmp_path / "clean.csv.truth.csv")
+    np.testing.assert_allclose(recording.line_pressure / 1e6, truth["line_pressure_MPa"], rtol=1e-9)
+    np.testing.assert_allclose(recording.needle_lift / 1e-3, truth["needle_lift_mm"], rtol=1e-9, atol=1e-9)
+    assert recording.injection_rate is None
+
+
+def test_shots_pressures_and_effects(command: Command, tmp_path: Path) -> None:
+    """Two events of pilot and main at their own pressures, through a nozzle that passes 30 % more."""
+    shots = ("--shots", "0.4@-2,1.0@0", "--rail-pressure", "60,120", "--noise", "off", *FEW)
+    flows = []
+    for name, effect in (("healthy", ()), ("worn", ("--effect", "orifice_area:v_H=0.3"))):
+        path = tmp_path / f"{name}.csv"
+        assert command("simulate", *shots, *effect, "--output", path).code == 0
+        flows.append(truth_columns(Path(f"{path}.truth.csv"))["injection_rate_mm3_per_ms"])
+    healthy, worn = flows
+    starts = np.count_nonzero(np.diff((healthy > 1.0).astype(int)) == 1)
+    assert starts == 4
+    half = healthy.size // 2
+    assert healthy[half:].max() > 1.25 * healthy[:half].max()
+    assert 1.2 < worn.max() / healthy.max() < 1.3  # the line yields a little
+
+
+def test_same_seed_same_file(command: Command, tmp_path: Path) -> None:
+    texts = []
+    for name, seed in (("a", 5), ("b", 5), ("c", 6)):
+        path = tmp_path / f"{name}.csv"
+        assert command("simulate", *FEW, "--seed", seed, "--output", path).code == 0
+        texts.append(path.read_bytes())
+    assert texts[0] == texts[1] != texts[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "place"),
+    [
+        (("--rail-pressure", "-5"), "--rail-pressure"),
+        (("--rail-pressure", "60,,100"), "--rail-pressure"),
+        (("--rail-pressure", "60e6"), "--rail-pressure"),
+        (("--energizing-time", "nan"), "--energizing-time"),
+        (("--energizing-time", "90"), "--period"),
+        (("--shots", "1.0"), "--shots"),
+        (("--shots", "1@0,1@0.5"), "--shots"),
+        (("--effect", "rust=1"), "--effect"),
+        (("--effect", "orifice_area:v_H=-2"), "--effect"),
+        (("--noise", "maybe"), "--noise"),
+        (("--sample-rate", "5"), "--sample-rate"),
+        (("--injections", "100000000"), "--injections"),
+        (("--period", "1e9"), "--injections"),
+        (("--model", "nowhere.toml"), "nowhere.toml"),
+    ],
+)
+def test_mistakes_are_named(command: Command, tmp_path: Path, arguments: tuple[str, ...], place: str) -> None:
+    path = tmp_path / "never.csv"
+    outcome = command("simulate", "--output", path, *arguments)
+    assert outcome.code == 2
+    assert outcome.err.startswith(f"error: {place}")
+    assert "remedy: " in outcome.err
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [("nofolder/x.csv", "no such folder"), ("x.txt", "'.txt'"), ("x", "unknown kind"), ("", "is a folder")],
+)
+def test_output_is_refused_before_the_work(command: Command, tmp_path: Path, name: str, problem: str) -> None:
+    folder = tmp_path / "a.csv"
+    folder.mkdir()
+    outcome = command("simulate", "--injections", "3000", "--output", folder / name)
+    assert outcome.code == 2
+    assert outcome.err.startswith("error: --output")
+    assert problem in outcome.err

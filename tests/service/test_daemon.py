@@ -1,0 +1,191 @@
+"""The daemon on the bus of this process: what it publishes, and what it says of itself."""
+
+import math
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.bus.link import open_link
+from observer_rt.bus.mapping import map_bus
+from observer_rt.config import load_bench
+from observer_rt.errors import RunError
+from observer_rt.evaluation.evaluate import History, evaluate
+from observer_rt.observer.state import Reason, State
+from observer_rt.recording.framing import Framer, TimedFrame, whole, windows
+from observer_rt.recording.player import play
+from observer_rt.recording.recording import Recording
+from observer_rt.service.daemon import Daemon
+from observer_rt.service.warm_up import warm_up
+from tests.service.end_to_end import RATE, STATUS, SUMMARY, Heard, decoded, published_rates
+from tests.service.participants import (
+    ScriptedLink,
+    bench_file,
+    daemon_link,
+    listening,
+    serving,
+    until,
+    worn_recording,
+)
+
+BLOCK = 9  # samples of a SampleBlock
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return worn_recording()
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return bench_file(tmp_path_factory.mktemp("bench"), "daemon-test")
+
+
+@pytest.fixture(scope="module")
+def frames(bench: Path, recording: Recording) -> list[TimedFrame]:
+    return list(Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)))
+
+
+@pytest.fixture(scope="module")
+def history(bench: Path, recording: Recording) -> History:
+    return evaluate(load_bench(bench), [recording])
+
+
+def over_virtual_bus(path: Path, frames: list[TimedFrame]) -> tuple[Heard, Daemon]:
+    """Frames played as fast as the bus takes to a daemon; what a third participant heard."""
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    channel = bench.config.link.channel
+    with (
+        listening("virtual", channel) as listener,
+        daemon_link(bus, "virtual", channel) as link,
+        open_link("virtual", channel, True, []) as player,
+    ):
+        daemon = Daemon(bench, bus, link)
+        with serving(daemon):
+            play(frames, player, math.inf)
+            until(lambda: daemon.core.counters.frames == len(frames))
+        until(lambda: any(decoded_samples(s) == daemon.core.processed for s in listener.heard.statuses))
+    return listener.heard, daemon
+
+
+def decoded_samples(status: bytes) -> int:
+    return int(decoded(STATUS, status)["SamplesProcessed"])
+
+
+def payloads(history: History, frame_id: int) -> list[bytes]:
+    return [frame.payload for frame in history.frames if frame.frame_id == frame_id]
+
+
+def test_frames_equal_those_of_evaluate(
+    bench: Path, frames: list[TimedFrame], recording: Recording, history: History
+) -> None:
+    """Bit for bit: a worker thread over a bus, and everything in one thread without a bus; learning included."""
+    heard, daemon = over_virtual_bus(bench, frames)
+    assert heard.rates == payloads(history, RATE.frame_id)
+    assert heard.summaries == payloads(history, SUMMARY.frame_id)
+    assert len(heard.summaries) == 4
+    assert daemon.core.counters.adoptions >= 2
+    _, count = published_rates(heard.rates, recording.samples)
+    assert (count == 1).all()
+    last = heard.last_status()
+    assert last["SamplesProcessed"] == recording.samples
+    assert last["Adoptions"] == daemon.core.counters.adoptions
+    assert last["State"] == State.ADAPTED
+    assert last["LostSamples"] == last["DroppedFrames"] == last["LateAdoptions"] == 0
+
+
+def test_windowed_source_every_index_sent_once(bench: Path, recording: Recording) -> None:
+    spans = windows(recording)
+    frames = list(Framer(map_bus(load_bench(bench))).frames(recording, spans))
+    heard, daemon = over_virtual_bus(bench, frames)
+    rate, count = published_rates(heard.rates, recording.samples)
+    assert count.max() == 1
+    assert len(heard.summaries) == len(spans) == 4
+    for span in spans:
+        assert (count[span.start : span.end] == 1).all()
+    for span in spans[1:]:  # in the first the needle was not seen shut for long enough
+        injection = slice(span.start + 75, span.end)  # from 0.5 ms before the opening on
+        assert not np.isnan(rate[injection]).any()
+    outside = np.ones(recording.samples, bool)
+    for span in spans:
+        outside[span.start : span.end] = False
+    assert np.isnan(rate[outside]).all()
+    assert daemon.core.counters.lost_samples == 0
+    assert [decoded(SUMMARY, s)["Valid"] for s in heard.summaries] == [0, 0, 1, 1]
+
+
+def test_lost_frame_is_not_available_and_counted(
+    bench: Path, frames: list[TimedFrame], recording: Recording
+) -> None:
+    gone = 1000
+    heard, _ = over_virtual_bus(bench, frames[:gone] + frames[gone + 1 :])
+    rate, count = published_rates(heard.rates, recording.samples)
+    assert count.max() == 1
+    assert np.isnan(rate[gone * BLOCK : (gone + 1) * BLOCK]).all()
+    assert not np.isnan(rate[gone * BLOCK - 1])
+    assert heard.last_status()["LostSamples"] == BLOCK
+
+
+def test_states_before_frames_between_and_after(bench: Path, frames: list[TimedFrame]) -> None:
+    loaded = load_bench(bench)
+    link = ScriptedLink(frames)
+    waiting = ScriptedLink()
+    bus = map_bus(loaded)
+    warm_up(loaded, bus)
+    with serving(Daemon(loaded, bus, waiting)):
+        until(lambda: len(waiting.statuses()) >= 2)
+    for status in waiting.statuses():
+        assert (status["State"], status["Reason"]) == (State.WAITING_FOR_DATA, Reason.STARTING)
+        assert status["Valid"] == 0
+    daemon = Daemon(loaded, bus, link)
+    with serving(daemon):
+        until(link.empty.is_set)
+        assert daemon.state(time.monotonic_ns()) == (State.ADAPTED, Reason.NONE)
+        until(lambda: link.statuses()[-1]["Reason"] == Reason.INPUT_TIMEOUT)
+        assert link.statuses()[-1]["State"] == State.WAITING_FOR_DATA
+        assert link.statuses()[-1]["Valid"] == 0
+
+
+def test_status_comes_in_its_period(bench: Path) -> None:
+    loaded = load_bench(bench)
+    link = ScriptedLink()
+    with serving(Daemon(loaded, map_bus(loaded), link)):
+        time.sleep(1.0)
+    assert 5 <= len(link.statuses()) <= 12  # every 100 ms if the machine lets it, and the last
+
+
+def test_dropped_frames_are_told(bench: Path, frames: list[TimedFrame]) -> None:
+    loaded = load_bench(bench)
+    link = ScriptedLink(frames[:10])
+    with serving(Daemon(loaded, map_bus(loaded), link)):
+        until(link.empty.is_set)
+        link.lost = 7
+    assert link.statuses()[0]["DroppedFrames"] == 0
+    assert link.statuses()[-1]["DroppedFrames"] == 7
+
+
+def test_failing_link_ends_the_loop(bench: Path, frames: list[TimedFrame]) -> None:
+    """With its reason, and with all that was learned until then."""
+    loaded = load_bench(bench)
+    link = ScriptedLink(frames, RunError("the interface went away"))
+    daemon = Daemon(loaded, map_bus(loaded), link)
+    with pytest.raises(RunError, match="the interface went away"):
+        daemon.run(threading.Event())
+    assert daemon.core.knowledge.events >= 3
+    assert daemon.core.knowledge.phi_version >= 2
+    assert "learning" not in [thread.name.split("_")[0] for thread in threading.enumerate()]
+
+
+def test_learning_that_is_switched_off(
+    bench: Path, frames: list[TimedFrame], recording: Recording, tmp_path: Path
+) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(bench.read_text().replace("enabled = true", "enabled = false"))
+    heard, _ = over_virtual_bus(path, frames)
+    expected = evaluate(load_bench(path), [recording], learning=False)
+    assert heard.rates == payloads(expected, RATE.frame_id)
+    last = heard.last_status()
+    assert (last["Learning"], last["Adoptions"], last["State"]) == (0, 0, State.RUNNING_NOMINAL)

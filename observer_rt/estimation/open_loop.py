@@ -1,5 +1,7 @@
 """The observer x^ over an event, open loop, with the sensitivity of its injection rate."""
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ from observer_rt.model.laws import root, root_slope
 from observer_rt.model.network import activation
 from observer_rt.model.right_hand_side import is_at_rest
 
+DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 _NOZZLE_BIAS = int(Parameter.NOZZLE_BIAS)
 _NOZZLE_WEIGHT = int(Parameter.NOZZLE_WEIGHT)
 
@@ -37,7 +40,11 @@ def rate_with_sensitivity(
     work = np.zeros((6, 3, PARAMETERS))
     rate[:] = 0.0
     slopes[:, :] = 0.0
-    for k in range(1, window.output.shape[0]):
+    last = window.output.shape[0] - 1
+    while last > 0 and window.inputs[last, 1] <= 0.0:
+        last -= 1
+    drained = last + 1 + math.ceil(DRAINING / setting.interval)
+    for k in range(1, min(drained, window.output.shape[0])):
         u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
         u = (window.inputs[k, 0], max(window.inputs[k, 1], 0.0))
         before = x[0]

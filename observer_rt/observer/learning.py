@@ -32,6 +32,7 @@ from observer_rt.observer.state import Constants, Reason
 BURN_IN = 0.5e-3  # s of the window before innovations count
 FIRST_ITERATIONS = 5
 ITERATIONS = 2
+HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # of the expected decrease, in units of chi2
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 DEAD_BAND_SIGMAS = 5.0
@@ -156,6 +157,7 @@ class _Fit:
     theta: NDArray[np.float64]
     active: frozenset[int]
     linearisation: Linearisation
+    innovations: NDArray[np.float64]
     prior: Belief
     cost: float
     contradicts: bool = False  # what was believed before the event
@@ -197,7 +199,7 @@ class Learner:
             fit = self._fit(window, self._prior(standstill))
             if fit is None:
                 return self._failed(window, in_force)
-            statistics = self._event_statistics(window, fit.theta)
+            statistics = self._event_statistics(window, fit.innovations)
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
             return self._failed(window, in_force)
@@ -262,19 +264,16 @@ class Learner:
                 prior_information + here.information, prior_vector + here.vector, GATE, active
             )
             target = np.clip(target, lowest, highest)
-            step = 1.0
-            while True:
-                candidate = here.theta + step * (target - here.theta)
-                value = total(candidate, cost.value(candidate))
-                if value < here_total or step < 1e-2:
+            there = cost.linearised(target)
+            for _ in range(HALVINGS):
+                if total(there.theta, there.value) < here_total:
                     break
-                step *= 0.5
+                there = cost.linearised(0.5 * (here.theta + there.theta))
             before = here_total
-            here = cost.linearised(candidate)
-            here_total = total(here.theta, here.value)
+            here, here_total = there, total(there.theta, there.value)
             if abs(before - here_total) < TOLERANCE:
                 break
-        return _Fit(here.theta, active, here, prior, here_total)
+        return _Fit(here.theta, active, here, cost.innovations.copy(), prior, here_total)
 
     def _take_in(self, fit: _Fit, temper: float) -> None:
         """The fitted event into the belief, its information divided by `temper`."""
@@ -284,13 +283,11 @@ class Learner:
         self._belief = belief_from_information(mean, information)
         self._theta, self._active = fit.theta, fit.active
 
-    def _event_statistics(self, window: Window, theta: NDArray[np.float64]) -> PhaseStatistics:
-        cost = self._cost(window)
-        cost.value(theta)
+    def _event_statistics(self, window: Window, innovations: NDArray[np.float64]) -> PhaseStatistics:
         interval = self._constants.interval
         phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
         return phase_statistics(
-            cost.innovations, self._schedule.innovation_sigma, phases, round(BURN_IN / interval)
+            innovations, self._schedule.innovation_sigma, phases, round(BURN_IN / interval)
         )
 
     def _is_better(self, window: Window, in_force: NDArray[np.float64]) -> bool:

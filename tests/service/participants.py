@@ -1,31 +1,32 @@
 """Others on the bus of a daemon under test: a measuring device, a listener, and a link that obeys the test."""
 
+import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-import can
+import pytest
 
 from observer_rt.bus.link import Frame, Link, open_link
-from observer_rt.bus.mapping import BusMap
-from observer_rt.config import load_injector
+from observer_rt.bus.mapping import map_bus
+from observer_rt.config import load_bench, load_injector
 from observer_rt.errors import RunError
 from observer_rt.recording.framing import TimedFrame
+from observer_rt.recording.player import play
 from observer_rt.recording.recording import Recording
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
-from tests.service.end_to_end import STATUS, Listener, decoded, write_bench
+from tests.service.end_to_end import STATUS, Heard, Listener, decoded, output_bus, write_bench
 
 SAMPLE_RATE = 50e3
 PATIENCE = 60.0  # s, after which the test fails: the machine is too slow, or the daemon stuck
-
-__all__ = ["SAMPLE_RATE", "ScriptedLink", "listening", "serving", "until", "worn_recording", "write_bench"]
 
 
 def worn_recording(injections: int = 4, v_h: float = 0.3) -> Recording:
@@ -104,7 +105,7 @@ def serving(daemon: Daemon) -> Iterator[threading.Event]:
 @contextmanager
 def listening(interface: str, channel: str) -> Iterator[Listener]:
     """Another participant that notes what the daemon says."""
-    with can.Bus(interface=interface, channel=channel, fd=True) as bus:
+    with output_bus(interface, channel) as bus:
         listener = Listener(bus)
         try:
             yield listener
@@ -112,11 +113,32 @@ def listening(interface: str, channel: str) -> Iterator[Listener]:
             listener.stop()
 
 
-def daemon_link(bus: BusMap, interface: str, channel: str) -> Link:
-    """The link `observer-rt run` opens."""
-    return open_link(interface, channel, True, [(m.frame_id, m.is_extended) for m in bus.input_layouts])
+def bench_file(folder: Path, channel: str, interface: str = "virtual") -> Path:
+    """Bench at SAMPLE_RATE, learning in lockstep."""
+    return write_bench(folder, interface, channel, SAMPLE_RATE)
 
 
-def bench_file(folder: Path, channel: str) -> Path:
-    """Bench on the virtual bus."""
-    return write_bench(folder, "virtual", channel, SAMPLE_RATE)
+def over_bus(path: Path, frames: Sequence[TimedFrame], speed: float = math.inf) -> tuple[Heard, Daemon]:
+    """Frames played to a daemon over the bench's bus; what a third participant heard, all in this process."""
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    link = bench.config.link
+    warm_up(bench, bus)
+    inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
+    with (
+        listening(link.interface, link.channel) as listener,
+        open_link(link.interface, link.channel, True, inputs) as daemon_link,
+        open_link(link.interface, link.channel, True, []) as player_link,
+    ):
+        daemon = Daemon(bench, bus, daemon_link)
+        with serving(daemon):
+            play(frames, player_link, speed)
+            until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
+        until(lambda: bool(listener.heard.statuses) and _samples(listener.heard) == daemon.core.processed)
+    if daemon.dropped:
+        pytest.fail("machine too slow: the daemon's socket dropped frames")
+    return listener.heard, daemon
+
+
+def _samples(heard: Heard) -> int:
+    return int(heard.last_status()["SamplesProcessed"])

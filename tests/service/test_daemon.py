@@ -1,6 +1,5 @@
 """The daemon on the bus of this process: what it publishes, and what it says of itself."""
 
-import math
 import threading
 import time
 from pathlib import Path
@@ -8,23 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.link import open_link
 from observer_rt.bus.mapping import map_bus
 from observer_rt.config import load_bench
 from observer_rt.errors import RunError
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.observer.state import Reason, State
 from observer_rt.recording.framing import Framer, TimedFrame, whole, windows
-from observer_rt.recording.player import play
 from observer_rt.recording.recording import Recording
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
-from tests.service.end_to_end import RATE, STATUS, SUMMARY, Heard, decoded, published_rates
+from tests.service.end_to_end import RATE, SUMMARY, decoded, published_rates
 from tests.service.participants import (
     ScriptedLink,
     bench_file,
-    daemon_link,
-    listening,
+    over_bus,
     serving,
     until,
     worn_recording,
@@ -53,28 +49,6 @@ def history(bench: Path, recording: Recording) -> History:
     return evaluate(load_bench(bench), [recording])
 
 
-def over_virtual_bus(path: Path, frames: list[TimedFrame]) -> tuple[Heard, Daemon]:
-    """Frames played as fast as the bus takes to a daemon; what a third participant heard."""
-    bench = load_bench(path)
-    bus = map_bus(bench)
-    channel = bench.config.link.channel
-    with (
-        listening("virtual", channel) as listener,
-        daemon_link(bus, "virtual", channel) as link,
-        open_link("virtual", channel, True, []) as player,
-    ):
-        daemon = Daemon(bench, bus, link)
-        with serving(daemon):
-            play(frames, player, math.inf)
-            until(lambda: daemon.core.counters.frames == len(frames))
-        until(lambda: any(decoded_samples(s) == daemon.core.processed for s in listener.heard.statuses))
-    return listener.heard, daemon
-
-
-def decoded_samples(status: bytes) -> int:
-    return int(decoded(STATUS, status)["SamplesProcessed"])
-
-
 def payloads(history: History, frame_id: int) -> list[bytes]:
     return [frame.payload for frame in history.frames if frame.frame_id == frame_id]
 
@@ -83,7 +57,7 @@ def test_frames_equal_those_of_evaluate(
     bench: Path, frames: list[TimedFrame], recording: Recording, history: History
 ) -> None:
     """Bit for bit: a worker thread over a bus, and everything in one thread without a bus; learning included."""
-    heard, daemon = over_virtual_bus(bench, frames)
+    heard, daemon = over_bus(bench, frames)
     assert heard.rates == payloads(history, RATE.frame_id)
     assert heard.summaries == payloads(history, SUMMARY.frame_id)
     assert len(heard.summaries) == 4
@@ -100,7 +74,7 @@ def test_frames_equal_those_of_evaluate(
 def test_windowed_source_every_index_sent_once(bench: Path, recording: Recording) -> None:
     spans = windows(recording)
     frames = list(Framer(map_bus(load_bench(bench))).frames(recording, spans))
-    heard, daemon = over_virtual_bus(bench, frames)
+    heard, daemon = over_bus(bench, frames)
     rate, count = published_rates(heard.rates, recording.samples)
     assert count.max() == 1
     assert len(heard.summaries) == len(spans) == 4
@@ -121,7 +95,7 @@ def test_lost_frame_is_not_available_and_counted(
     bench: Path, frames: list[TimedFrame], recording: Recording
 ) -> None:
     gone = 1000
-    heard, _ = over_virtual_bus(bench, frames[:gone] + frames[gone + 1 :])
+    heard, _ = over_bus(bench, frames[:gone] + frames[gone + 1 :])
     rate, count = published_rates(heard.rates, recording.samples)
     assert count.max() == 1
     assert np.isnan(rate[gone * BLOCK : (gone + 1) * BLOCK]).all()
@@ -184,7 +158,7 @@ def test_learning_that_is_switched_off(
 ) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(bench.read_text().replace("enabled = true", "enabled = false"))
-    heard, _ = over_virtual_bus(path, frames)
+    heard, _ = over_bus(path, frames)
     expected = evaluate(load_bench(path), [recording], learning=False)
     assert heard.rates == payloads(expected, RATE.frame_id)
     last = heard.last_status()

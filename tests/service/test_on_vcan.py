@@ -3,15 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import can
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config import load_bench, load_injector
 from observer_rt.evaluation.evaluate import History, evaluate
-from observer_rt.evaluation.results import injection_results
-from observer_rt.model.coefficients import coefficients
 from observer_rt.recording.files import read_recording, write_recording
 from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
@@ -22,12 +19,12 @@ from tests.service.end_to_end import (
     SUMMARY,
     Heard,
     decoded,
+    output_bus,
     published_rates,
     run_over,
     write_bench,
 )
 
-SPEED = 0.05
 RAIL_PRESSURE = 100e6
 ENERGIZING_TIME = 1.9e-3
 PERIOD = 0.06
@@ -45,7 +42,13 @@ class Run:
 
 
 def over_vcan(
-    folder: Path, channel: str, rate_hz: float, v_h: float, injections: int, noise: NoiseLevels | None
+    folder: Path,
+    channel: str,
+    rate_hz: float,
+    speed: float,
+    v_h: float,
+    injections: int,
+    noise: NoiseLevels | None,
 ) -> Run:
     schedule = make_schedule([RAIL_PRESSURE], injections, PERIOD, [ENERGIZING_TIME])
     simulation = simulate(load_injector(), schedule, rate_hz, PlantEffects(orifice_area=v_h), noise, seed=7)
@@ -53,8 +56,8 @@ def over_vcan(
     write_recording(path, simulation.recording)
     bench = write_bench(folder, "socketcan", channel, rate_hz)
     samples = simulation.recording.samples
-    with can.Bus(interface="socketcan", channel=channel, fd=True) as bus:
-        heard = run_over(bench, path, bus, SPEED, samples)
+    with output_bus("socketcan", channel) as bus:
+        heard = run_over(bench, path, bus, speed, samples)
     if heard.last_status()["DroppedFrames"]:
         pytest.fail("machine too slow: the daemon's socket dropped frames")
     rate, count = published_rates(heard.rates, samples)
@@ -62,19 +65,9 @@ def over_vcan(
     return Run(heard, history, rate, count, simulation.truth.injection_rate / 1e-6)
 
 
-@pytest.fixture
-def run_noise_free(tmp_path: Path, vcan: str) -> Run:
-    return over_vcan(tmp_path, vcan, 100e3, 0.0, 3, None)
-
-
-@pytest.fixture(params=[0.3, -0.3, 0.0])
-def run_noisy(request: pytest.FixtureRequest, tmp_path: Path, vcan: str) -> Run:
-    return over_vcan(tmp_path, vcan, 50e3, request.param, 10, NoiseLevels())
-
-
 @pytest.mark.vcan
-def test_healthy_noise_free_recording_comes_back_as_the_true_rate(run_noise_free: Run) -> None:
-    run = run_noise_free
+def test_healthy_noise_free_recording_comes_back_as_the_true_rate(tmp_path: Path, vcan: str) -> None:
+    run = over_vcan(tmp_path, vcan, 100e3, 0.05, 0.0, 3, None)
     assert_published_once(run)
     assert_equal_to_evaluation(run)
     known = ~np.isnan(run.rate)
@@ -83,24 +76,20 @@ def test_healthy_noise_free_recording_comes_back_as_the_true_rate(run_noise_free
 
 
 @pytest.mark.vcan
-def test_worn_nozzle_is_learned_on_the_bus(run_noisy: Run) -> None:
-    run = run_noisy
+def test_worn_nozzle_is_learned_on_the_bus(tmp_path: Path, vcan: str) -> None:
+    """Over events 4-10 of 10; other wear gives the same frames as `evaluate`, which is judged by its own tests."""
+    run = over_vcan(tmp_path, vcan, 50e3, 0.1, 0.3, 10, NoiseLevels())
     assert_published_once(run)
     assert_equal_to_evaluation(run)
     summaries = [decoded(SUMMARY, payload) for payload in run.heard.summaries]
     assert [s["InjectionNumber"] for s in summaries] == list(range(1, 11))
     assert [s["Valid"] for s in summaries] == [0, 0] + 8 * [1]
-    c = coefficients(load_injector())
-    nominal = [r.nominal_mass for r in injection_results(run.history.evaluations[0], c)]
-    healthy = np.allclose(run.true_rate.max(), 69, atol=1.0)
     squares = []
-    for summary, nominal_mass in list(zip(summaries, nominal, strict=True))[3:]:
+    for summary in summaries[3:]:
         window = slice(int(summary["SampleIndex"]), int(summary["EndIndex"]) + 1)
         squares.append(np.mean((run.rate[window] - run.true_rate[window]) ** 2))
-        true_mass = float(np.trapezoid(run.true_rate[window])) / 50e3 * 1e3 * 1e-9 * 830.0 * 1e6
-        assert abs(summary["Mass"] / true_mass - 1) <= 0.01
-        if not healthy:
-            assert abs(nominal_mass * 1e6 / true_mass - 1) > 0.15
+        true_mass = float(np.trapezoid(run.true_rate[window])) / 50e3 * 1e3 * 0.83  # mg
+        assert summary["Mass"] == pytest.approx(true_mass, rel=0.01)
     assert np.sqrt(np.mean(squares)) <= 1.0
 
 
@@ -109,6 +98,8 @@ def assert_published_once(run: Run) -> None:
     assert len(run.heard.rates) == -(-len(run.count) // 28)  # and none extra
     starts = [int(decoded(RATE, payload)["SampleIndex"]) for payload in run.heard.rates]
     assert starts == sorted(starts)
+    # the status frame after SIGTERM tells of the samples too that the look-ahead held until then
+    assert run.heard.last_status()["SamplesProcessed"] == len(run.count)
 
 
 def assert_equal_to_evaluation(run: Run) -> None:

@@ -13,6 +13,7 @@ from tools.benchmarks.cases import CLASSES, Group
 from tools.benchmarks.proportions import clopper_pearson
 from tools.benchmarks.score import OBSERVER, CaseScore
 
+MEDIAN_OF_NORMAL = 0.674  # of the absolute value, in sigmas
 COLOURS = ("#d1495b", "#8d99ae", "#00798c", "#66a182", "#edae49", "#5f4b8b")
 
 
@@ -70,7 +71,7 @@ def _error_against_wear(scores: Sequence[CaseScore], path: Path) -> Path:
         rates.plot(wear, [s.rate_rmse(name) for s in ordered], **style)
     masses.set(yscale="log", ylabel="mass error, events 11-20 [%]")
     rates.set(yscale="log", ylabel="rate RMSE [mm3/ms]", xlabel="nozzle wear v_H")
-    figure.legend(*masses.get_legend_handles_labels(), loc="outside upper center", ncols=6, frameon=False)
+    figure.legend(*masses.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
     return _saved(figure, (masses, rates), path)
 
 
@@ -87,11 +88,21 @@ def _learning_curve(scores: Sequence[CaseScore], path: Path) -> Path:
             events, np.percentile(errors, 95, axis=0), color=style["color"], linestyle=":", linewidth=1.0
         )
     if all(s.limits_mg for s in scores):
-        limits = 67.4 * np.array([np.array(s.limits_mg) / np.array(s.true_mass_mg) for s in scores])
-        axes.plot(events, np.median(limits, axis=0), color="black", linewidth=1.0, label="information limit")
+        limits = (
+            MEDIAN_OF_NORMAL
+            * 100.0
+            * np.array([np.array(s.limits_mg) / np.array(s.true_mass_mg) for s in scores])
+        )
+        axes.plot(
+            events,
+            np.median(limits, axis=0),
+            color="black",
+            linewidth=1.0,
+            label="information limit (median)",
+        )
     axes.set(yscale="log", xlabel="event", ylabel="mass error [%]: median, 95 % of cases dotted")
     axes.set_xticks(events)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=6, frameon=False)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
     return _saved(figure, (axes,), path)
 
 

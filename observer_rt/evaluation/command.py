@@ -48,7 +48,7 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
     pressure_scale = bench.injector.scaling.pressure
     if options.state is not None and not options.state.exists():
         raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
-    knowledge = restored_knowledge(options.state, model, pressure_scale, console)
+    knowledge = restored_knowledge(options.state, model, pressure_scale, console, set_aside=False)
     histories = _histories(bench, recordings, knowledge, options, console)
     evaluations = [evaluation for history in histories for evaluation in history.evaluations]
     c = coefficients(bench.injector)

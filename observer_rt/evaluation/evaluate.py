@@ -168,12 +168,16 @@ class _Run:
 
     def history(self) -> History:
         evaluations = []
+        before = self._ends[0][0].since(self._ends[0][0])
         for part, (counters, standstill) in zip(self._parts, self._ends, strict=True):
             end = part.first_index + part.recording.samples
             reports = tuple(r for r in self._reports if part.first_index <= r.start_index < end)
             evaluations.append(
-                Evaluation(part.recording, part.first_index, part.trace, reports, counters, standstill)
+                Evaluation(
+                    part.recording, part.first_index, part.trace, reports, counters.since(before), standstill
+                )
             )
+            before = counters
         return History(tuple(evaluations), self._core.knowledge, tuple(self._frames))
 
     def _read(self) -> None:

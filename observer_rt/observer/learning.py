@@ -37,6 +37,7 @@ TOLERANCE = 0.02  # of the expected decrease, in units of chi2
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 DEAD_BAND_SIGMAS = 5.0
 DEAD_BAND_FLOOR = 2.0e-6  # m
+ADOPTION_TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error
 CHANGE_SCORE = 60.0  # of the score test; without change it is 13 +- 5
 QUICKER_SCORE = 35.0  # from which on wear is taken to move faster than its usual drift
 QUICKER = 30.0  # times the usual drift
@@ -291,14 +292,18 @@ class Learner:
         )
 
     def _is_better(self, window: Window, in_force: NDArray[np.float64]) -> bool:
-        """Whether the new theta lowers the re-simulated output error over this and the previous event."""
+        """Whether the new theta keeps the re-simulated output error of this and the previous event down.
+
+        Rail-pressure noise makes that error wander, so a better theta often raises it a little: asked to lower it
+        strictly, the worst of 20 worn injectors stays 0.88 % off in mass, with this tolerance 0.45 %.
+        """
         windows = [window] if self._previous is None else [self._previous, window]
         setting = self._setting()
         errors = [
             sum(open_loop_error(w, setting, learned_of(theta)) for w in windows)
             for theta in (self._theta, in_force)
         ]
-        return bool(errors[0] < errors[1])
+        return bool(errors[0] < ADOPTION_TOLERANCE * errors[1])
 
     def _failed(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         return self._outcome(Verdict.FAILED, window, in_force)

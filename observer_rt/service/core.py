@@ -59,6 +59,10 @@ class Counters:
     rejected_adoptions: int
     late_adoptions: int
 
+    def since(self, earlier: "Counters") -> "Counters":
+        """What was counted since an earlier look."""
+        return Counters(**{name: count - getattr(earlier, name) for name, count in vars(self).items()})
+
 
 def configured_noise(bench: Bench) -> NoiseLevels:
     """Noise levels of the bench file, SI."""
@@ -130,6 +134,7 @@ class Core:
         self._restored = knowledge is not None
         self._events_submitted = 0
         self._rejected = 0
+        self._first_version = start.phi_version
         self._frames: list[OutputFrame] = []
 
     def handle(self, frame_id: int, is_extended: bool, payload: bytes) -> list[OutputFrame]:
@@ -206,7 +211,7 @@ class Core:
             jumps=int(alignment["jumps"]),
             events=int(memory["events_judged"]),
             injections=int(memory["injections_reported"]),
-            adoptions=int(memory["phi_version"]),
+            adoptions=int(memory["phi_version"]) - self._first_version,
             rejected_adoptions=self._rejected,
             late_adoptions=self._training.late,
         )

@@ -74,7 +74,7 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
 
 
 def restored_knowledge(
-    path: Path | None, model: str, pressure_scale: float, console: Console
+    path: Path | None, model: str, pressure_scale: float, console: Console, set_aside: bool = True
 ) -> Knowledge | None:
     """What a state file holds for this model, saying on the console what became of it; None without one.
 
@@ -82,7 +82,7 @@ def restored_knowledge(
     """
     if path is None:
         return None
-    restored = load_knowledge(path, model, pressure_scale)
+    restored = load_knowledge(path, model, pressure_scale, set_aside)
     say(console, restored.message)
     return restored.knowledge if restored.knowledge and restored.knowledge.events else None
 

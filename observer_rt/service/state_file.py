@@ -81,14 +81,16 @@ def save_knowledge(
         raise RunError(f"{path}: the learned state cannot be written: {error.strerror or error}") from error
 
 
-def load_knowledge(path: Path, model: str, pressure_scale: float = PRESSURE_SCALE) -> Restored:
+def load_knowledge(
+    path: Path, model: str, pressure_scale: float = PRESSURE_SCALE, set_aside: bool = True
+) -> Restored:
     """Restore what `save_knowledge` wrote for the same model; arguments as there.
 
     A file that does not belong to the model, was damaged or holds what cannot be true is renamed to
-    `NAME.set-aside-N`, with the reason in the message.
+    `NAME.set-aside-N`, with the reason in the message; with `set_aside` False it stays and is refused.
 
     Raises:
-        UserError: the file cannot be read, or not be set aside.
+        UserError: the file cannot be read, not be set aside, or is refused.
     """
     path = Path(os.path.realpath(path))
     try:
@@ -108,6 +110,10 @@ def load_knowledge(path: Path, model: str, pressure_scale: float = PRESSURE_SCAL
         if problem is not None:
             raise _UnusableError(problem)
     except _UnusableError as reason:
+        if not set_aside:
+            raise UserError(
+                str(path), f"is no learned state for this model: {reason}", "name another file, or none"
+            ) from None
         return Restored(None, f"learned state not restored, for {reason}; kept as {_set_aside(path)}")
     return Restored(
         knowledge,

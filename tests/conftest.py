@@ -9,6 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# how long an example takes says nothing on a machine that does something else, too
+settings.register_profile("unhurried", deadline=None)
+settings.load_profile("unhurried")
 
 INTERFACE = "vcan0"
 CAN_FD_MTU = 72

@@ -95,12 +95,14 @@ class PhaseStatistics:
         return max(_quotient(self.block_squares[phase, i], self.blocks[phase, i]) for i in range(len(BLOCKS)))
 
     def excess(self, phase: Phase) -> float:
-        """Largest deviation of variance and colours above 1, in standard deviations of white noise."""
-        deviations = [(self.variance(phase) - 1.0) * np.sqrt(self.samples[phase] / 2.0)]
-        for i in range(len(BLOCKS)):
-            quotient = _quotient(self.block_squares[phase, i], self.blocks[phase, i])
-            deviations.append((quotient - 1.0) * np.sqrt(self.blocks[phase, i] / 2.0))
-        return float(max(deviations))
+        """How improbable the largest of variance and colours is for white noise, in standard deviations.
+
+        0 without samples. The sums of few blocks have a long tail, which a normal distribution would ignore.
+        """
+        return max(
+            _deviate(self.squares[phase], self.samples[phase]),
+            *(_deviate(self.block_squares[phase, i], self.blocks[phase, i]) for i in range(len(BLOCKS))),
+        )
 
 
 def no_statistics() -> PhaseStatistics:
@@ -156,3 +158,14 @@ def _gather(
 
 def _quotient(total: float, count: float) -> float:
     return float(total / count) if count > 0 else 1.0
+
+
+def _deviate(total: float, count: float) -> float:
+    """Normal deviate as improbable as a sum `total` of `count` squares of standard normal numbers.
+
+    By the cube root of Wilson and Hilferty (1931), Proc. Natl. Acad. Sci. 17, 684.
+    """
+    if not count > 0:
+        return 0.0
+    variance = 2.0 / (9.0 * count)
+    return float((np.cbrt(total / count) - (1.0 - variance)) / np.sqrt(variance))

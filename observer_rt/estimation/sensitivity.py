@@ -56,7 +56,7 @@ def rate_and_tangent(
     """
     friction_slope = 2.0 * c.a4 * math.fabs(x[1])
     friction = x[1] * math.fabs(x[1])
-    second = c.a3 * (u[0] - x[0]) - c.a4 * friction
+    second = c.a3 * (u[0] - x[0]) - c.a4 * x[1] * math.fabs(x[1])
     stiffer = c.a1 / nominal.a1
     soft = softening(x[0], c)
     soft_x, soft_air = softening_slopes(x[0], c)

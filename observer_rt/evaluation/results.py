@@ -131,11 +131,12 @@ def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
             "seat_v_S": _estimate(wear.seat, 1.0, "-"),
             "line_friction": _estimate(wear.line_friction, 1.0, "-"),
             "guide_leakage": _estimate(wear.guide_leakage, c.flow_scale / c.pressure_scale, "m3/(s Pa)"),
-            "bulk_modulus": _estimate(wear.bulk_modulus, 1.0, "-"),
-            "line_pressure_sensor_lag": _estimate(wear.line_pressure_lag, 1.0, "s"),
             "line_pressure_sensor_offset": _estimate(
                 wear.line_pressure_offset, c.pressure_scale / MEGAPASCAL, "MPa"
             ),
+            "line_pressure_sensor_lag": _estimate(wear.line_pressure_lag, 1.0, "s"),
+            "bulk_modulus": _estimate(wear.bulk_modulus, 1.0, "-"),
+            "entrained_air": _estimate(wear.entrained_air, c.compression, "-"),
         },
     }
 

@@ -47,15 +47,18 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) 
 
 
 def _table(injections: Sequence[InjectionResult], measured: bool) -> Table:
+    """Beside a measurement its error stands where otherwise the interval does: both do not fit."""
     table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    headings = ["\nno", "\nevent", "start\ns", "rail\nMPa", "mass\nmg", "95 %\nmg", "nominal\nmg"]
+    headings = ["\nno", "\nevent", "start\ns", "rail\nMPa", "mass\nmg"]
     if measured:
-        headings += ["measured\nmg", "error\n%", "RMSE\nmm3/ms"]
+        headings += ["nominal\nmg", "measured\nmg", "error\n%", "RMSE\nmm3/ms"]
+    else:
+        headings += ["95 %\nmg", "nominal\nmg"]
     for heading in [*headings, "v_H\n-", "v_S\n-", "\nvalid"]:
         table.add_column(Text(heading), justify="right", no_wrap=True)
     for result in injections:
         report = result.report
-        interval = report.mass_ci95
+        nominal = _number(result.nominal_mass / MILLIGRAM)
         comparison = [
             _number(result.measured_mass / MILLIGRAM),
             _number(100 * (report.mass / result.measured_mass - 1)) if result.measured_mass else "-",
@@ -67,9 +70,7 @@ def _table(injections: Sequence[InjectionResult], measured: bool) -> Table:
             f"{result.start:.3f}",
             f"{report.rail_pressure / MEGAPASCAL:.1f}",
             _number(report.mass / MILLIGRAM),
-            "-" if interval is None else "-".join(f"{bound / MILLIGRAM:.1f}" for bound in interval),
-            _number(result.nominal_mass / MILLIGRAM),
-            *(comparison if measured else ()),
+            *([nominal, *comparison] if measured else [_range(report.mass_ci95), nominal]),
             f"{report.indicators.nozzle.value:+.3f}",
             f"{report.indicators.seat.value:+.3f}",
             "yes" if report.valid else "no",
@@ -97,6 +98,10 @@ def _ranges(numbers: Sequence[int]) -> str:
     return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
 
 
+def _range(interval: tuple[float, float] | None) -> str:
+    return "-" if interval is None else "-".join(f"{bound / MILLIGRAM:.1f}" for bound in interval)
+
+
 def _number(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.2f}"
 
@@ -110,12 +115,12 @@ def _line_side(injections: Sequence[InjectionResult], c: Coefficients) -> list[s
         ("line friction k", found.line_friction, 1.0, "-"),
         ("guide leakage c", found.guide_leakage, c.flow_scale / c.pressure_scale, "m3/(s Pa)"),
         ("bulk modulus r", found.bulk_modulus, 1.0, "-"),
-        ("entrained air K g / p_0", found.entrained_air, 1.0, "-"),
+        ("entrained air g", found.entrained_air, c.compression, "-"),
         ("line pressure sensor lag", found.line_pressure_lag, 1.0 / MICROSECOND, "us"),
         ("line pressure sensor offset", found.line_pressure_offset, c.pressure_scale / MEGAPASCAL, "MPa"),
     )
     return [
-        f"line-side or sensor matter, not in the rate: {name} = {estimate.value * factor:+.3g} "
+        f"beside the rate: {name} = {estimate.value * factor:+.3g} "
         f"± {1.96 * estimate.sigma * factor:.2g} {unit}"
         for name, estimate, factor, unit in matters
         if estimate.sigma and abs(estimate.value) > NOTEWORTHY * estimate.sigma

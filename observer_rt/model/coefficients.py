@@ -27,6 +27,7 @@ class Coefficients(NamedTuple):
     a6: float  # sac drained through the nozzle
     leak: float  # line drained by p_L - p_C, 0 for a tight injector
     air: float  # K g / p_0: how much entrained air softens the line, 0 without any
+    compression: float  # p_0/K_L, of the nominal line
     transition: float  # of the orifice laws, in units of p_0
     nozzle_flow: float  # Q_H = nozzle_flow * root(x3), m3/s
     pressure_scale: float  # p_0, Pa
@@ -58,6 +59,7 @@ def coefficients(parameters: InjectorParameters) -> Coefficients:
         a6=sac_stiffness * nozzle_flow,
         leak=0.0,
         air=0.0,
+        compression=p_0 / fluid.bulk_modulus_line,
         transition=TRANSITION_PRESSURE / p_0,
         nozzle_flow=nozzle_flow,
         pressure_scale=p_0,
@@ -103,6 +105,7 @@ def with_line_terms(c: Coefficients, terms: LineTerms) -> Coefficients:
         c.a6,
         c.leak + c.a1 * stiffer * terms.leakage,
         c.air + terms.air,
+        c.compression,
         c.transition,
         c.nozzle_flow,
         c.pressure_scale,

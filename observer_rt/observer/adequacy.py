@@ -7,12 +7,14 @@ from observer_rt.estimation.phases import Phase, PhaseStatistics
 from observer_rt.observer.state import Reason
 
 # A phase is coloured when some statistic, pooled over recent events, exceeds white noise by this many of its
-# standard deviations and by this factor. The first keeps false alarms rare (below 1e-6 an event for white noise),
+# standard deviations and by this factor. The first keeps false alarms rare (below 1e-4 an event for white noise),
 # the second keeps a model that is good enough from being refused by very long recordings.
-SIGNIFICANT = 6.0
+SIGNIFICANT = 4.5
 RELEVANT_COLOUR = 1.6
 RELEVANT_VARIANCE = 1.15
-TEMPER_ABOVE = 1.6  # colour beyond which an event's information counts for less
+# colour beyond which an event's information counts for less, and how significant it must be
+TEMPER_ABOVE = 1.6
+TEMPER_SIGNIFICANT = 2.5
 POOLING = 0.7  # weight of the statistics before this event
 LARGEST_OFFSET = 2e6  # Pa, between line and rail pressure
 FREEZE_AFTER = 2  # events
@@ -48,22 +50,25 @@ def tempering(statistics: PhaseStatistics) -> float:
         (
             statistics.colour(phase)
             for phase in Phase
-            if statistics.excess(phase) > 3.0 and statistics.colour(phase) > TEMPER_ABOVE
+            if statistics.excess(phase) > TEMPER_SIGNIFICANT and statistics.colour(phase) > TEMPER_ABOVE
         ),
         default=1.0,
     )
 
 
 def findings(statistics: PhaseStatistics, offset: float, lag: float) -> list[Finding]:
-    """What speaks against an event; offset [Pa] and lag [s] as identified. Empty: it passed."""
+    """What speaks against an event; offset [Pa] and lag [s] as identified.
+
+    Empty: it passed. What names a cause comes first.
+    """
     result = []
-    phase = inadequate_phase(statistics)
-    if phase is not None:
-        result.append(Finding(Reason.MODEL_INADEQUATE, phase))
     if abs(offset) > LARGEST_OFFSET:
         result.append(Finding(Reason.PRESSURE_OFFSET))
     if lag > LARGEST_LAG:
         result.append(Finding(Reason.SENSOR_LAG))
+    phase = inadequate_phase(statistics)
+    if phase is not None:
+        result.append(Finding(Reason.MODEL_INADEQUATE, phase))
     return result
 
 

@@ -74,6 +74,12 @@ def close_event(observer: Observer, position: int) -> None:
         and long_enough
         and position - event.window_start < MAX_EVENT
     )
+    event.rest_count = memory.rest_count
+    event.offset_sum = memory.offset_sum
+    event.difference_count = memory.difference_count
+    event.rail_squares = memory.rail_squares
+    event.line_squares = memory.line_squares
+    event.lift_squares = memory.lift_squares
 
 
 @njit(cache=True, nogil=True)

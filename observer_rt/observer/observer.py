@@ -12,6 +12,7 @@ from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
 from observer_rt.observer.learning import EventLearner, Knowledge, Outcome, Verdict, dead_band
+from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import (
     OBSERVER,
     PENDING_EVENTS,
@@ -94,6 +95,15 @@ def event_window(observer: Observer, number: int) -> Window | None:
         start=np.append(rows["x_tilde"][0], rows["indicated"][0]),
         opening=int(event["opening"]) - start,
     )
+
+
+def event_standstill(observer: Observer, number: int) -> Standstill:
+    """What was known of the standstill when the `number`-th closed event (0, 1, ..) ended.
+
+    Not what is known when somebody asks: that depends on how many samples a frame carries.
+    """
+    event = observer.memory[0]["events"][number % PENDING_EVENTS]
+    return standstill_of(event, observer.constants.coefficients.pressure_scale)
 
 
 def in_force(observer: Observer) -> NDArray[np.float64]:

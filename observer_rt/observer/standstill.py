@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.observer.state import RING, Observer, Reason
@@ -85,9 +84,8 @@ class Standstill:
     noise: NoiseLevels | None  # None until ENOUGH_SAMPLES
 
 
-def standstill_of(memory: NDArray[np.void], pressure_scale: float) -> Standstill:
-    """Read the statistics out of an observer's memory; pressure_scale p_0 [Pa]."""
-    record = memory[0]
+def standstill_of(record: np.void, pressure_scale: float) -> Standstill:
+    """Read the statistics out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa]."""
     samples = int(record["rest_count"])
     offset = float(record["offset_sum"]) / samples if samples else 0.0
     count = int(record["difference_count"])

@@ -74,6 +74,16 @@ SAMPLE = np.dtype(
     align=True,
 )
 
+# what the closed needle has told so far
+_STANDSTILL = [
+    ("rest_count", np.int64),
+    ("offset_sum", np.float64),
+    ("difference_count", np.int64),
+    ("rail_squares", np.float64),
+    ("line_squares", np.float64),
+    ("lift_squares", np.float64),
+]
+
 EVENT = np.dtype(
     [
         ("number", np.int64),
@@ -82,6 +92,7 @@ EVENT = np.dtype(
         ("window_end", np.int64),
         ("opening", np.int64),
         ("learnable", np.bool_),
+        *_STANDSTILL,  # up to the event's end
     ],
     align=True,
 )
@@ -157,12 +168,7 @@ OBSERVER = np.dtype(
         ("injections_reported", np.int64),
         # statistics of the standstill
         ("rest_run", np.int64),
-        ("rest_count", np.int64),
-        ("offset_sum", np.float64),
-        ("difference_count", np.int64),
-        ("rail_squares", np.float64),
-        ("line_squares", np.float64),
-        ("lift_squares", np.float64),
+        *_STANDSTILL,
         # counters
         ("interpolated", np.int64),
         ("lost", np.int64),

@@ -19,6 +19,7 @@ from observer_rt.observer.learning import Knowledge, Outcome, Verdict, dead_band
 from observer_rt.observer.observer import (
     Durations,
     constants_for,
+    event_standstill,
     event_window,
     in_force,
     judge,
@@ -191,7 +192,7 @@ class Core:
     @property
     def standstill(self) -> Standstill:
         """Statistics of the closed needle since the start."""
-        return standstill_of(self._observer.memory, self._pressure_scale)
+        return standstill_of(self._observer.memory[0], self._pressure_scale)
 
     @property
     def counters(self) -> Counters:
@@ -233,7 +234,8 @@ class Core:
         closed = int(self._observer.memory["events_closed"][0])
         while self._events_submitted < closed:
             window = event_window(self._observer, self._events_submitted) if self._learning else None
-            self._training.submit(window, self.standstill, in_force(self._observer))
+            standstill = event_standstill(self._observer, self._events_submitted)
+            self._training.submit(window, standstill, in_force(self._observer))
             self._events_submitted += 1
 
     def _judge(self) -> None:

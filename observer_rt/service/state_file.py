@@ -21,7 +21,7 @@ from observer_rt.model.parameters import InjectorParameters, Scaling
 from observer_rt.observer.learning import GATE, Knowledge, theta_bounds
 from observer_rt.units import MEGAPASCAL, MICROMETRE
 
-VERSION = 1
+VERSION = 2
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
 LARGEST_COUNT = 1 << 53
 PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
@@ -202,14 +202,13 @@ def _count(content: Any) -> int:
     return content
 
 
-def _column(value: object) -> int:
-    """A gated column of theta."""
-    if value not in GATE.columns:
-        raise ValueError(value)
-    return int(value)
+def _column(content: Any) -> int:
+    if type(content) is not int or content not in GATE.columns:
+        raise _UnusableError(f"{content!r} is no parameter that can be left out")
+    return content
 
 
-def _statistics(content: dict[str, object]) -> PhaseStatistics:
+def _statistics(content: Any) -> PhaseStatistics:
     shapes = {name: values.shape for name, values in vars(no_statistics()).items()}
     return PhaseStatistics(**{name: _array(content[name], shape) for name, shape in shapes.items()})
 
@@ -223,10 +222,15 @@ def _problem(knowledge: Knowledge, pressure_scale: float) -> str | None:
             return f"{name} are not finite numbers"
     if np.any(knowledge.in_force < lowest) or np.any(knowledge.in_force > highest):
         return "the parameters in force lie beyond what an injector can do"
+    # the mean is free of the bounds' signs: it may say that a leak is slightly negative
+    if np.any(np.abs(knowledge.belief.mean) > np.maximum(-lowest, highest)):
+        return "the mean lies beyond what an injector can do"
     if not np.all(np.isfinite(covariance)):
         return "the covariance is not finite"
     if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
         return "the covariance is not symmetric and positive definite"
+    if not all(np.all(np.isfinite(sums) & (sums >= 0.0)) for sums in vars(knowledge.statistics).values()):
+        return "the statistics of the innovations are no sums of squares"
     for signal, sigma in asdict(knowledge.noise).items():
         if not (math.isfinite(sigma) and 0.0 < sigma <= getattr(LARGEST_NOISE, signal)):
             return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"

@@ -36,6 +36,7 @@ INDICATORS = {
     "line_pressure_sensor_offset",
     "line_pressure_sensor_lag",
     "bulk_modulus",
+    "entrained_air",
 }
 
 
@@ -82,6 +83,21 @@ def test_table_fits_80_columns_and_tells_what_is_not_valid(command: Command, wor
     assert "not valid for TOO_FEW_EVENTS: 1-2" in table
     rows = [line.split() for line in table[2:6]]
     assert [row[-1] for row in rows] == ["no", "no", "yes", "yes"]
+
+
+def test_table_without_a_measurement_says_how_sure_a_mass_is(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
+    unmeasured = tmp_path / "unmeasured.csv"
+    lines = worn.read_text().splitlines()
+    unmeasured.write_text("".join(line.rsplit(",", 1)[0] + "\n" for line in lines))
+    outcome = command("evaluate", unmeasured)
+    _, *table = outcome.out.splitlines()
+    assert max(len(line.rstrip()) for line in table) <= 80
+    mass, interval, nominal = table[5].split()[4:7]
+    low, high = (float(bound) for bound in interval.split("-"))
+    assert low - 0.05 <= float(mass) <= high + 0.05
+    assert float(nominal) < low
 
 
 def test_recording_without_injections(command: Command, resting: Path, tmp_path: Path) -> None:

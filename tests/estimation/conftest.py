@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from observer_rt.config import load_injector
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
-from observer_rt.estimation.prediction_error import network_of
-from observer_rt.estimation.predictor import Setting, Window
+from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.estimation.sensor import LAG_UNIT, lagged
+from observer_rt.model.coefficients import Coefficients, coefficients, with_line_terms
 from observer_rt.model.integrator import advance
-from observer_rt.model.network import HIDDEN, Network
+from observer_rt.model.network import HIDDEN
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.stability import substeps_needed
 
@@ -30,6 +31,12 @@ class Case:
     c: Coefficients
     schedule: GainSchedule
     setting: Setting
+
+    def tuned_to(self, theta: NDArray[np.float64]) -> "Case":
+        """The same model with the gain for the line and the sensor of theta."""
+        learned = learned_of(theta)
+        schedule = gain_schedule(with_line_terms(self.c, learned.line), NOISE, SAMPLE_RATE, learned.lag)
+        return Case(self.c, schedule, self.setting._replace(gain=schedule.gains[-1].copy()))
 
 
 @pytest.fixture(scope="session", params=list(LineOutflow), ids=str)
@@ -52,13 +59,18 @@ def make_case(injector: InjectorParameters) -> Case:
 
 
 def worn_theta(seed: int = 1) -> NDArray[np.float64]:
-    """A parameter vector (PARAMETERS,) with every entry away from 0; the offset is 0.4 MPa."""
+    """A parameter vector (PARAMETERS,) with every entry away from 0: offset 0.4 MPa, lag 25 us."""
     random = np.random.default_rng(seed)
     theta = np.zeros(PARAMETERS)
     theta[Parameter.NOZZLE_BIAS] = 0.25
     theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN] = random.uniform(0.02, 0.08, HIDDEN)
     theta[Parameter.SEAT_BIAS] = -0.15
     theta[Parameter.LINE_PRESSURE_OFFSET] = 0.004
+    theta[Parameter.LINE_FRICTION] = 0.8
+    theta[Parameter.GUIDE_LEAKAGE] = 0.03
+    theta[Parameter.BULK_MODULUS] = -0.07
+    theta[Parameter.SENSOR_LAG] = 25e-6 / LAG_UNIT
+    theta[Parameter.ENTRAINED_AIR] = 0.02
     return theta
 
 
@@ -73,14 +85,16 @@ def simulated_event(
     case: Case, theta: NDArray[np.float64], inputs: NDArray[np.float64], seed: int | None = None
 ) -> Window:
     """What is measured of an injector that is exactly `theta`; `seed` adds the noise of NOISE."""
-    network: Network = network_of(theta)
-    x = (float(inputs[0, 0]), 0.0, 0.0)
-    line = [x[0]]
-    for before, after in pairwise(inputs):
-        u_start, u_end = (float(before[0]), float(before[1])), (float(after[0]), float(after[1]))
-        x = advance(x, u_start, u_end, case.setting.interval, case.setting.substeps, case.c, network)
-        line.append(x[0])
-    output = np.array(line) + theta[Parameter.LINE_PRESSURE_OFFSET]
+    learned = learned_of(theta)
+    c, setting = with_line_terms(case.c, learned.line), case.setting
+    x = settled_line(c, float(inputs[0, 0]))
+    start = np.array([*x, x[0]])
+    indicated = [x[0]]
+    for u_start, u_end in pairwise((float(rail), float(area)) for rail, area in inputs):
+        before = x[0]
+        x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network)
+        indicated.append(lagged(indicated[-1], before, x[0], setting.interval, learned.lag))
+    output = np.array(indicated) + learned.offset
     measured = inputs.copy()
     if seed is not None:
         random = np.random.default_rng(seed)
@@ -89,4 +103,19 @@ def simulated_event(
     opened = np.flatnonzero(inputs[:, 1])
     opening = int(opened[0]) if opened.size else output.size
     resting = np.arange(output.size) < opening
-    return Window(measured, output, resting, np.array([inputs[0, 0], 0.0, 0.0]), opening)
+    return Window(measured, output, resting, start, opening)
+
+
+def settled_line(c: Coefficients, rail: float) -> tuple[float, float, float]:
+    """The state behind a shut needle that has rested for long: what leaks flows in, against the friction."""
+    pressure = rail
+    for _ in range(50):
+        pressure = rail - c.a4 / c.a3 * (c.leak / c.a1 * pressure) ** 2
+    return pressure, c.leak / c.a1 * pressure, 0.0
+
+
+def innovations_at(case: Case, window: Window, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Innovations (n,) of a window for theta."""
+    result = np.empty(window.output.size)
+    innovations(window, case.setting, learned_of(theta), result)
+    return result

@@ -1,6 +1,7 @@
 """The gain of the identification system against a Riccati solver and against simulated noise."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,36 +9,55 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
 from observer_rt.estimation.gain import NoiseLevels, gain_schedule
-from observer_rt.estimation.prediction_error import network_of
-from observer_rt.estimation.predictor import Setting, Window, innovations
-from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.network import zero_network
-from tests.estimation.conftest import NOISE, SAMPLE_RATE, Case, event_inputs, simulated_event, worn_theta
+from tests.estimation.conftest import (
+    NOISE,
+    SAMPLE_RATE,
+    Case,
+    event_inputs,
+    innovations_at,
+    simulated_event,
+    worn_theta,
+)
+
+HEALTHY = np.zeros(PARAMETERS)
 
 
 def steady_kalman(
-    c: Coefficients, noise: NoiseLevels, sample_rate: float
+    c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float
 ) -> tuple[NDArray[np.float64], float]:
-    """Gain (2,) and innovation sigma by matrix exponential and the algebraic Riccati equation."""
-    rates = np.array([[0.0, c.a1, 0.0], [-c.a3, 0.0, c.a3], [0.0, 0.0, 0.0]]) / sample_rate
-    sampled = expm(rates)
-    transition, rail = sampled[:2, :2], sampled[:2, 2]
+    """Gain (3,) and innovation sigma by matrix exponentials and the algebraic Riccati equation.
+
+    States p_L, Q_L and what the sensor indicates, which sees p_L as a ramp from sample to sample.
+    """
+    interval = 1.0 / sample_rate
+    line = expm(np.array([[0.0, c.a1, 0.0], [-c.a3, 0.0, c.a3], [0.0, 0.0, 0.0]]) * interval)
+    slowness = max(lag, 1e-3 * interval)
+    ramp = expm(np.array([[-1.0, 1.0, 0.0], [0.0, 0.0, slowness], [0.0, 0.0, 0.0]]) * interval / slowness)[0]
+    by_start, by_end = ramp[1] - ramp[2] / interval, ramp[2] / interval
+    transition = np.zeros((3, 3))
+    transition[:2, :2] = line[:2, :2]
+    transition[2] = [by_start + by_end * line[0, 0], by_end * line[0, 1], ramp[0]]
+    rail = np.array([line[0, 2], line[1, 2], by_end * line[0, 2]])
     process = np.outer(rail, rail) * (noise.rail_pressure / c.pressure_scale) ** 2
     measurement = np.array([[(noise.line_pressure / c.pressure_scale) ** 2]])
-    covariance = solve_discrete_are(transition.T, np.array([[1.0], [0.0]]), process, measurement)
-    variance = covariance[0, 0] + measurement[0, 0]
-    return covariance[:, 0] / variance, math.sqrt(variance)
+    output = np.array([[0.0, 0.0, 1.0]])
+    covariance = solve_discrete_are(transition.T, output.T, process, measurement)
+    variance = covariance[2, 2] + measurement[0, 0]
+    return covariance[:, 2] / variance, math.sqrt(variance)
 
 
 @pytest.mark.parametrize("sample_rate", [20e3, 50e3, 100e3])
 @pytest.mark.parametrize("rail_noise", [0.05e6, 0.1e6, 0.5e6])
+@pytest.mark.parametrize("lag", [0.0, 10e-6, 40e-6])
 def test_steady_gain_solves_the_riccati_equation(
-    nominal: Case, sample_rate: float, rail_noise: float
+    nominal: Case, sample_rate: float, rail_noise: float, lag: float
 ) -> None:
     noise = NoiseLevels(rail_noise, 0.15e6, 0.4e-6)
-    schedule = gain_schedule(nominal.c, noise, sample_rate)
-    gain, sigma = steady_kalman(nominal.c, noise, sample_rate)
+    schedule = gain_schedule(nominal.c, noise, sample_rate, lag)
+    gain, sigma = steady_kalman(nominal.c, noise, sample_rate, lag)
     np.testing.assert_allclose(schedule.gains[-1], gain, rtol=0.02)
     assert schedule.innovation_sigma == pytest.approx(sigma, rel=2e-3)
 
@@ -45,7 +65,8 @@ def test_steady_gain_solves_the_riccati_equation(
 def test_gain_is_the_one_known_to_work(nominal: Case) -> None:
     """p_L += 0.0494 e, Q_L += 0.0702 mm3/ms per MPa, innovations of 0.1538 MPa at the nominal noise, 100 kHz."""
     schedule = nominal.schedule
-    pressure, flow = schedule.gains[-1]
+    pressure, flow, indicated = schedule.gains[-1]
+    assert indicated == pressure  # a sensor without lag indicates the pressure
     assert pressure == pytest.approx(0.0494, rel=0.02)
     scale = nominal.c.flow_scale / nominal.c.pressure_scale  # m3/s per Pa
     assert flow * scale == pytest.approx(0.0702e-6 / 1e6, rel=0.02)
@@ -71,10 +92,12 @@ def test_start_in_a_ringing_line_is_good_after_a_millisecond(nominal: Case) -> N
     output = line + random.normal(0.0, NOISE.line_pressure / c.pressure_scale, line.size)
     x = np.array([output[0], 0.0, 0.0])
     for k in range(1, 101):
-        pair = Window(np.array([[0.95, 0.0]] * 2), output[k - 1 : k + 1], np.ones(2, np.bool_), x, opening=2)
-        error = np.empty(2)
+        start = np.append(x, x[0])
+        pair = Window(
+            np.array([[0.95, 0.0]] * 2), output[k - 1 : k + 1], np.ones(2, np.bool_), start, opening=2
+        )
         gain = nominal.schedule.gains[min(k - 1, len(nominal.schedule.gains) - 1)]
-        innovations(pair, setting._replace(gain=gain), zero_network(), 0.0, error)
+        error = innovations_at(replace(nominal, setting=setting._replace(gain=gain)), pair, HEALTHY)
         predicted = output[k] - error[1]
         x = _free_line(c, x)
         assert x[0] == pytest.approx(predicted, abs=1e-4)
@@ -103,24 +126,22 @@ def test_innovations_are_white_and_of_the_predicted_size(nominal: Case) -> None:
         np.column_stack([rail, np.zeros(count)]),
         line,
         np.ones(count, np.bool_),
-        np.array([0.95, 0.0, 0.0]),
+        np.array([0.95, 0.0, 0.0, 0.95]),
         count,
     )
-    result = np.empty(count)
-    innovations(window, nominal.setting, zero_network(), 0.0, result)
+    result = innovations_at(nominal, window, HEALTHY)
     _check_white(result[1000:], nominal.schedule.innovation_sigma, 0.01)
 
 
 def test_innovations_of_injections_are_white_with_the_true_wear(case: Case) -> None:
+    """Wear, line terms, lag and offset at once, and the gain that belongs to them."""
     theta = worn_theta()
+    tuned = case.tuned_to(theta)
     pieces = []
     for seed in range(40):
         window = simulated_event(case, theta, event_inputs(rail=0.4 + 0.03 * seed), seed=seed)
-        result = np.empty(window.output.size)
-        offset = float(theta[Parameter.LINE_PRESSURE_OFFSET])
-        innovations(window, case.setting, network_of(theta), offset, result)
-        pieces.append(result[50:])
-    _check_white(np.concatenate(pieces), case.schedule.innovation_sigma, 0.03)
+        pieces.append(innovations_at(tuned, window, theta)[50:])
+    _check_white(np.concatenate(pieces), tuned.schedule.innovation_sigma, 0.03)
 
 
 def _check_white(e: NDArray[np.float64], sigma: float, tolerance: float) -> None:
@@ -130,10 +151,15 @@ def _check_white(e: NDArray[np.float64], sigma: float, tolerance: float) -> None
     assert np.abs(correlations).max() < tolerance
 
 
-def test_wrong_wear_colours_the_innovations(nominal: Case) -> None:
+@pytest.mark.parametrize(
+    "parameter",
+    [Parameter.NOZZLE_BIAS, Parameter.SEAT_BIAS, Parameter.BULK_MODULUS, Parameter.SENSOR_LAG],
+    ids=lambda parameter: parameter.name,
+)
+def test_wrong_parameter_colours_the_innovations(nominal: Case, parameter: Parameter) -> None:
     """So that the tests above can fail."""
+    theta = worn_theta()
+    theta[parameter] = 0.0
     window = simulated_event(nominal, worn_theta(), event_inputs(), seed=1)
-    result = np.empty(window.output.size)
-    setting: Setting = nominal.setting
-    innovations(window, setting, zero_network(), 0.004, result)
+    result = innovations_at(nominal.tuned_to(theta), window, theta)
     assert np.corrcoef(result[51:], result[50:-1])[0, 1] > 0.2

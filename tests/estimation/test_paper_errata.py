@@ -1,24 +1,24 @@
 """What is printed wrongly in the paper, shown by numbers: the sign of (5), the update (17)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.estimation.predictor import innovations
-from observer_rt.model.network import zero_network
-from tests.estimation.conftest import SAMPLE_RATE, Case, event_inputs, simulated_event, worn_theta
+from observer_rt.estimation.sensitivity import PARAMETERS
+from tests.estimation.conftest import SAMPLE_RATE, Case, event_inputs, innovations_at, simulated_event
 
-HEALTHY = np.zeros_like(worn_theta())
+HEALTHY = np.zeros(PARAMETERS)
 
 
 def identification_errors(case: Case, gain: float) -> NDArray[np.float64]:
     """|y - C x~| of (5) with l = |gain| 1/s on p_L alone, from an initial error of 1 MPa."""
     window = simulated_event(case, HEALTHY, event_inputs(samples=1000))
-    window.start[0] += 0.01
-    setting = case.setting._replace(gain=np.array([gain / SAMPLE_RATE, 0.0]))
-    result = np.empty(window.output.size)
-    innovations(window, setting, zero_network(), 0.0, result)
-    return np.abs(result)
+    window.start[[0, 3]] += 0.01
+    per_sample = gain / SAMPLE_RATE
+    paper = replace(case, setting=case.setting._replace(gain=np.array([per_sample, 0.0, per_sample])))
+    return np.abs(innovations_at(paper, window, HEALTHY))
 
 
 @pytest.mark.parametrize("gain", [1e4, 3e4])

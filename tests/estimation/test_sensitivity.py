@@ -4,18 +4,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.estimation.prediction_error import network_of
-from observer_rt.estimation.predictor import Window, innovations, innovations_with_sensitivity
+from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.predictor import Window, innovations_with_sensitivity
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from tests.estimation.conftest import Case, event_inputs, simulated_event, worn_theta
+from observer_rt.estimation.sensor import LAG_UNIT
+from tests.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
 
-OFFSET = Parameter.LINE_PRESSURE_OFFSET
-
-
-def innovations_at(case: Case, window: Window, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    result = np.empty(window.output.size)
-    innovations(window, case.setting, network_of(theta), float(theta[OFFSET]), result)
-    return result
+HEALTHY = np.zeros(PARAMETERS)
+FLOW = range(Parameter.LINE_PRESSURE_OFFSET)  # nozzle and seat
+QUICK = worn_theta()
+QUICK[Parameter.SENSOR_LAG] = 5e-9 / LAG_UNIT  # far shorter than a sample: another branch of the sensor
 
 
 def with_slopes(
@@ -23,13 +21,11 @@ def with_slopes(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     result = np.empty(window.output.size)
     slopes = np.empty((window.output.size, PARAMETERS))
-    innovations_with_sensitivity(
-        window, case.setting, network_of(theta), float(theta[OFFSET]), result, slopes
-    )
+    innovations_with_sensitivity(window, case.setting, learned_of(theta), result, slopes)
     return result, slopes
 
 
-@pytest.mark.parametrize("theta", [np.zeros(PARAMETERS), worn_theta()], ids=["healthy", "worn"])
+@pytest.mark.parametrize("theta", [HEALTHY, worn_theta(), QUICK], ids=["healthy", "worn", "quick sensor"])
 @pytest.mark.parametrize("parameter", range(PARAMETERS))
 def test_slopes_are_the_derivatives_of_the_innovations(
     case: Case, theta: NDArray[np.float64], parameter: int
@@ -51,13 +47,13 @@ def test_innovations_are_the_same_with_and_without_slopes(case: Case) -> None:
 
 
 def test_nothing_flows_and_nothing_is_learned_while_shut(case: Case) -> None:
-    """Before the opening no flow parameter moves an innovation; the offset of the sensor does."""
+    """Before the opening no flow parameter moves an innovation; line and sensor do."""
     window = simulated_event(case, worn_theta(), event_inputs(), seed=3)
     _, slopes = with_slopes(case, window, worn_theta())
     shut = slopes[1 : window.opening]
-    flow_parameters = [p for p in range(PARAMETERS) if p != OFFSET]
-    assert not shut[:, flow_parameters].any()
-    assert shut[:, OFFSET].all()
+    assert not shut[:, FLOW].any()
+    others = [p for p in range(PARAMETERS) if p not in FLOW]
+    assert shut[1:, others].all()  # the lag from the second sample on
 
 
 def test_true_parameters_leave_no_innovation(case: Case) -> None:

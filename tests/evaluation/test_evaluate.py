@@ -146,7 +146,15 @@ def test_document_has_every_key_of_its_schema() -> None:
         *("nominal_mass_mg", "measured_mass_mg", "rate_rmse_mm3_per_ms", "nominal_rate_rmse_mm3_per_ms"),
         *("valid", "reasons", "state", "phi_version", "indicators"),
     }
-    assert set(first["indicators"]) >= {"nozzle_v_H", "seat_v_S", "line_pressure_sensor_offset"}
+    line = {"line_friction", "guide_leakage", "bulk_modulus", "entrained_air"}
+    sensor = {"line_pressure_sensor_offset", "line_pressure_sensor_lag"}
+    for injection in whole["injections"]:
+        assert set(injection["indicators"]) == {"nozzle_v_H", "seat_v_S", *line, *sensor}
+        for indicator in injection["indicators"].values():
+            assert set(indicator) == {"value", "ci95", "unit"}
+            assert indicator["ci95"][0] <= indicator["value"] <= indicator["ci95"][1]
+        low, high = injection["mass_ci95_mg"]
+        assert 0.0 < high - low < 0.1 * injection["mass_mg"]
     assert first["valid"] is False
     assert first["reasons"] == ["TOO_FEW_EVENTS"]
     assert whole["injections"][-1]["valid"] is True

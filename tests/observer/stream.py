@@ -14,6 +14,7 @@ from observer_rt.observer.learning import Learner, Outcome, no_knowledge
 from observer_rt.observer.observer import (
     Durations,
     constants_for,
+    event_standstill,
     event_window,
     in_force,
     judge,
@@ -110,7 +111,7 @@ class Stream:
     @property
     def standstill(self) -> Standstill:
         """Statistics so far."""
-        return standstill_of(self.observer.memory, self.observer.constants.coefficients.pressure_scale)
+        return standstill_of(self.observer.memory[0], self.observer.constants.coefficients.pressure_scale)
 
     def _advance(self) -> None:
         while advance_stream(self.observer):
@@ -118,10 +119,13 @@ class Stream:
             position = self.count("processed")
             waiting_index = int(self.observer.ring[position % RING]["index"])
             self.judged.append(waiting_index if position < self.count("received") else -1)
-            window = event_window(self.observer, self.count("events_taken")) if self.learning else None
+            number = self.count("events_taken")
+            window = event_window(self.observer, number) if self.learning else None
             outcome = None
             if window is not None:
-                outcome = self.learner.learn(window, self.standstill, in_force(self.observer))
+                outcome = self.learner.learn(
+                    window, event_standstill(self.observer, number), in_force(self.observer)
+                )
             self.outcomes.append(outcome)
             judge(self.observer, outcome)
         self._keep()

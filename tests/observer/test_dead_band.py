@@ -58,12 +58,43 @@ def test_two_samples_above_the_band_open_and_the_look_back_has_its_raw_lift() ->
 
 def test_foot_of_the_ramp_does_not_close_the_needle_again() -> None:
     """Look-back samples lie below the closing threshold: still one injection."""
-    lift = np.concatenate([[0.1 * UM, 0.2 * UM, 0.4 * UM], stroke(60)])
+    lift = np.concatenate([[0.7 * UM, 0.8 * UM, 0.9 * UM], stroke(60)])
     stream = Stream().rest(5e-3)
     pressure = np.full(lift.size, RAIL)
     stream.feed(pressure, lift, pressure).rest(1e-3)
     assert stream.count("injections_begun") == 1
     assert open_samples(lift) == list(range(63))
+
+
+@pytest.mark.parametrize(
+    ("foot", "first"),
+    [
+        ([0.7, 0.8, 0.9], 0),
+        ([0.7, 0.5, 0.9], 2),  # what lies in the noise parts the foot from what was before
+        ([0.1, 0.2, 0.4], 3),
+        ([3.0, 0.9, 0.9], 1),  # a spike before it is none of it
+    ],
+)
+def test_look_back_is_only_as_long_as_the_lift_stands_out_of_the_noise(foot: list[float], first: int) -> None:
+    assert open_samples(np.concatenate([np.array(foot) * UM, stroke(60)]))[0] == first
+
+
+@pytest.mark.parametrize("phase", [0.2, 0.5, 0.9])
+def test_seat_opens_and_shuts_between_samples_where_the_needle_does(phase: float) -> None:
+    """20 kHz, 0.4 m/s: 20 um a sample. The ramps start and end `phase` of a sample after one."""
+    time = np.arange(80) - 20 - phase
+    lift = 20 * UM * np.clip(np.minimum(time, 40 - time), 0.0, 15.0)
+    stream = Stream(sample_rate=20e3).rest(5e-3)
+    pressure = np.full(lift.size, RAIL)
+    stream.feed(pressure, lift, pressure).rest(1e-3)
+    area = stream.rows["seat_area"][100:180]
+    opened = np.flatnonzero(area > 0.0)
+    before, after = opened[0] - 1, opened[-1] + 1
+    assert (before, after) == (20, 61)
+    zero = [before - area[before] / (area[before + 1] - area[before]), after]
+    zero[1] = after - area[after] / (area[after] - area[after - 1])
+    assert zero == pytest.approx([20 + phase, 60 + phase], abs=0.06)
+    assert not area[[before - 1, after + 1]].any()
 
 
 def test_hysteresis() -> None:

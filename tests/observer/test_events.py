@@ -37,24 +37,25 @@ def test_pilot_main_and_post_are_one_event() -> None:
 
 
 def test_window_of_an_injection() -> None:
-    """From 0.15 ms before its opening to 0.5 ms after it is shut, or to where the next one opens.
-
-    The look-back of three samples belongs to the opening.
-    """
+    """From 0.15 ms before its opening to 0.5 ms after it is shut, or to where the next one opens."""
     stream = run({1000: 30, 1060: 110, 1400: 40}, 6000)
     first, second, third = stream.injections
-    assert (int(first["start_index"]), int(first["end_index"])) == (
-        1000 - 3 - 15,
-        1060 - 3,
-    )  # with the look-back
-    assert int(second["start_index"]) == 1060 - 3 - 15
-    assert int(second["end_index"]) == 1170 + 50
-    assert (int(third["start_index"]), int(third["end_index"])) == (1400 - 3 - 15, 1440 + 50)
+    assert (int(first["start_index"]), int(first["end_index"])) == (1000 - 15, 1060)
+    assert (int(second["start_index"]), int(second["end_index"])) == (1060 - 15, 1170 + 50)
+    assert (int(third["start_index"]), int(third["end_index"])) == (1400 - 15, 1440 + 50)
+
+
+def test_window_of_a_slow_opening_begins_at_the_foot_of_its_ramp() -> None:
+    pressure = np.full(3000, RAIL)
+    lift = lift_with({1000: 110}, 3000)
+    lift[998:1000] = 0.9e-6, 1.7e-6  # below the dead band, above the noise
+    stream = Stream().feed(pressure, lift, pressure)
+    assert int(stream.injections[0]["start_index"]) == 998 - 15
 
 
 @pytest.mark.parametrize(("apart", "events"), [(GAP - 1, 1), (GAP + 4, 2)])
 def test_event_gap_parts_events(apart: int, events: int) -> None:
-    """Shut for less than the gap is the same event; the look-back belongs to the opening."""
+    """Shut for less than the gap is the same event."""
     stream = run({1000: 50, 1050 + apart: 50}, 8000)
     assert stream.count("event_number") == events
 

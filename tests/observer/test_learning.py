@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config import load_bench
+from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.posterior import Belief
-from observer_rt.estimation.prediction_error import network_of
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.evaluation.evaluate import History, evaluate
@@ -123,7 +123,7 @@ def nozzle_wear(v_h: float) -> Vector:
 
 def wear_of(theta: Vector) -> float:
     """v_H that theta means with the needle open at 95 MPa: bias and hidden neurons share it."""
-    return float(flow_changes((0.9, 1.0, 0.8), (0.95, 0.9), network_of(theta))[0])
+    return float(flow_changes((0.9, 1.0, 0.8), (0.95, 0.9), learned_of(theta).network)[0])
 
 
 def event(v_h: float, seed: int | None = None) -> Window:
@@ -133,7 +133,7 @@ def event(v_h: float, seed: int | None = None) -> Window:
     area = np.interp(time, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
     x = (0.95, 0.0, 0.0)
     line = [x[0]]
-    network = network_of(nozzle_wear(v_h))
+    network = learned_of(nozzle_wear(v_h)).network
     for k in range(699):
         u_start, u_end = (0.95, float(area[k])), (0.95, float(area[k + 1]))
         x = advance(x, u_start, u_end, 1e-5, constants.substeps, constants.coefficients, network)
@@ -142,7 +142,7 @@ def event(v_h: float, seed: int | None = None) -> Window:
     if seed is not None:
         output += np.random.default_rng(seed).normal(0.0, NOISE.line_pressure / 100e6, output.size)
     inputs = np.column_stack([np.full(time.size, 0.95), area])
-    return Window(inputs, output, time < 1.0e-3, np.array([0.95, 0.0, 0.0]), opening=100)
+    return Window(inputs, output, time < 1.0e-3, np.array([0.95, 0.0, 0.0, 0.95]), opening=100)
 
 
 def learner_with(belief: Belief, in_force: Vector) -> Learner:
@@ -159,7 +159,7 @@ def test_better_phi_is_adopted() -> None:
         event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0)
     )
     assert outcome.verdict is Verdict.ADOPTED
-    assert wear_of(outcome.theta) == pytest.approx(0.3, abs=0.02)
+    assert wear_of(outcome.estimate) == pytest.approx(0.3, abs=0.02)
 
 
 def test_phi_that_predicts_worse_is_rejected_and_the_old_one_stays() -> None:
@@ -183,7 +183,8 @@ def test_adopted_phi_takes_force() -> None:
     observer = make_observer(constants, knowledge, learner)
     outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
     judge(observer, outcome)
-    np.testing.assert_array_equal(in_force(observer), outcome.theta)
+    np.testing.assert_array_equal(in_force(observer), outcome.estimate)
+    np.testing.assert_array_equal(outcome.knowledge.in_force, outcome.estimate)
     assert int(observer.memory["phi_version"][0]) == 4
 
 
@@ -202,12 +203,13 @@ def test_event_that_cannot_be_learned_from_changes_nothing(
     broken = event(0.3, seed=1)
     outcome = learner.learn(broken._replace(output=damage(broken.output)), NO_STANDSTILL, nozzle_wear(0.1))
     assert outcome.verdict is Verdict.FAILED
-    np.testing.assert_array_equal(outcome.theta, nozzle_wear(0.1))
-    np.testing.assert_array_equal(outcome.belief.mean, nozzle_wear(0.1))
+    np.testing.assert_array_equal(outcome.knowledge.in_force, nozzle_wear(0.1))
+    np.testing.assert_array_equal(outcome.estimate, nozzle_wear(0.1))
+    np.testing.assert_array_equal(outcome.knowledge.belief.mean, nozzle_wear(0.1))
     # and the next event is learned from as if it had not been
     after = learner.learn(event(0.3, seed=2), NO_STANDSTILL, nozzle_wear(0.1))
     assert after.verdict is Verdict.ADOPTED
-    assert wear_of(after.theta) == pytest.approx(0.3, abs=0.02)
+    assert wear_of(after.estimate) == pytest.approx(0.3, abs=0.02)
 
 
 def test_same_events_same_bits() -> None:
@@ -216,5 +218,27 @@ def test_same_events_same_bits() -> None:
         learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
         learner.learn(event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0))
         outcomes.append(learner.learn(event(0.3, seed=2), NO_STANDSTILL, nozzle_wear(0.0)))
-    np.testing.assert_array_equal(outcomes[0].theta, outcomes[1].theta)
-    np.testing.assert_array_equal(outcomes[0].belief.covariance, outcomes[1].belief.covariance)
+    np.testing.assert_array_equal(outcomes[0].estimate, outcomes[1].estimate)
+    first, second = (outcome.knowledge.belief.covariance for outcome in outcomes)
+    np.testing.assert_array_equal(first, second)
+
+
+def test_standstill_that_contradicts_the_model_freezes_learning() -> None:
+    """Something swings in the shut line that the model does not know: phi falls back to 0 until it is over."""
+    learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+    carried = nozzle_wear(0.0)
+    verdicts = []
+    for number in range(12):
+        window = event(0.3, seed=number)
+        if number < 3:
+            window.output[:100] += 4e-3 * np.sin(np.arange(100) / 8)
+        outcome = learner.learn(window, NO_STANDSTILL, carried)
+        carried = outcome.knowledge.in_force
+        verdicts.append(outcome.verdict)
+        if outcome.verdict is Verdict.FROZEN:
+            assert not carried.any()
+            assert not outcome.knowledge.belief.mean.any()
+    assert verdicts[:3] == [Verdict.ADOPTED, Verdict.FROZEN, Verdict.FROZEN]
+    assert verdicts[5] is Verdict.FROZEN  # fewer than three good events since
+    assert Verdict.FROZEN not in verdicts[-2:]
+    assert wear_of(carried) == pytest.approx(0.3, abs=0.02)

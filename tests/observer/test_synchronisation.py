@@ -30,7 +30,9 @@ def noisy(
 def test_shut_for_three_milliseconds_the_observer_follows_the_identification() -> None:
     stream = Stream().feed(*noisy(3000, {1000: 110}))
     rows = stream.rows
-    opening, shut = 1000 - LOOK_BACK, int(np.flatnonzero(rows["seat_area"])[-1]) + 1
+    opened = np.flatnonzero(rows["seat_area"] > 0.0)
+    opening, shut = int(opened[0]), int(opened[-1]) + 1
+    assert 1000 - LOOK_BACK <= opening <= 1000
     follows = (rows["x_hat"] == rows["x_tilde"]).all(axis=1)
     assert follows[3 * MS + 1 : opening].all()
     assert not follows[opening + 1 : shut + 3 * MS].any()

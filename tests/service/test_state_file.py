@@ -19,9 +19,10 @@ from hypothesis import strategies as st
 from observer_rt.config import load_injector
 from observer_rt.errors import RunError, UserError
 from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.observer.learning import Knowledge, no_knowledge
+from observer_rt.observer.learning import GATE, Knowledge, no_knowledge, theta_bounds
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
 
 MODEL = model_hash(load_injector())
@@ -35,19 +36,30 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
     root = 0.1 * random.normal(size=(PARAMETERS, PARAMETERS))
     covariance = root @ root.T + 1e-6 * np.eye(PARAMETERS)
     covariance = 0.5 * (covariance + covariance.T)
-    theta = random.uniform(-0.09, 0.09, (2, PARAMETERS))
-    noise = NoiseLevels(*(random.uniform(0.1, 1.0, 3) * [1e6, 1e6, 1e-6]).tolist())
-    return Knowledge(Belief(theta[0], covariance), theta[1], noise, phi_version, events)
+    lowest, highest = theta_bounds(PRESSURE_SCALE)
+    return Knowledge(
+        belief=Belief(random.uniform(-0.09, 0.09, PARAMETERS), covariance),
+        in_force=np.clip(random.uniform(-0.09, 0.09, PARAMETERS), lowest, highest),
+        noise=NoiseLevels(*(random.uniform(0.1, 1.0, 3) * [1e6, 1e6, 1e-6]).tolist()),
+        active=frozenset(column for column in GATE.columns if random.random() < 0.5),
+        phi_version=phi_version,
+        events=events,
+        statistics=PhaseStatistics(
+            *(random.uniform(0.0, 1e4, sums.shape) for sums in vars(no_statistics()).values())
+        ),
+    )
 
 
 def same(left: Knowledge | None, right: Knowledge) -> bool:
     """Whether two pieces of knowledge agree in every bit."""
-    return left is not None and (
-        left.belief.mean.tobytes() == right.belief.mean.tobytes()
-        and left.belief.covariance.tobytes() == right.belief.covariance.tobytes()
-        and left.in_force.tobytes() == right.in_force.tobytes()
-        and (left.noise, left.phi_version, left.events) == (right.noise, right.phi_version, right.events)
-    )
+    return left is not None and bits(left) == bits(right)
+
+
+def bits(knowledge: Knowledge) -> tuple[object, ...]:
+    """Every field of a piece of knowledge, arrays by their bytes."""
+    fields = dict(vars(knowledge)) | vars(knowledge.belief) | vars(knowledge.statistics)
+    del fields["belief"], fields["statistics"]
+    return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in fields.values())
 
 
 @in_one_folder
@@ -125,7 +137,8 @@ def remove(key: str) -> Callable[[dict[str, Any]], None]:
 
 
 NOT_RESTORED = {
-    "version": (put("version", value=2), "version 2"),
+    "older version": (put("version", value=1), "format is version 1, not 2"),
+    "newer version": (put("version", value=3), "format is version 3, not 2"),
     "model": (put("content", "model_sha256", value="0" * 64), "another injector model"),
     "short mean": (put("content", "mean", value=[0.0] * (PARAMETERS - 1)), "shape"),
     "flat covariance": (put("content", "covariance", value=[1.0] * PARAMETERS), "shape"),
@@ -135,7 +148,12 @@ NOT_RESTORED = {
     "too large a number": (put("content", "mean", 0, value=10**400), "not a learned state"),
     "asymmetric": (put("content", "covariance", 0, 1, value=0.9), "symmetric"),
     "negative variance": (put("content", "covariance", 2, 2, value=-1.0), "positive definite"),
-    "wear beyond bounds": (put("content", "mean", int(Parameter.NOZZLE_BIAS), value=0.81), "beyond"),
+    "wear beyond bounds": (put("content", "mean", int(Parameter.NOZZLE_BIAS), value=1.51), "beyond"),
+    "impossible leak": (put("content", "in_force", int(Parameter.GUIDE_LEAKAGE), value=-1e-9), "beyond"),
+    "active network": (put("content", "active", value=[int(Parameter.NOZZLE_BIAS)]), "left out"),
+    "active fraction": (put("content", "active", value=[float(Parameter.SENSOR_LAG)]), "left out"),
+    "short statistics": (put("content", "statistics", "squares", value=[1.0]), "shape"),
+    "negative statistics": (put("content", "statistics", "blocks", 0, 0, value=-1.0), "sums of squares"),
     "offset beyond bounds": (
         put("content", "in_force", int(Parameter.LINE_PRESSURE_OFFSET), value=-0.101),
         "beyond",
@@ -193,7 +211,7 @@ def test_nothing_set_aside_is_overwritten(tmp_path: Path) -> None:
 
 
 def test_the_offset_bound_is_in_pascal(tmp_path: Path) -> None:
-    """0.15 p_0 is 15 MPa for p_0 = 100 MPa, and 7.5 MPa for half of that."""
+    """0.15 p_0 is 15 MPa for p_0 = 100 MPa, and 7.5 MPa for half of that; 10 MPa are allowed."""
     knowledge = some_knowledge()
     knowledge.in_force[Parameter.LINE_PRESSURE_OFFSET] = 0.15
     with pytest.raises(RunError, match="beyond"):

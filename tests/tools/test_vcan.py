@@ -110,7 +110,7 @@ def test_nothing_is_left_when_it_is_killed(tmp_path: Path) -> None:
         # Every process of the command holds its output open: the end comes when the last one is gone.
         assert process.stdout.read() == b""
     end = time.monotonic() + 10.0
-    while leftovers(tmp_path) and time.monotonic() < end:
+    while (leftovers(tmp_path) or processes_that_mention(str(tmp_path))) and time.monotonic() < end:
         time.sleep(0.05)
     assert leftovers(tmp_path) == []
     assert processes_that_mention(str(tmp_path)) == []

@@ -1,0 +1,130 @@
+"""Scalars that must pay for themselves: against a search written another way."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.estimation.gating import ENTER, STAY, Gate, best_subset, conditional_covariance
+
+SIZE = 6
+GATE = Gate(columns=(1, 3, 4), lowest=(-0.5, 0.0, 0.0))
+
+
+def belief(seed: int, strength: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Information (SIZE, SIZE) and vector of a random Gaussian belief."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(SIZE, SIZE))
+    information = strength * (root @ root.T + 0.2 * np.eye(SIZE))
+    return information, information @ random.normal(size=SIZE)
+
+
+def searched(
+    information: NDArray[np.float64], vector: NDArray[np.float64], active: frozenset[int]
+) -> tuple[NDArray[np.float64], frozenset[int]]:
+    """Every choice of on and off by least squares on a square root of the information."""
+    square_root = np.linalg.cholesky(information).T
+    target = np.linalg.solve(square_root.T, vector)
+    best: tuple[float, NDArray[np.float64], frozenset[int]] | None = None
+    for switches in product([False, True], repeat=len(GATE.columns)):
+        off = [c for c, on in zip(GATE.columns, switches, strict=True) if not on]
+        used = [c for c in range(SIZE) if c not in off]
+        theta = np.zeros(SIZE)
+        theta[used] = np.linalg.lstsq(square_root[:, used], target, rcond=None)[0]
+        if any(on and theta[c] < low for c, low, on in zip(GATE.columns, GATE.lowest, switches, strict=True)):
+            continue
+        chi2 = float(np.sum((square_root @ theta - target) ** 2))
+        on = frozenset(c for c in GATE.columns if c not in off)
+        cost = chi2 + STAY * len(on & active) + ENTER * len(on - active)
+        if best is None or cost < best[0]:
+            best = cost, theta, on
+    assert best is not None  # all off is always possible
+    return best[1], best[2]
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.integers(0, 10_000), st.floats(-1.0, 2.0), st.frozensets(st.sampled_from(GATE.columns)))
+def test_best_subset_is_the_best(seed: int, exponent: float, active: frozenset[int]) -> None:
+    information, vector = belief(seed, 10.0**exponent)
+    theta, chosen = best_subset(information, vector, GATE, active)
+    expected, expected_chosen = searched(information, vector, active)
+    assert chosen == expected_chosen
+    np.testing.assert_allclose(theta, expected, atol=1e-8)
+    left_out = [c for c in GATE.columns if c not in chosen]
+    assert not theta[left_out].any()
+
+
+def single(significance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nothing known but column 3, which is `significance` of its standard deviations above 0."""
+    information = np.eye(SIZE)
+    vector = np.zeros(SIZE)
+    vector[3] = significance
+    return information, vector
+
+
+@pytest.mark.parametrize(
+    ("significance", "active", "chosen"),
+    [(3.9, False, False), (4.1, False, True), (2.4, True, False), (2.6, True, True), (2.6, False, False)],
+)
+def test_four_sigma_to_enter_and_two_and_a_half_to_stay(
+    significance: float, active: bool, chosen: bool
+) -> None:
+    before = frozenset({3}) if active else frozenset[int]()
+    theta, after = best_subset(*single(significance), GATE, before)
+    assert (after == {3}) == chosen
+    assert theta[3] == pytest.approx(significance if chosen else 0.0)
+
+
+def test_impossible_sign_is_not_chosen_however_well_it_fits() -> None:
+    theta, chosen = best_subset(*single(-50.0), GATE, frozenset({3}))
+    assert chosen == frozenset()
+    assert not theta.any()
+
+
+def test_lower_bound_may_be_negative() -> None:
+    information, vector = 1e4 * np.eye(SIZE), np.zeros(SIZE)
+    vector[1] = -0.4e4
+    assert best_subset(information, vector, GATE, frozenset())[1] == {1}
+    vector[1] = -0.6e4
+    assert best_subset(information, vector, GATE, frozenset())[1] == frozenset()
+
+
+def test_two_that_only_pay_together_are_found() -> None:
+    """Alone each explains next to nothing: a search that adds one at a time would stop."""
+    information = 1e4 * np.eye(SIZE)
+    information[3, 4] = information[4, 3] = -0.99e4
+    truth = np.zeros(SIZE)
+    truth[[3, 4]] = 0.1
+    theta, chosen = best_subset(information, information @ truth, GATE, frozenset())
+    for alone in (3, 4):
+        gain = (information @ truth)[alone] ** 2 / information[alone, alone]
+        assert gain < ENTER
+    assert chosen == frozenset()  # 0.1 is worth 2 here, the price is 32
+    theta, chosen = best_subset(information, information @ (10 * truth), GATE, frozenset())
+    assert chosen == {3, 4}
+    np.testing.assert_allclose(theta, 10 * truth, atol=1e-9)
+
+
+def test_singular_information_is_refused() -> None:
+    with pytest.raises(np.linalg.LinAlgError):
+        best_subset(np.zeros((SIZE, SIZE)), np.zeros(SIZE), GATE, frozenset())
+
+
+@given(st.integers(0, 10_000), st.frozensets(st.sampled_from(GATE.columns)))
+def test_conditional_covariance_is_what_remains_when_the_rest_is_known(
+    seed: int, active: frozenset[int]
+) -> None:
+    """By the Schur complement of the joint covariance."""
+    information, _ = belief(seed, 1.0)
+    joint = np.linalg.inv(information)
+    known = [c for c in GATE.columns if c not in active]
+    used = [c for c in range(SIZE) if c not in known]
+    expected = np.zeros((SIZE, SIZE))
+    expected[np.ix_(used, used)] = joint[np.ix_(used, used)]
+    if known:
+        cross = joint[np.ix_(used, known)]
+        expected[np.ix_(used, used)] -= cross @ np.linalg.inv(joint[np.ix_(known, known)]) @ cross.T
+    np.testing.assert_allclose(conditional_covariance(information, GATE, active), expected, atol=1e-6)

@@ -1,0 +1,66 @@
+"""The observer on recordings of the benchmark's plant, which shares no code with it; each case runs once."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.observer.indicators import Estimate, Indicators
+from observer_rt.service.report import InjectionReport
+from tools.benchmarks.plant import Bench, Event, Needle, Shot, record
+from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.scoring import bench_at, recording_of
+from tools.benchmarks.windows import windows_of
+
+EVENTS = 10
+HEALTHY = Faults()
+RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
+DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s, of the openings
+
+
+@dataclass(frozen=True, eq=False)
+class PlantRun:
+    """Estimated and true mass [mg] of every event, and what the observer said of its injection."""
+
+    estimated: NDArray[np.float64]
+    true: NDArray[np.float64]
+    reports: tuple[InjectionReport, ...]
+
+    @property
+    def errors(self) -> NDArray[np.float64]:
+        """Relative mass error of every event."""
+        return np.asarray(self.estimated / self.true - 1.0, np.float64)
+
+    def error(self, first: int) -> float:
+        """Relative error of the masses of the events from number `first` (from 1) on, together."""
+        return float(self.estimated[first - 1 :].sum() / self.true[first - 1 :].sum() - 1.0)
+
+    def indicator(self, name: str) -> Estimate:
+        """An indicator after the last event. Raises AttributeError for an unknown name."""
+        indicators: Indicators = self.reports[-1].indicators
+        estimate: Estimate = getattr(indicators, name)
+        return estimate
+
+
+@cache
+def run_plant(faults: Faults, events: int = EVENTS, change_at: int | None = None, seed: int = 5) -> PlantRun:
+    """Single injections at changing operating points; with `change_at` (from 1) healthy before that event."""
+    schedule = []
+    for k in range(events):
+        changed = change_at is None or k + 1 >= change_at
+        shot = Shot(7e-6 * (k % 5), DURATIONS[k % len(DURATIONS)])
+        rail = RAIL_PRESSURES[k % len(RAIL_PRESSURES)]
+        schedule.append(Event(rail, (shot,), faults if changed else HEALTHY))
+    injector = Injector()
+    bench = Bench(injector, Needle(), tuple(schedule), seed=seed)
+    outcome = record(bench)
+    evaluation = evaluate(bench_at(bench.sample_rate), [recording_of(outcome)]).evaluations[0]
+    assert len(evaluation.reports) == events
+    windows = windows_of(outcome, bench.sample_rate)
+    return PlantRun(
+        np.array(windows.event_masses_mg(np.nan_to_num(evaluation.trace.injection_rate), injector.density)),
+        np.array(windows.event_masses_mg(outcome.truth.injection_rate, injector.density)),
+        evaluation.reports,
+    )

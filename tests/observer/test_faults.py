@@ -1,0 +1,102 @@
+"""Line and sensor faults on a plant that shares no code with the observer: told from wear, named, or refused."""
+
+import pytest
+
+from observer_rt.config import load_injector
+from observer_rt.observer.state import Reason
+from tests.observer.plant_runs import EVENTS, HEALTHY, PlantRun, run_plant
+from tools.benchmarks.plant_parameters import Faults
+
+INJECTOR = load_injector()
+P_0, Q_0 = INJECTOR.scaling.pressure, INJECTOR.scaling.flow
+SOFTENED = INJECTOR.fluid.bulk_modulus_line / P_0  # times g: the air term
+FAULTS = {
+    "line friction x 3": (Faults(line_friction=2.0), "line_friction", 2.0),
+    "leak": (Faults(guide_leakage=3e-14), "guide_leakage", 3e-14 * P_0 / Q_0),
+    "stiffer line": (Faults(bulk_modulus=0.2), "bulk_modulus", 0.2),
+    "softer line": (Faults(bulk_modulus=-0.2), "bulk_modulus", -0.2),
+    "sensor lag": (Faults(line_pressure_sensor_lag=40e-6), "line_pressure_lag", 40e-6),
+    "line offset": (Faults(line_pressure_sensor_offset=0.8e6), "line_pressure_offset", 0.8e6 / P_0),
+    "entrained air": (Faults(entrained_air=4e-3), "entrained_air", 4e-3 * SOFTENED),
+}
+GATED = {"line_friction", "guide_leakage", "bulk_modulus", "line_pressure_lag", "entrained_air"}
+
+
+def check_well_estimated(run: PlantRun) -> None:
+    assert abs(run.error(first=6)) <= 0.006
+    assert all(report.valid for report in run.reports[5:])
+    assert abs(run.indicator("nozzle").value) < 0.015
+    assert abs(run.indicator("seat").value) < 0.03
+
+
+def test_healthy_injector_names_nothing() -> None:
+    run = run_plant(HEALTHY)
+    check_well_estimated(run)
+    assert all(run.indicator(name).value == 0.0 for name in GATED)
+    assert abs(run.indicator("line_pressure_offset").value) * P_0 < 0.02e6
+    assert [report.reason for report in run.reports[:3]] == [
+        Reason.TOO_FEW_EVENTS,
+        Reason.TOO_FEW_EVENTS,
+        Reason.NONE,
+    ]
+
+
+@pytest.mark.parametrize(("faults", "name", "true"), FAULTS.values(), ids=FAULTS)
+def test_fault_is_named_and_the_mass_is_right(faults: Faults, name: str, true: float) -> None:
+    run = run_plant(faults)
+    check_well_estimated(run)
+    estimate = run.indicator(name)
+    assert estimate.value == pytest.approx(true, rel=0.15)
+    assert estimate.sigma is not None
+    assert abs(estimate.value - true) < max(6 * estimate.sigma, 0.02 * abs(true))
+    others = GATED - {name}
+    assert all(run.indicator(other).value == 0.0 for other in others)
+
+
+@pytest.mark.parametrize("offset", [3e6, -3e6])
+def test_rail_offset_beyond_a_good_sensor_is_refused(offset: float) -> None:
+    """From p_L alone a rail offset is the line sensor's with the other sign: the level of Q_H hangs on which."""
+    run = run_plant(Faults(rail_pressure_sensor_offset=offset))
+    assert not any(report.valid for report in run.reports)
+    assert Reason.PRESSURE_OFFSET in {report.reason for report in run.reports[2:]}
+    assert run.indicator("line_pressure_offset").value * P_0 == pytest.approx(-offset, rel=0.15)
+
+
+@pytest.mark.parametrize("name", ["healthy", *FAULTS])
+def test_interval_holds_the_true_mass(name: str) -> None:
+    """Of 95 % intervals, at most two in eight may miss: that happens once in 180 such runs."""
+    run = run_plant(HEALTHY if name == "healthy" else FAULTS[name][0])
+    held = 0
+    for report, true in zip(run.reports[2:], run.true[2:], strict=True):
+        assert report.mass_ci95 is not None
+        low, high = (bound * 1e6 for bound in report.mass_ci95)
+        assert 0.0 < high - low < 0.04 * true
+        held += low <= true <= high
+    assert held >= EVENTS - 2 - 2
+
+
+JUMP_AT = 6
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+@pytest.mark.parametrize("wear", [0.3, -0.3])
+def test_sudden_wear_is_followed_and_its_own_event_is_not_valid(seed: int, wear: float) -> None:
+    run = run_plant(Faults(orifice_area=wear), 11, JUMP_AT, seed)
+    assert all(report.valid for report in run.reports[2 : JUMP_AT - 1])
+    own = run.reports[JUMP_AT - 1]
+    assert (own.valid, own.reason) == (False, Reason.SUDDEN_CHANGE)
+    assert abs(run.errors[JUMP_AT - 1]) > 0.15  # its live rate could not know
+    assert abs(run.errors[JUMP_AT + 2 :]).max() < 0.01  # within three events
+    wrong = [r.number for r, e in zip(run.reports, run.errors, strict=True) if r.valid and abs(e) > 0.02]
+    assert wrong == []
+    assert run.reports[-1].valid
+    assert run.indicator("nozzle").value == pytest.approx(wear, abs=0.02)
+
+
+def test_sudden_change_interval_lies_where_the_event_itself_puts_the_mass() -> None:
+    """The published mass of the event is wrong, its interval, known after it was learned from, is not."""
+    run = run_plant(Faults(orifice_area=0.3), 11, JUMP_AT, 5)
+    interval = run.reports[JUMP_AT - 1].mass_ci95
+    assert interval is not None
+    true = run.true[JUMP_AT - 1]
+    assert 0.97 * true < interval[0] * 1e6 < interval[1] * 1e6 < 1.03 * true

@@ -43,12 +43,18 @@ def main() -> None:
     except ObserverError as error:
         _fail(str(error), error.exit_code)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the interpreter's own last flush
+        _abandon_stdout()
         sys.exit(1)
     except MemoryError:
         _fail("not enough memory\n  remedy: cut the recording, or sample it slower", 1)
     except OSError as error:
+        _abandon_stdout()
         _fail(f"{error.filename or 'output'}: {error.strerror or error}", 1)
+
+
+def _abandon_stdout() -> None:
+    """Let the interpreter's own last flush succeed: what could not be written has been reported."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(message: str, exit_code: int) -> NoReturn:

@@ -16,7 +16,7 @@ from observer_rt.evaluation.results import SCHEMA, injection_results, recording_
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace_file import SUFFIX, write_trace
 from observer_rt.model.coefficients import Coefficients, coefficients
-from observer_rt.observer.learning import Knowledge
+from observer_rt.observer.knowledge import Knowledge
 from observer_rt.recording.files import file_errors, read_recording
 from observer_rt.recording.framing import bench_for
 from observer_rt.recording.recording import Recording

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench
 from observer_rt.errors import UserError
-from observer_rt.observer.learning import Knowledge
+from observer_rt.observer.knowledge import Knowledge
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import State
 from observer_rt.recording.framing import Framer, bench_for, whole

@@ -6,10 +6,18 @@ from observer_rt.model.laws import seat_area
 from observer_rt.observer.state import RING, Observer
 
 LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts
+DEAD_BAND_SIGMAS = 5.0
+DEAD_BAND_FLOOR = 2.0e-6  # m
 CONFIRM = 2  # consecutive samples that decide
 FOOT = 0.3  # of the dead band, above which these samples are the foot of a ramp
 LOOKAHEAD = LOOK_BACK + CONFIRM - 1  # samples the front end must know beyond the one in hand
 _MASK = RING - 1
+
+
+def dead_band(lift_noise: float) -> tuple[float, float]:
+    """Lift [m] above which the needle is open and below which it is shut again, from the lift noise [m]."""
+    opens = max(DEAD_BAND_FLOOR, DEAD_BAND_SIGMAS * lift_noise)
+    return opens, 0.5 * opens
 
 
 @njit(cache=True, nogil=True)

@@ -1,21 +1,18 @@
 """Learning between events: everything jointly, by prediction error, as a Bayesian update."""
 
-from dataclasses import dataclass, field, replace
-from enum import StrEnum
-from typing import Protocol
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
-from observer_rt.estimation.gating import Gate, best_subset, conditional_covariance
+from observer_rt.estimation.gain import GainSchedule, gain_schedule
+from observer_rt.estimation.gating import best_subset, conditional_covariance
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.open_loop import rate_with_sensitivity
 from observer_rt.estimation.phases import (
     AFTERGLOW,
     EDGE,
     PhaseStatistics,
-    no_statistics,
     phase_statistics,
     phases_of,
 )
@@ -25,11 +22,20 @@ from observer_rt.estimation.predictor import Setting, Window, open_loop_error
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import with_line_terms
-from observer_rt.model.network import HIDDEN, flow_changes
+from observer_rt.model.network import flow_changes
 from observer_rt.observer.adequacy import POOLING, Finding, Freezer, findings, looks_like_inertance, tempering
+from observer_rt.observer.knowledge import (
+    DRIFT,
+    GATE,
+    PRIOR,
+    Knowledge,
+    Outcome,
+    Verdict,
+    no_knowledge,
+    theta_bounds,
+)
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import Constants, Reason
-from observer_rt.paper.network import FreeNetwork
 
 BURN_IN = 0.5e-3  # s of the window before innovations count
 FIRST_ITERATIONS = 5
@@ -37,122 +43,11 @@ ITERATIONS = 2
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # of the expected decrease, in units of chi2
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
-DEAD_BAND_SIGMAS = 5.0
-DEAD_BAND_FLOOR = 2.0e-6  # m
 ADOPTION_TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error
 CHANGE_SCORE = 60.0  # of the score test; without change it is 13 +- 5
 QUICKER_SCORE = 35.0  # from which on wear is taken to move faster than its usual drift
 QUICKER = 30.0  # times the usual drift
 CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
-
-
-@dataclass(frozen=True)
-class _Scales:
-    """A number for every group of parameters, in the units the comments name."""
-
-    nozzle_bias: float  # -
-    nozzle_weight: float  # -
-    seat_bias: float  # -
-    offset: float  # Pa
-    friction: float  # -
-    leakage: float  # of Q_0 at p_0
-    stiffness: float  # -
-    lag: float  # s
-    air: float  # K g / p_0
-
-    def vector(self, pressure_scale: float) -> NDArray[np.float64]:
-        """In the order of `Parameter`, (PARAMETERS,); pressure_scale p_0 [Pa]."""
-        result = np.zeros(PARAMETERS)
-        result[Parameter.NOZZLE_BIAS] = self.nozzle_bias
-        result[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN] = self.nozzle_weight
-        result[Parameter.SEAT_BIAS] = self.seat_bias
-        result[Parameter.LINE_PRESSURE_OFFSET] = self.offset / pressure_scale
-        result[Parameter.LINE_FRICTION] = self.friction
-        result[Parameter.GUIDE_LEAKAGE] = self.leakage
-        result[Parameter.BULK_MODULUS] = self.stiffness
-        result[Parameter.SENSOR_LAG] = self.lag / LAG_UNIT
-        result[Parameter.ENTRAINED_AIR] = self.air
-        return result
-
-
-PRIOR = _Scales(0.45, 0.05, 0.4, 2.5e6, 1.75, 0.09, 0.18, 35e-6, 0.05)
-DRIFT = _Scales(5e-4, 1e-3, 5e-4, 2e3, 2e-3, 3.3e-4, 2e-4, 0.1e-6, 1e-4)
-LOWEST = _Scales(-0.8, -1.0, -0.8, -10e6, -0.95, 0.0, -0.6, 0.0, 0.0)
-HIGHEST = _Scales(1.5, 1.0, 1.5, 10e6, 10.0, 1.0, 1.0, 0.5e-3, 0.5)
-GATE = Gate(
-    columns=(
-        int(Parameter.LINE_FRICTION),
-        int(Parameter.GUIDE_LEAKAGE),
-        int(Parameter.BULK_MODULUS),
-        int(Parameter.SENSOR_LAG),
-        int(Parameter.ENTRAINED_AIR),
-    ),
-    lowest=(-0.95, 0.0, -0.6, 0.0, 0.0),
-)
-
-
-class Verdict(StrEnum):
-    """What came of learning from an event."""
-
-    ADOPTED = "adopted"
-    REJECTED = "rejected"  # the new theta does not lower the re-simulated output error
-    FAILED = "failed"  # singular information, or no finite cost
-    FROZEN = "frozen"  # the standstill contradicts the model: nothing learned from it may be used
-
-
-def theta_bounds(pressure_scale: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest admissible theta (PARAMETERS,); pressure_scale p_0 [Pa]."""
-    return LOWEST.vector(pressure_scale), HIGHEST.vector(pressure_scale)
-
-
-def dead_band(lift_noise: float) -> tuple[float, float]:
-    """Lift [m] above which the needle is open and below which it is shut again, from the lift noise [m]."""
-    opens = max(DEAD_BAND_FLOOR, DEAD_BAND_SIGMAS * lift_noise)
-    return opens, 0.5 * opens
-
-
-@dataclass(frozen=True)
-class Knowledge:
-    """All that was learned, as one value that can be saved and restored.
-
-    belief: about all parameters jointly; active: the gated columns in use; in_force: theta (m,) the observer carries,
-    0 at start; noise: levels in use.
-    """
-
-    belief: Belief
-    in_force: NDArray[np.float64]
-    noise: NoiseLevels
-    active: frozenset[int] = frozenset()
-    phi_version: int = 0
-    events: int = 0  # learned from
-    statistics: PhaseStatistics = field(default_factory=no_statistics)
-
-
-def no_knowledge(noise: NoiseLevels, pressure_scale: float) -> Knowledge:
-    """Knowledge of a new part: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
-    prior = Belief(np.zeros(PARAMETERS), np.diag(PRIOR.vector(pressure_scale) ** 2))
-    return Knowledge(prior, np.zeros(PARAMETERS), noise)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Result of learning from one event: what to carry from the adoption point on, and what to say of the event.
-
-    knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
-    with its covariance (m, m), None where the training knows none. rate, rate_slopes: injection rate [m3/s] (n,) of
-    the event re-simulated with the estimate, over its window, and its derivatives (n, m). free_rows: the paper's
-    network to carry instead of theta's, where that is what was trained.
-    """
-
-    verdict: Verdict
-    knowledge: Knowledge
-    schedule: GainSchedule
-    findings: tuple[Finding, ...]
-    estimate: NDArray[np.float64]
-    covariance: NDArray[np.float64] | None
-    rate: NDArray[np.float64]
-    rate_slopes: NDArray[np.float64]
-    free_rows: FreeNetwork | None = None
 
 
 @dataclass(frozen=True)
@@ -166,17 +61,6 @@ class _Fit:
     prior: Belief
     cost: float
     contradicts: bool = False  # what was believed before the event
-
-
-class EventLearner(Protocol):
-    """What learns between events, whichever training it uses."""
-
-    @property
-    def schedule(self) -> GainSchedule:
-        """Gains of the live x~."""
-
-    def learn(self, window: Window, standstill: Standstill, in_force: NDArray[np.float64]) -> Outcome:
-        """Learn from one event, during which `in_force` (m,) was carried."""
 
 
 class Learner:

@@ -11,7 +11,8 @@ from observer_rt.model.coefficients import coefficients
 from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
-from observer_rt.observer.learning import EventLearner, Knowledge, Outcome, Verdict, dead_band
+from observer_rt.observer.front_end import dead_band
+from observer_rt.observer.knowledge import EventLearner, Knowledge, Outcome, Verdict
 from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import (
     OBSERVER,

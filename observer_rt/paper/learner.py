@@ -9,7 +9,7 @@ from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.observer.adequacy import Finding
-from observer_rt.observer.learning import Knowledge, Outcome, Verdict
+from observer_rt.observer.knowledge import Knowledge, Outcome, Verdict
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import Constants, Reason
 from observer_rt.paper.training import first_weights, network_of, output_error, paper_setting, train

@@ -9,7 +9,7 @@ from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.laws import root
-from observer_rt.observer.learning import Verdict, no_knowledge
+from observer_rt.observer.knowledge import Verdict, no_knowledge
 from observer_rt.observer.standstill import Standstill
 from observer_rt.paper.comparison import Estimate, Estimator, GainCase, Study, WearCase
 from observer_rt.paper.event import (

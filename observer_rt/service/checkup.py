@@ -9,8 +9,8 @@ from observer_rt.errors import UserError
 from observer_rt.estimation.gain import gain_schedule
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
-from observer_rt.observer.front_end import LOOKAHEAD
-from observer_rt.observer.learning import dead_band, no_knowledge
+from observer_rt.observer.front_end import LOOKAHEAD, dead_band
+from observer_rt.observer.knowledge import no_knowledge
 from observer_rt.observer.state import MAX_EVENT
 from observer_rt.paper.gain import doubts_about_gain
 from observer_rt.service.checkup_bus import bus_findings

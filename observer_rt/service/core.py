@@ -13,9 +13,10 @@ from observer_rt.config import Bench
 from observer_rt.errors import UserError
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate, substeps_needed
+from observer_rt.observer.front_end import dead_band
 from observer_rt.observer.indicators import indicators_of, with_free_rows
 from observer_rt.observer.interval import volume_interval
-from observer_rt.observer.learning import Knowledge, Outcome, Verdict, dead_band, no_knowledge
+from observer_rt.observer.knowledge import Knowledge, Outcome, Verdict, no_knowledge
 from observer_rt.observer.observer import (
     Durations,
     constants_for,

@@ -10,7 +10,7 @@ from observer_rt.bus.database import database_hash
 from observer_rt.bus.link import Link
 from observer_rt.bus.mapping import BusMap
 from observer_rt.config import Bench
-from observer_rt.observer.learning import Knowledge
+from observer_rt.observer.knowledge import Knowledge
 from observer_rt.observer.state import Reason, State
 from observer_rt.service.core import Core
 from observer_rt.service.output import FrameWriter, OutputFrame

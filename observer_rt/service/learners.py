@@ -3,7 +3,8 @@
 from observer_rt.config import Bench, Training
 from observer_rt.errors import UserError
 from observer_rt.model.parameters import LineOutflow
-from observer_rt.observer.learning import EventLearner, Knowledge, Learner
+from observer_rt.observer.knowledge import EventLearner, Knowledge
+from observer_rt.observer.learning import Learner
 from observer_rt.observer.state import Constants
 from observer_rt.paper.gain import check_gain
 from observer_rt.paper.learner import PaperLearner

@@ -12,7 +12,7 @@ from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench
 from observer_rt.destinations import check_folder
 from observer_rt.observer.front_end import LOOKAHEAD
-from observer_rt.observer.learning import Knowledge
+from observer_rt.observer.knowledge import Knowledge
 from observer_rt.screen import say, say_if_compiling
 from observer_rt.service.core import bench_constants
 from observer_rt.service.daemon import Daemon

@@ -18,7 +18,7 @@ from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.model.parameters import InjectorParameters, Scaling
-from observer_rt.observer.learning import GATE, Knowledge, theta_bounds
+from observer_rt.observer.knowledge import GATE, Knowledge, theta_bounds
 from observer_rt.units import MEGAPASCAL, MICROMETRE
 
 VERSION = 2

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning import EventLearner, Outcome
+from observer_rt.observer.knowledge import EventLearner, Outcome
 from observer_rt.observer.standstill import Standstill
 
 

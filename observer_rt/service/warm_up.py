@@ -6,7 +6,7 @@ from observer_rt.bus.mapping import BusMap
 from observer_rt.config import Bench
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import PARAMETERS
-from observer_rt.observer.learning import no_knowledge
+from observer_rt.observer.knowledge import no_knowledge
 from observer_rt.observer.standstill import Standstill
 from observer_rt.recording.framing import Framer, whole
 from observer_rt.recording.recording import Recording

@@ -10,7 +10,8 @@ from observer_rt.config import load_injector
 from observer_rt.continuity import Break
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.observer.learning import Learner, Outcome, no_knowledge
+from observer_rt.observer.knowledge import Outcome, no_knowledge
+from observer_rt.observer.learning import Learner
 from observer_rt.observer.observer import (
     Durations,
     constants_for,

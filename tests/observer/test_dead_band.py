@@ -7,8 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.model.laws import seat_area
-from observer_rt.observer.front_end import LOOK_BACK
-from observer_rt.observer.learning import dead_band
+from observer_rt.observer.front_end import LOOK_BACK, dead_band
 from tests.observer.stream import NOMINAL, RAIL, Stream, stroke
 
 UM = 1e-6

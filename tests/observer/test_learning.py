@@ -16,7 +16,8 @@ from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import flow_changes
-from observer_rt.observer.learning import Knowledge, Learner, Verdict
+from observer_rt.observer.knowledge import Knowledge, Verdict
+from observer_rt.observer.learning import Learner
 from observer_rt.observer.observer import Durations, constants_for, in_force, judge, make_observer
 from observer_rt.observer.standstill import Standstill
 from observer_rt.simulation.effects import PlantEffects

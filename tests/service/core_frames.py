@@ -12,7 +12,7 @@ from cantools.database.can import Database, Message
 
 from observer_rt.bus.mapping import map_bus
 from observer_rt.config import PACKAGE_DATA, load_bench, load_injector
-from observer_rt.observer.learning import Knowledge
+from observer_rt.observer.knowledge import Knowledge
 from observer_rt.recording.recording import Recording
 from observer_rt.service.core import Core
 from observer_rt.service.output import OutputFrame

@@ -22,7 +22,7 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.observer.learning import GATE, Knowledge, no_knowledge, theta_bounds
+from observer_rt.observer.knowledge import GATE, Knowledge, no_knowledge, theta_bounds
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
 
 MODEL = model_hash(load_injector())
@@ -233,7 +233,7 @@ KILLED_BEFORE_RENAME = """
 import os, signal, sys
 from pathlib import Path
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.observer.learning import no_knowledge
+from observer_rt.observer.knowledge import no_knowledge
 from observer_rt.service.state_file import save_knowledge
 os.replace = lambda source, target: os.kill(os.getpid(), signal.SIGKILL)
 save_knowledge(Path(sys.argv[1]), no_knowledge(NoiseLevels(1e5, 1e5, 1e-6), 1e8), sys.argv[2])

@@ -4,10 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from observer_rt.bus.database import find_message, load_database
 from observer_rt.bus.mapping import BusMap, frame_key, map_bus
-from observer_rt.config import EXAMPLE_BENCH, load_bench
+from observer_rt.config import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
 from observer_rt.errors import UserError
+from observer_rt.observer.state import Reason, State
 
+FD_DATABASE = PACKAGE_DATA / "observer_fd.dbc"
 USER_DBC = """VERSION ""
 BU_: Device
 BO_ 291 Daq: 24 Device
@@ -173,3 +176,12 @@ def test_output_message_that_is_not_there(tmp_path: Path, key: str, name: str) -
     assert refused.value.place == f"{path}: outputs.{key}"
     assert name in refused.value.problem
     assert refused.value.remedy
+
+
+@pytest.mark.parametrize("message", ["InjectionSummary", "ObserverStatus"])
+def test_the_database_names_every_state_and_reason(message: str) -> None:
+    signals = {signal.name: signal for signal in find_message(load_database(FD_DATABASE), message).signals}
+    for signal, meaning in (("State", State), ("Reason", Reason)):
+        choices = signals[signal].choices
+        assert choices is not None
+        assert {int(code): str(name) for code, name in choices.items()} == {m.value: m.name for m in meaning}

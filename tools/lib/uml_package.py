@@ -10,8 +10,10 @@ from pathlib import Path
 from say import UnableError, say
 
 PACKAGE = "user-mode-linux"
-# Ubuntu does not carry the package, but Debian's keys: the chain of signatures stays whole.
-DEBIAN = os.environ.get("VCAN_DEBIAN_ARCHIVE", "")
+# Where the distribution does not carry the package (Ubuntu): a Debian archive as in sources.list, that is
+# "URL suite component".
+# Ubuntu carries Debian's keys, so that the chain of signatures stays whole.
+ARCHIVE_VARIABLE = "VCAN_DEBIAN_ARCHIVE"
 KEYRING_PACKAGE = "debian-archive-keyring"
 KEYRING = "usr/share/keyrings/debian-archive-keyring.gpg"
 
@@ -23,12 +25,16 @@ def unpack_package(folder: Path) -> Path:
     package = download_package(folder, log)
     if package is None:
         sys.stderr.write(log.read_text(errors="replace"))
-        raise UnableError(f"cannot download {PACKAGE}, see above", "sudo modprobe vcan")
+        raise UnableError(
+            f"cannot download {PACKAGE}, see above; where the distribution lacks it, name a Debian archive in "
+            f"{ARCHIVE_VARIABLE} (URL suite component)",
+            "sudo modprobe vcan",
+        )
     return unpack(package, folder / "root")
 
 
 def download_package(folder: Path, log: Path) -> Path | None:
-    """The package from the system's lists, from fresh ones, or from Debian's archive; None if all fail."""
+    """The package from the system's lists, from fresh ones, or from the archive named; None if all fail."""
     system: list[str] = []
     if package := download(folder, log, PACKAGE, system):
         return package
@@ -36,6 +42,9 @@ def download_package(folder: Path, log: Path) -> Path | None:
     fresh = with_lists(folder / "system", log, system)
     if package := download(folder, log, PACKAGE, fresh):
         return package
+    archive = os.environ.get(ARCHIVE_VARIABLE)
+    if archive is None:
+        return None
     keyring = Path("/", KEYRING)
     if not keyring.exists():
         package = download(folder, log, KEYRING_PACKAGE, fresh)
@@ -43,7 +52,7 @@ def download_package(folder: Path, log: Path) -> Path | None:
             return None
         keyring = unpack(package, folder / "keyring") / KEYRING
     sources = folder / "debian.list"
-    sources.write_text(f"deb [signed-by={keyring}] {DEBIAN}\n")
+    sources.write_text(f"deb [signed-by={keyring}] {archive}\n")
     only_debian = [f"Dir::Etc::SourceList={sources}", "Dir::Etc::SourceParts=-"]
     return download(folder, log, PACKAGE, with_lists(folder / "debian", log, only_debian))
 

@@ -8,7 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients, softening, softening_slopes
-from observer_rt.model.integrator import along, between, emptied, steps_in
+from observer_rt.model.integrator import along, between, emptied, step_end, steps_in
 from observer_rt.model.laws import root, root_slope
 from observer_rt.model.network import HIDDEN, Network, activation
 from observer_rt.model.right_hand_side import is_at_rest
@@ -157,11 +157,7 @@ def advance_with_sensitivity(
         r_3 = rate_and_tangent(along(x, 0.5 * step, r_2), u_mid, nominal, c, network, moved, k_3, sigmas)
         _move(sensitivity, step, k_3, moved)
         r_4 = rate_and_tangent(along(x, step, r_3), u_1, nominal, c, network, moved, k_4, sigmas)
-        x = (
-            x[0] + sixth * (r_1[0] + 2.0 * (r_2[0] + r_3[0]) + r_4[0]),
-            x[1] + sixth * (r_1[1] + 2.0 * (r_2[1] + r_3[1]) + r_4[1]),
-            x[2] + sixth * (r_1[2] + 2.0 * (r_2[2] + r_3[2]) + r_4[2]),
-        )
+        x = step_end(x, step, r_1, r_2, r_3, r_4)
         for row in range(3):
             for j in range(PARAMETERS):
                 sensitivity[row, j] += sixth * (k_1[row, j] + 2.0 * (k_2[row, j] + k_3[row, j]) + k_4[row, j])

@@ -32,6 +32,24 @@ def along(
 
 
 @njit(cache=True, nogil=True)
+def step_end(
+    x: tuple[float, float, float],
+    step: float,
+    k1: tuple[float, float, float],
+    k2: tuple[float, float, float],
+    k3: tuple[float, float, float],
+    k4: tuple[float, float, float],
+) -> tuple[float, float, float]:
+    """The state after an RK4 step, from its four stages."""
+    sixth = step / 6.0
+    return (
+        x[0] + sixth * (k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0]),
+        x[1] + sixth * (k1[1] + 2.0 * (k2[1] + k3[1]) + k4[1]),
+        x[2] + sixth * (k1[2] + 2.0 * (k2[2] + k3[2]) + k4[2]),
+    )
+
+
+@njit(cache=True, nogil=True)
 def runge_kutta_step(
     x: tuple[float, float, float],
     u_start: tuple[float, float],
@@ -46,12 +64,8 @@ def runge_kutta_step(
     k2 = right_hand_side(along(x, 0.5 * step, k1), u_mid, c, network)
     k3 = right_hand_side(along(x, 0.5 * step, k2), u_mid, c, network)
     k4 = right_hand_side(along(x, step, k3), u_end, c, network)
-    sixth = step / 6.0
-    return (
-        x[0] + sixth * (k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0]),
-        x[1] + sixth * (k1[1] + 2.0 * (k2[1] + k3[1]) + k4[1]),
-        x[2] + sixth * (k1[2] + 2.0 * (k2[2] + k3[2]) + k4[2]),
-    )
+    end: tuple[float, float, float] = step_end(x, step, k1, k2, k3, k4)
+    return end
 
 
 @njit(cache=True, nogil=True)

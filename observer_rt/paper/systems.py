@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.integrator import along, between, emptied
+from observer_rt.model.integrator import along, between, emptied, step_end
 from observer_rt.model.laws import root
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import right_hand_side
@@ -82,24 +82,6 @@ def _observer_rate(
 
 
 @njit(cache=True, nogil=True)
-def _step_end(
-    x: tuple[float, float, float],
-    step: float,
-    k1: tuple[float, float, float],
-    k2: tuple[float, float, float],
-    k3: tuple[float, float, float],
-    k4: tuple[float, float, float],
-) -> tuple[float, float, float]:
-    """The state after an RK4 step, from its four stages."""
-    sixth = step / 6.0
-    return (
-        x[0] + sixth * (k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0]),
-        x[1] + sixth * (k1[1] + 2.0 * (k2[1] + k3[1]) + k4[1]),
-        x[2] + sixth * (k1[2] + 2.0 * (k2[2] + k3[2]) + k4[2]),
-    )
-
-
-@njit(cache=True, nogil=True)
 def identify(
     x: tuple[float, float, float],
     u_start: tuple[float, float],
@@ -122,7 +104,7 @@ def identify(
         k4 = _identification_rate(
             along(x, step, k3), between(u_start, u_end, end), y_start + end * (y_end - y_start), setting
         )
-        x = _step_end(x, step, k1, k2, k3, k4)
+        x = step_end(x, step, k1, k2, k3, k4)
     x = emptied(x, u_start, u_end)
     return x  # noqa: RET504 - a compiled function's result has no type of its own
 
@@ -144,7 +126,7 @@ def observe(
         k3 = _observer_rate(along(x, 0.5 * step, k2), u_middle, setting, network)
         u_stop = between(u_start, u_end, (i + 1.0) / setting.substeps)
         k4 = _observer_rate(along(x, step, k3), u_stop, setting, network)
-        x = _step_end(x, step, k1, k2, k3, k4)
+        x = step_end(x, step, k1, k2, k3, k4)
     return x
 
 

@@ -52,14 +52,12 @@ CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 
 @dataclass(frozen=True)
 class _Fit:
-    """One event fitted from a prior: estimate, joint belief before tempering, and what led there."""
+    """One event fitted from a prior: what is active, the cost round the estimate, the innovations there."""
 
-    theta: NDArray[np.float64]
     active: frozenset[int]
     linearisation: Linearisation
     innovations: NDArray[np.float64]
     prior: Belief
-    cost: float
     contradicts: bool = False  # what was believed before the event
 
 
@@ -98,11 +96,11 @@ class Learner:
         try:
             fit = self._fit(window, self._prior(standstill))
             if fit is None:
-                return self._failed(window, in_force)
+                return self._outcome(Verdict.FAILED, window, in_force)
             statistics = self._event_statistics(window, fit.innovations)
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
-            return self._failed(window, in_force)
+            return self._outcome(Verdict.FAILED, window, in_force)
         self._events += 1
         self._statistics = self._statistics.faded(POOLING, statistics)
         if fit.contradicts:
@@ -132,20 +130,18 @@ class Learner:
         first = cost.linearised(self._theta)
         if not np.isfinite(first.value):
             return None
-        iterations = ITERATIONS if self._events else FIRST_ITERATIONS
-        fit = self._iterate(cost, first, prior, iterations)
         if self._events == 0:
-            return fit
+            return self._iterate(cost, first, prior, FIRST_ITERATIONS)
         score = _score(first, prior)
-        if score > CHANGE_SCORE:
-            wide = prior.drifted(PRIOR.vector(self._scale))
-            other = self._iterate(cost, fit.linearisation, wide, FIRST_ITERATIONS)
-            if other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN:
-                return replace(other, contradicts=True)
-            return replace(fit, contradicts=True)
-        if score > QUICKER_SCORE:
-            return self._iterate(cost, first, prior.drifted(QUICKER * DRIFT.vector(self._scale)), iterations)
-        return fit
+        if QUICKER_SCORE < score <= CHANGE_SCORE:
+            prior = prior.drifted(QUICKER * DRIFT.vector(self._scale))
+        fit = self._iterate(cost, first, prior, ITERATIONS)
+        if score <= CHANGE_SCORE:
+            return fit
+        wide = prior.drifted(PRIOR.vector(self._scale))
+        other = self._iterate(cost, fit.linearisation, wide, FIRST_ITERATIONS)
+        much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
+        return replace(other if much_better else fit, contradicts=True)
 
     def _iterate(self, cost: EventCost, start: Linearisation, prior: Belief, iterations: int) -> _Fit:
         """Gauss-Newton with step halving, the subset of gated scalars chosen anew in every iteration."""
@@ -173,15 +169,16 @@ class Learner:
             here, here_total = there, total(there.theta, there.value)
             if abs(before - here_total) < TOLERANCE:
                 break
-        return _Fit(here.theta, active, here, cost.innovations.copy(), prior, here_total)
+        return _Fit(active, here, cost.innovations.copy(), prior)
 
     def _take_in(self, fit: _Fit, temper: float) -> None:
         """The fitted event into the belief, its information divided by `temper`."""
-        information = fit.prior.information() + fit.linearisation.information / temper
-        vector = fit.prior.information() @ fit.prior.mean + fit.linearisation.vector / temper
+        prior_information = fit.prior.information()
+        information = prior_information + fit.linearisation.information / temper
+        vector = prior_information @ fit.prior.mean + fit.linearisation.vector / temper
         mean = np.linalg.solve(information, vector).astype(np.float64)
         self._belief = belief_from_information(mean, information)
-        self._theta, self._active = fit.theta, fit.active
+        self._theta, self._active = fit.linearisation.theta, fit.active
 
     def _event_statistics(self, window: Window, innovations: NDArray[np.float64]) -> PhaseStatistics:
         interval = self._constants.interval
@@ -203,9 +200,6 @@ class Learner:
             for theta in (self._theta, in_force)
         ]
         return bool(errors[0] < ADOPTION_TOLERANCE * errors[1])
-
-    def _failed(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
-        return self._outcome(Verdict.FAILED, window, in_force)
 
     def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         """Fall back to phi = 0 and forget: what was learned belongs to another line."""

@@ -134,7 +134,6 @@ class Core:
         self._summary_writer = FrameWriter(bus.summary)
         self._on_report = on_report or (lambda _: None)
         self._known = start
-        self._restored = knowledge is not None
         self._events_submitted = 0
         self._rejected = 0
         self._first_version = start.phi_version

@@ -101,6 +101,12 @@ class Placing(IntEnum):
     RESTARTED = 3  # accepted, as the first of a new count
 
 
+_ACCEPTED = int(Placing.ACCEPTED)
+_REPEATED = int(Placing.REPEATED)
+_OLD = int(Placing.OLD)
+_RESTARTED = int(Placing.RESTARTED)
+
+
 def make_alignment(message_count: int, closed_lift: float) -> Alignment:
     """Empty alignment of `message_count` messages; `closed_lift` [m] bounds the lift of a closed needle."""
     alignment = Alignment(np.zeros(1, ALIGNMENT), np.zeros(SLOTS, SLOT), np.zeros(2 * SLOTS, ALIGNED))
@@ -126,18 +132,18 @@ def place_block(
     start = _unwrapped(alignment, message, raw_index)
     if not stream.seen:
         _begin_stream(stream, start, count)
-        return 0, start
+        return _ACCEPTED, start
     if start < stream.next_index:
         placing = _place_old(alignment, message, start, count, raw_index)
-        if placing != 3:
+        if placing != _RESTARTED:
             return placing, start
         _begin_anew(alignment)
         _begin_stream(stream, raw_index, count)
-        return 3, raw_index
+        return _RESTARTED, raw_index
     if raw_index == 0 and start > stream.next_index + SLOTS:
         _begin_anew(alignment)  # not lost up to the wrap of the index, but counting from 0 again
         _begin_stream(stream, raw_index, count)
-        return 3, raw_index
+        return _RESTARTED, raw_index
     stream.old_blocks = 0
     if start > stream.next_index:
         stream.jump_block = stream.last_start
@@ -147,7 +153,7 @@ def place_block(
         _decide_until(alignment, start + count - SLOTS // 2)
     stream.last_start = start
     stream.next_index = start + count
-    return 0, start
+    return _ACCEPTED, start
 
 
 @njit(cache=True, nogil=True)
@@ -211,18 +217,18 @@ def _begin_stream(stream, start, count):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _place_old(alignment: Alignment, message: int, start: int, count: int, raw_index: int) -> int:
-    """A block from before the expected index: repeated (1), old (2), or the device began anew (3)."""
+    """`Placing` of a block from before the expected index: repeated, old, or the device began anew."""
     memory = alignment.memory[0]
     stream = memory.streams[message]
     if start == stream.last_start:
         memory.repeated += 1
-        return 1
+        return _REPEATED
     stream.old_blocks = stream.old_blocks + 1 if start == stream.old_next else 1
     stream.old_next = start + count
     if raw_index == 0 or stream.old_blocks >= OLD_BLOCKS_OF_RESTART:
-        return 3
+        return _RESTARTED
     memory.old += 1
-    return 2
+    return _OLD
 
 
 @njit(cache=True, nogil=True)

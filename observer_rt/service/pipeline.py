@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus import e2e
-from observer_rt.bus.alignment import Alignment, decide, place_block, store
+from observer_rt.bus.alignment import Alignment, Placing, decide, place_block, store
 from observer_rt.bus.codec import decode
 from observer_rt.bus.e2e import E2EStatus
 from observer_rt.bus.mapping import MAX_INPUTS, ROLES, Inputs
@@ -18,6 +18,9 @@ from observer_rt.service.publisher import Publisher, publish
 
 MAX_COUNTER_STEP = 15  # larger steps of the E2E counter are a wrong sequence, not a few lost frames
 MAX_SIGNALS = 256
+_ACCEPTED = int(Placing.ACCEPTED)
+_REPEATED = int(Placing.REPEATED)
+_OLD = int(Placing.OLD)
 _RAIL = ROLES.index(Role.RAIL_PRESSURE)
 _LIFT = ROLES.index(Role.NEEDLE_LIFT)
 _LINE = ROLES.index(Role.LINE_PRESSURE)
@@ -95,10 +98,10 @@ def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8]) -> None:
     placing, start = place_block(
         pipeline.alignment, number, int(receiver.values[0]), message.samples, contiguous
     )
-    if placing in (1, 2):
+    if placing in (_REPEATED, _OLD):
         return
     if (
-        placing == 0
+        placing == _ACCEPTED
         and (status == E2EStatus.WRONG_SEQUENCE or status == E2EStatus.REPEATED)
         and message.data_id >= 0
     ):

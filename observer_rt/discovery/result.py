@@ -60,10 +60,9 @@ class FittedEffect:
 class Candidate:
     """A combination of effects fitted to all recordings; the nominal model is the one without effects.
 
-    effects: each with its parameters (gain and confidence of a candidate's effects are not judged: see
-    `FittedEffect`); statistic: -2 log L, constants left out; held_out: the same, fitted on every second operating
+    parameters: of every effect, in order; statistic: -2 log L, constants left out; held_out: the same, fitted on every second operating
     point and judged on the others, nan when there is one point only or the candidate was not among the leaders;
-    samples: independent innovations it rests on; size_ok: every effect is beyond its dead zone.
+    samples: independent innovations it rests on; beyond_dead_zone: every effect is.
     """
 
     ids: tuple[str, ...]
@@ -118,7 +117,7 @@ class Discovery:
     """The answer to: which effect is missing?
 
     effects: of the winner, named (or, when ambiguous, the leading explanation; empty for `none` and `unknown`);
-    rivals: combinations that explain the recordings as well; ranking: leaders, best first, the nominal model included;
+    rivals: combinations that explain the recordings as well; ranking: leaders, best first, with the nominal model;
     gain: of the winner over the nominal model, threshold: what it had to exceed; before, after: cells of the nominal
     model and of the winner; confidence: that the verdict is right.
     """

@@ -11,7 +11,7 @@ from observer_rt.estimation.predictor import Setting, Window, correct
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter, advance_with_sensitivity
 from observer_rt.estimation.sensor import lagged
 from observer_rt.model.coefficients import with_line_terms
-from observer_rt.model.laws import root, root_slope
+from observer_rt.model.flows import nozzle_law, nozzle_law_slope
 from observer_rt.model.network import activation
 from observer_rt.model.right_hand_side import is_at_rest
 
@@ -71,7 +71,7 @@ def rate_with_sensitivity(
             sensitivity[2, :] = 0.0
         if is_at_rest(x, u):
             continue
-        flow = root(x[2], c.transition)
+        flow = nozzle_law(x[2], u[1], c)
         change = network.bias[0]
         h_1, h_2, h_3 = 0.0, 0.0, 0.0
         for neuron in range(network.hidden.shape[0]):
@@ -84,7 +84,7 @@ def rate_with_sensitivity(
             h_3 += bent * network.hidden[neuron, 2]
             slopes[k, _NOZZLE_WEIGHT + neuron] = c.nozzle_flow * flow * sigma
         slopes[k, _NOZZLE_BIAS] = c.nozzle_flow * flow
-        h_3 += root_slope(x[2], c.transition) * (1.0 + change)
+        h_3 += nozzle_law_slope(x[2], u[1], c) * (1.0 + change)
         rate[k] = c.nozzle_flow * flow * (1.0 + change)
         for j in range(PARAMETERS):
             slopes[k, j] += c.nozzle_flow * (

@@ -7,11 +7,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.model.coefficients import Coefficients, softening, softening_slopes
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.flows import line_stiffness, line_stiffness_slopes, nozzle_law_slope
 from observer_rt.model.integrator import along, between, emptied, step_end, steps_in
-from observer_rt.model.laws import root, root_slope
+from observer_rt.model.laws import root_slope
 from observer_rt.model.network import HIDDEN, Network, activation
-from observer_rt.model.right_hand_side import is_at_rest
+from observer_rt.model.right_hand_side import is_at_rest, model_flows
 
 
 class Parameter(IntEnum):
@@ -58,8 +59,8 @@ def rate_and_tangent(
     friction = x[1] * math.fabs(x[1])
     second = c.a3 * (u[0] - x[0]) - c.a4 * x[1] * math.fabs(x[1])
     stiffer = c.a1 / nominal.a1
-    soft = softening(x[0], c)
-    soft_x, soft_air = softening_slopes(x[0], c)
+    soft = line_stiffness(x[0], c)
+    soft_x, soft_air = line_stiffness_slopes(x[0], c)
     if is_at_rest(x, u):
         inflow = c.a1 * x[1] - c.leak * x[0]
         by_pressure = soft_x * inflow - soft * c.leak
@@ -72,8 +73,7 @@ def rate_and_tangent(
         rate[0, _AIR] += soft_air * inflow
         rate[1, _FRICTION] -= nominal.a4 * friction
         return soft * inflow, second, 0.0
-    nozzle_flow = root(x[2], c.transition)
-    seat_flow = u[1] * root(x[0] - x[2], c.transition)
+    nozzle_flow, seat_flow = model_flows(x, u, c)
     nozzle_change = network.bias[0]
     seat_change = network.bias[1]
     # dq_H/dx and dq_S/dx: of the network first, of the orifice laws below
@@ -93,7 +93,7 @@ def rate_and_tangent(
         s_2 += to_seat * network.hidden[neuron, 1]
         s_3 += to_seat * network.hidden[neuron, 2]
     seat_slope = u[1] * root_slope(x[0] - x[2], c.transition) * (1.0 + seat_change)
-    h_3 += root_slope(x[2], c.transition) * (1.0 + nozzle_change)
+    h_3 += nozzle_law_slope(x[2], u[1], c) * (1.0 + nozzle_change)
     s_1 += seat_slope
     s_3 -= seat_slope
     q_h = nozzle_flow * (1.0 + nozzle_change)

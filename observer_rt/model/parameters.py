@@ -1,6 +1,7 @@
 """The parameters of an injector, as in `injector.toml`: SI units, validated, immutable."""
 
 import math
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated
 
@@ -86,10 +87,29 @@ class Needle(_Section):
     closing_speed: Positive  # m/s at 100 MPa, ~ rail pressure ^ 0.3
 
 
+class EffectValue(_Section):
+    """A parameter of an effect, in the unit named; without an interval where nobody estimated it."""
+
+    value: Annotated[float, Field(allow_inf_nan=False)]
+    ci95: tuple[float, float] | None = None
+    unit: str = "-"
+
+
+class EffectInForce(_Section):
+    """An effect added to the nominal model: what `discover` found, or somebody knows, of this injector."""
+
+    id: str
+    parameters: Mapping[str, EffectValue] = {}
+    origin: str = ""
+    evidence: str = ""
+    date: str = ""
+
+
 class InjectorParameters(_Section):
-    """Everything the model knows of one injector and its line (SI units)."""
+    """Everything the model knows of one injector and its line (SI units; effects in the units they name)."""
 
     line_outflow: LineOutflow = LineOutflow.NOZZLE
+    effects: tuple[EffectInForce, ...] = ()
     fluid: Fluid
     line: Line
     seat: Seat

@@ -4,7 +4,8 @@ import math
 
 from numba import njit
 
-from observer_rt.model.coefficients import Coefficients, softening
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.flows import line_stiffness, nozzle_law
 from observer_rt.model.laws import root
 from observer_rt.model.network import Network, flow_changes
 
@@ -14,7 +15,7 @@ def model_flows(
     x: tuple[float, float, float], u: tuple[float, float], c: Coefficients
 ) -> tuple[float, float]:
     """Normalised flows of the model alone: q_H of (23) through the nozzle, q_S of (21) through the seat."""
-    return root(x[2], c.transition), u[1] * root(x[0] - x[2], c.transition)
+    return nozzle_law(x[2], u[1], c), u[1] * root(x[0] - x[2], c.transition)
 
 
 @njit(cache=True, nogil=True)
@@ -34,13 +35,13 @@ def right_hand_side(
     """
     line_flow_rate = c.a3 * (u[0] - x[0]) - c.a4 * x[1] * math.fabs(x[1])
     if is_at_rest(x, u):
-        return softening(x[0], c) * (c.a1 * x[1] - c.leak * x[0]), line_flow_rate, 0.0
+        return line_stiffness(x[0], c) * (c.a1 * x[1] - c.leak * x[0]), line_flow_rate, 0.0
     nozzle_flow, seat_flow = model_flows(x, u, c)
     nozzle_change, seat_change = flow_changes(x, u, network)
     q_h = nozzle_flow * (1.0 + nozzle_change)
     q_s = seat_flow * (1.0 + seat_change)
     return (
-        softening(x[0], c) * (c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0]),
+        line_stiffness(x[0], c) * (c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0]),
         line_flow_rate,
         c.a5 * q_s - c.a6 * q_h,
     )

@@ -45,7 +45,7 @@ class Results:
     """What came out."""
 
     scores: tuple[CaseScore, ...]
-    crashes: tuple[Crash, ...]
+    crashes: tuple[Crash[Task], ...]
 
 
 def run_accuracy(plan: Plan, console: Console) -> Results:
@@ -53,7 +53,7 @@ def run_accuracy(plan: Plan, console: Console) -> Results:
 
     The peers' results are kept apart: they stay good while only the package changes.
     """
-    crashes: list[Crash] = []
+    crashes: list[Crash[Task]] = []
     store = Store(plan.out / "observer.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS)))
     scores = _scored("observer", store, score_task, plan.tasks, plan, console, crashes)
     if plan.peers:
@@ -92,7 +92,7 @@ def _scored(
     tasks: tuple[Task, ...],
     plan: Plan,
     console: Console,
-    crashes: list[Crash],
+    crashes: list[Crash[Task]],
 ) -> dict[Task, Part]:
     wanted = set(tasks)
     scores = {task: s for s in store.load() if (task := _task_of(s)) in wanted}

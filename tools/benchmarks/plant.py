@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.benchmarks.plant_equations import run
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
 
 SAMPLE_RATE = 100e3  # Hz of the plant; slower recordings are decimated
 FIRST_EVENT = 0.15  # s
@@ -168,7 +168,8 @@ def _integrate(
         strokes = strokes_of(event, event_start(number), bench.needle, part.max_lift)
         start, interval = float(time[first]), 1.0 / SAMPLE_RATE
         inputs, rows = rail[first : end + 1], result[first + 1 : end + 1]
-        run(part, event.faults, strokes, start, interval, inputs, q, p, rest, rows)
+        faulty = with_faults(part, event.faults)
+        run(faulty, event.faults, strokes, start, interval, inputs, q, p, rest, rows)
         lateness[first + 1 : end + 1] = math.floor(event.faults.channel_skew * SAMPLE_RATE)
     return result, lateness
 

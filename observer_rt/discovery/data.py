@@ -42,8 +42,8 @@ class Event:
 class Measurement:
     """A recording with what was found in it.
 
-    noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before the events
-    [Pa]; duration: mean time the needle is open in an event [s].
+    noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
+    the events [Pa]; duration: mean time the needle is open in an event [s].
     """
 
     recording: Recording
@@ -62,7 +62,7 @@ class Measurement:
 def measurements(recordings: Sequence[Recording]) -> tuple[Measurement, ...]:
     """Every recording with its noise and events, in the order given.
 
-    Raises `UserError` for a recording without a complete injection, too short a standstill, or too slow a sample rate.
+    Raises `UserError` for a recording without a complete injection, too short a standstill or a slow sample rate.
     """
     found = [_measurement(recording) for recording in recordings]
     if not found:

@@ -5,6 +5,7 @@ from enum import StrEnum
 
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.phases import Phase
+from observer_rt.model.effect import Equation
 
 
 class Verdict(StrEnum):
@@ -21,16 +22,6 @@ class Signal(StrEnum):
 
     LINE_PRESSURE = "line_pressure"
     INJECTION_RATE = "injection_rate"
-
-
-class Equation(StrEnum):
-    """Where in the model something is violated."""
-
-    LINE_PRESSURE = "line_pressure"
-    LINE_FLOW = "line_flow"
-    SAC_PRESSURE = "sac_pressure"
-    INPUT = "input"
-    OUTPUT = "output"
 
 
 @dataclass(frozen=True)
@@ -60,9 +51,9 @@ class FittedEffect:
 class Candidate:
     """A combination of effects fitted to all recordings; the nominal model is the one without effects.
 
-    parameters: of every effect, in order; statistic: -2 log L, constants left out; held_out: the same, fitted on every second operating
-    point and judged on the others, nan when there is one point only or the candidate was not among the leaders;
-    samples: independent innovations it rests on; beyond_dead_zone: every effect is.
+    parameters: of every effect, in order; statistic: -2 log L, constants left out; held_out: the same, fitted on
+    every second operating point and judged on the others, nan where that was not done; samples: independent
+    innovations it rests on; beyond_dead_zone: every effect is.
     """
 
     ids: tuple[str, ...]

@@ -11,6 +11,7 @@ from observer_rt.estimation.sensitivity import PARAMETERS, Parameter, advance_wi
 from observer_rt.estimation.sensor import LAG_UNIT, lagged, lagged_slopes
 from observer_rt.model.coefficients import Coefficients, with_line_terms
 from observer_rt.model.integrator import advance
+from observer_rt.model.right_hand_side import injection_rate
 
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 _LAG = int(Parameter.SENSOR_LAG)
@@ -51,15 +52,30 @@ def correct(
 @njit(cache=True, nogil=True)
 def innovations(window: Window, setting: Setting, learned: Learned, result: NDArray[np.float64]) -> None:
     """Innovations e~ = y - o - (indicated pressure of x~) of every sample into `result` (n,); result[0] is 0."""
+    prediction(window, setting, learned, result, np.empty(0))
+
+
+@njit(cache=True, nogil=True)
+def prediction(
+    window: Window,
+    setting: Setting,
+    learned: Learned,
+    result: NDArray[np.float64],
+    rate: NDArray[np.float64],
+) -> None:
+    """`innovations`, and the injection rate of x~ before its correction [m3/s] into `rate` (n,) unless that is (0,)."""
     c = with_line_terms(setting.coefficients, learned.line)
     x = (window.start[0], window.start[1], window.start[2])
     indicated = window.start[3]
     result[0] = 0.0
+    rate[:1] = 0.0
     for k in range(1, window.output.shape[0]):
         u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
         u_end = (window.inputs[k, 0], window.inputs[k, 1])
         before = x[0]
         x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network)
+        if rate.shape[0] > 0:
+            rate[k] = injection_rate(x, (u_end[0], max(u_end[1], 0.0)), c, learned.network)
         indicated = lagged(indicated, before, x[0], setting.interval, learned.lag)
         innovation = window.output[k] - learned.offset - indicated
         result[k] = innovation

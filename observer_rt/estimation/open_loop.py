@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.learned import Learned
 from observer_rt.estimation.predictor import Setting, Window, correct
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter, advance_with_sensitivity
-from observer_rt.estimation.sensor import lagged
+from observer_rt.estimation.sensor import lagged, recorded
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.flows import nozzle_law, nozzle_law_slope
 from observer_rt.model.network import activation
@@ -33,6 +33,7 @@ def rate_with_sensitivity(
     x^ follows x~ up to the opening, where its sensitivities start at 0, and runs open loop from there.
     """
     c = with_line_terms(setting.coefficients, learned.line)
+    lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
     network = learned.network
     x = (window.start[0], window.start[1], window.start[2])
     indicated = window.start[3]
@@ -61,8 +62,9 @@ def rate_with_sensitivity(
             work,
         )
         if k < window.opening:
-            indicated = lagged(indicated, before, x[0], setting.interval, learned.lag)
-            innovation = window.output[k] - learned.offset - indicated
+            indicated_before = indicated
+            indicated = lagged(indicated, before, x[0], setting.interval, lag)
+            innovation = window.output[k] - offset - recorded(indicated_before, indicated, setting.late)
             x = correct(x, innovation, setting.gain[0], setting.gain[1])
             indicated += setting.gain[2] * innovation
             sensitivity[:, :] = 0.0

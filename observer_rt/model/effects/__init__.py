@@ -43,7 +43,7 @@ def effective_model(parameters: InjectorParameters, effects: Sequence[SizedEffec
 
     An effect that is in both acts twice: what is added is relative to the model in force.
     """
-    model = EffectiveModel(parameters)
+    model = EffectiveModel(parameters.model_copy(update={"effects": ()}))
     for item in (*map(sized_in_force, parameters.effects), *effects):
         model = item.effect.apply(model, item.values)
     return model

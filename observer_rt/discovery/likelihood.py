@@ -64,7 +64,7 @@ class Trial:
         self._rows = Rows(measurement)
         self._latest = latest(measurement)
         self._substeps = substeps_needed(nominal.injector, 1.0 / measurement.interval) + _SPARE_SUBSTEPS
-        self._gains: dict[tuple[float, float, float], GainSchedule] = {}
+        self._gains: dict[tuple[float, float, float, float], GainSchedule] = {}
         self._nominal_key = _input_key(nominal)
         self._nominal_inputs = Inputs(measurement, nominal.inputs, nominal.coefficients)
         batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, 0.0, nominal.coefficients)
@@ -83,9 +83,8 @@ class Trial:
         late = math.floor(model.sensor.delay / self.measurement.interval)
         if abs(late) >= self._latest:
             return None
-        inputs = self._inputs_of(model)
         schedule = self._schedule(model)
-        innovation, rate = self._predicted(model, inputs, late, schedule)
+        innovation, rate = self._predicted(model, self._inputs_of(model), late, schedule)
         z = innovation[self._rows.counted] / schedule.innovation_sigma
         if not np.isfinite(z).all():
             return None
@@ -95,23 +94,26 @@ class Trial:
     def _predicted(
         self, model: EffectiveModel, inputs: Inputs, late: int, schedule: GainSchedule
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
         c, sensor, interval = model.coefficients, model.sensor, self.measurement.interval
         batch = batch_of(self.measurement, self._rows, inputs, late, sensor.offset, c)
         substeps = max(self._substeps, substeps_needed(model.injector, 1.0 / interval))
-        setting = Setting(interval, substeps, c, schedule.gains[-1].copy())
+        share = sensor.delay / interval - late
+        setting = Setting(interval, substeps, c, schedule.gains[-1].copy(), share)
         learned = Learned(constant_network(), _NO_LINE_TERMS, sensor.offset / c.pressure_scale, sensor.lag)
         innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
         predict(batch, setting, learned, innovation, rate)
         return innovation, rate
 
     def _schedule(self, model: EffectiveModel) -> GainSchedule:
-        c, lag = model.coefficients, model.sensor.lag
-        key = (c.a1, c.a3, lag)
+        c, sensor = model.coefficients, model.sensor
+        share = (sensor.delay / self.measurement.interval) % 1.0
+        key = (c.a1, c.a3, sensor.lag, share)
         if key not in self._gains:
             if len(self._gains) > _MOST_GAINS:
                 self._gains.clear()
             rate = self.measurement.recording.sample_rate
-            self._gains[key] = gain_schedule(c, self.measurement.noise, rate, lag)
+            self._gains[key] = gain_schedule(c, self.measurement.noise, rate, sensor.lag, share)
         return self._gains[key]
 
     def _inputs_of(self, model: EffectiveModel) -> Inputs:
@@ -125,9 +127,10 @@ class Trial:
         noise = self.measurement.noise.needle_lift
         schedule = self._schedule(nominal)
         shifted = nominal.with_inputs(lift_shift=nominal.inputs.lift_shift + noise)
-        _, rate = self._predicted(nominal, self._nominal_inputs, 0, schedule)
-        _, other = self._predicted(shifted, self._inputs_of(shifted), 0, schedule)
-        return np.hypot(self.measurement.rate_noise, (other - rate)[self._rows.rate_rows])
+        late = math.floor(nominal.sensor.delay / self.measurement.interval)
+        _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule)
+        _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule)
+        return np.hypot(self.measurement.rate_noise, (other - rate)[self._rows.rate_rows + late])
 
     def _judged_rate(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
         """Residuals of the measured rate, its gain error estimated with its prior: exact for a Gaussian nuisance."""

@@ -8,20 +8,26 @@ from numpy.typing import NDArray
 
 from observer_rt.observer.front_end import CONFIRM, FOOT, LOOK_BACK, dead_band
 
-RAMP = 6  # samples of a ramp from which its slope is taken
+RAMP = 8  # samples through which the straight line of a ramp is laid
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A straight ramp at the edge of an opening: lift [m] at its outermost sample, and change towards the inside
+    [m a sample]."""
+
+    lift: float
+    slope: float
 
 
 @dataclass(frozen=True)
 class Opening:
-    """One opening of the needle as recorded: samples first..last with measured lift, and the slopes [m a sample].
-
-    rising: of the lift when it leaves its seat, falling: when it meets it; both positive.
-    """
+    """One opening of the needle as recorded: samples first..last with measured lift, and its two ramps."""
 
     first: int
     last: int
-    rising: float
-    falling: float
+    rising: Ramp
+    falling: Ramp
 
 
 def find_openings(lift: NDArray[np.float64], noise: float) -> list[Opening]:
@@ -64,15 +70,16 @@ def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float) -> 
             first -= 1
         if last + 1 < lift.size and lift[last + 1] > FOOT * opens:
             last += 1
-    return Opening(first, last, _slope(lift[first : last + 1]), _slope(lift[first : last + 1][::-1]))
+    inside = lift[first : last + 1]
+    return Opening(first, last, _ramp(inside), _ramp(inside[::-1]))
 
 
-def _slope(ramp: NDArray[np.float64]) -> float:
-    """Slope [a sample] of the straight line through the first samples of a ramp, never falling.
+def _ramp(lift: NDArray[np.float64]) -> Ramp:
+    """The straight line through the first samples of a ramp, never falling.
 
-    A ramp shorter than RAMP has its slope from what there is; the first sample lies in the rounded foot.
+    The very first lies in the rounded foot; an opening shorter than two ramps has its line from its first half.
     """
-    used = ramp[1 : 1 + RAMP] if ramp.size > RAMP else ramp[: max(2, math.ceil(ramp.size / 2))]
-    if used.size < 2:
-        return float(ramp[0])
-    return max(float(np.polyfit(np.arange(used.size), used, 1)[0]), 0.0)
+    first, end = (1, 1 + RAMP) if lift.size > 2 * RAMP else (0, max(2, math.ceil(lift.size / 2)))
+    used = lift[first:end]
+    slope, level = np.polyfit(np.arange(first, first + used.size), used, 1)
+    return Ramp(float(level), max(float(slope), 0.0))

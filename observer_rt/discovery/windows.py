@@ -21,6 +21,8 @@ from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.flows import normalised_area
 
+FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
+
 
 class Batch(NamedTuple):
     """All windows of a recording, one after another; n samples, w windows, normalised by (24).
@@ -84,9 +86,10 @@ class Inputs:
         _fill_areas(
             recording.needle_lift,
             np.array([(o.first, o.last) for o in openings]),
-            np.array([(o.rising, o.falling) for o in openings]),
+            np.array([(*vars(o.rising).values(), *vars(o.falling).values()) for o in openings]),
             terms.lift_factor,
             terms.lift_shift,
+            FOOT_ROUNDING / measurement.interval,
             c,
             self.area,
         )
@@ -96,9 +99,10 @@ class Inputs:
 def _fill_areas(
     lift: NDArray[np.float64],
     openings: NDArray[np.int64],
-    slopes: NDArray[np.float64],
+    ramps: NDArray[np.float64],
     factor: float,
     shift: float,
+    rounding: float,
     c: Coefficients,
     area: NDArray[np.float64],
 ) -> None:
@@ -113,8 +117,8 @@ def _fill_areas(
         for k in range(first, last + 1):
             area[k] = _area(factor * lift[k] + shift, c)
         hidden = max(shift, 0.0)
-        _extend(area, first, -1, factor * lift[first] + shift, factor * slopes[i, 0], hidden, c)
-        _extend(area, last, 1, factor * lift[last] + shift, factor * slopes[i, 1], hidden, c)
+        _extend(area, first, -1, factor * ramps[i, 0] + shift, factor * ramps[i, 1], hidden, rounding, c)
+        _extend(area, last, 1, factor * ramps[i, 2] + shift, factor * ramps[i, 3], hidden, rounding, c)
 
 
 @njit(cache=True, nogil=True)
@@ -125,13 +129,23 @@ def _extend(
     lift: float,
     slope: float,
     hidden: float,
+    rounding: float,
     c: Coefficients,
 ) -> None:
-    """Extend a ramp from its outermost sample k, a lift above `hidden` would have been seen, until it is shut."""
-    while lift > 0.0 and slope > 0.0 and 0 < k < area.shape[0] - 1 and area[k + direction] <= 0.0:
+    """Extend a ramp from its outermost sample k until it is shut; a lift above `hidden` would have been recorded.
+
+    What is hidden of the foot is taken to be rounded over 2 `rounding` samples: a needle has mass.
+    """
+    bend = min(slope * rounding, 4.0 * hidden)  # without a jump where nothing is hidden
+    while lift > -bend and slope > 0.0 and 0 < k < area.shape[0] - 1 and area[k + direction] <= 0.0:
         k += direction
         lift = min(lift - slope, hidden)
-        area[k] = _area(lift, c)
+        foot = lift
+        if -bend < lift < bend:
+            foot = min((lift + bend) ** 2 / (4.0 * bend), hidden)
+        elif lift <= -bend:
+            foot = lift + bend
+        area[k] = _area(foot, c)
 
 
 @njit(cache=True, nogil=True)
@@ -152,6 +166,7 @@ def batch_of(
     recording = measurement.recording
     openings = [o for event in measurement.events for o in event.openings]
     resting = shut_mask(recording.samples, openings, round(RESTING * recording.sample_rate))
+    resting &= inputs.area <= 0.0  # the foot of a ramp the sensor did not see
     source = rows.samples - late
     output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale
     beside = round(START_MEAN * recording.sample_rate)

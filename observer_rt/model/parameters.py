@@ -5,9 +5,10 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
@@ -90,9 +91,9 @@ class Needle(_Section):
 class EffectValue(_Section):
     """A parameter of an effect, in the unit named; without an interval where nobody estimated it."""
 
-    value: Annotated[float, Field(allow_inf_nan=False)]
-    ci95: tuple[float, float] | None = None
-    unit: str = "-"
+    value: Finite
+    ci95: tuple[Finite, Finite] | None = None
+    unit: str
 
 
 class EffectInForce(_Section):
@@ -102,7 +103,7 @@ class EffectInForce(_Section):
     parameters: Mapping[str, EffectValue] = {}
     origin: str = ""
     evidence: str = ""
-    date: str = ""
+    date: Annotated[str, BeforeValidator(str)] = ""  # TOML has dates of its own
 
 
 class InjectorParameters(_Section):

@@ -267,14 +267,20 @@ class Learner:
     def _gains(self) -> GainSchedule:
         learned = learned_of(self._theta)
         c = with_line_terms(self._coefficients, learned.line)
-        return gain_schedule(c, self._noise, 1.0 / self._constants.interval, learned.lag)
+        sensor = self._constants.sensor
+        lag = sensor.lag + learned.lag
+        return gain_schedule(c, self._noise, 1.0 / self._constants.interval, lag, sensor.fraction)
 
     def _setting(self) -> Setting:
+        sensor = self._constants.sensor
         return Setting(
-            self._constants.interval,
-            self._constants.substeps,
-            self._coefficients,
-            self._schedule.gains[-1].copy(),
+            interval=self._constants.interval,
+            substeps=self._constants.substeps,
+            coefficients=self._coefficients,
+            gain=self._schedule.gains[-1].copy(),
+            late=sensor.fraction,
+            lag=sensor.lag,
+            offset=sensor.offset,
         )
 
 

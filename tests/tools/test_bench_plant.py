@@ -236,9 +236,10 @@ def test_all_faults_are_tested() -> None:
     assert set(SENSOR_FAULTS) | set(PLANT_FAULTS) | {"seat_lift_scale"} == set(Faults._fields)
 
 
-def test_late_channel_records_an_earlier_pressure() -> None:
-    truth, late = once().truth, once(Faults(channel_skew=25e-6)).measured
-    expected = np.interp(late.time - 25e-6, late.time, truth.line_pressure)
+@pytest.mark.parametrize("skew", [25e-6, -25e-6])
+def test_late_channel_records_an_earlier_pressure(skew: float) -> None:
+    truth, late = once().truth, once(Faults(channel_skew=skew)).measured
+    expected = np.interp(late.time - skew, late.time, truth.line_pressure)
     assert np.max(np.abs(late.line_pressure - expected)[1:]) < 0.04e6
     assert np.max(np.abs(late.line_pressure - truth.line_pressure)) > 1e6
 

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,13 @@ from observer_rt.errors import ObserverError, UserError
 from observer_rt.screen import progress_bar
 from tools.benchmarks.accuracy import Plan, print_results, run_accuracy
 from tools.benchmarks.cases import CLASSES
+from tools.benchmarks.discovery import figures as discovery_figures
+from tools.benchmarks.discovery import tables as discovery_tables
+from tools.benchmarks.discovery.generator import HidingPlan
+from tools.benchmarks.discovery.hidden import HIDDEN
+from tools.benchmarks.discovery.run import Plan as DiscoveryPlan
+from tools.benchmarks.discovery.run import print_results as print_discovery
+from tools.benchmarks.discovery.run import run_discovery
 from tools.benchmarks.figures import save_figures
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
@@ -24,6 +32,7 @@ messages = Console(stderr=True)
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
 INTERRUPTED = 130  # exit code
 TABLE_WIDTH = 190  # where stdout is no terminal
+RATES = {"without": (False,), "with": (True,), "both": (False, True)}
 
 
 @app.callback()
@@ -44,7 +53,7 @@ def accuracy(
     as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
-    plan = Plan(_chosen(classes), cases, seed, workers, out, not no_peers)
+    plan = Plan(_chosen(classes, "--classes", CLASSES), cases, seed, workers, out, not no_peers)
     try:
         found = run_accuracy(plan, messages)
     except KeyboardInterrupt:
@@ -57,6 +66,38 @@ def accuracy(
     else:
         console = Console()
         print_results(found, console if console.is_terminal else Console(width=TABLE_WIDTH))
+
+
+@app.command(
+    epilog="Example: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without"
+)
+def discovery(
+    cases: Annotated[int, typer.Option(min=0, help="Faulty cases, and as many healthy ones.")] = 300,
+    effects: Annotated[str, typer.Option(help="Hidden effects, by commas (default: all).")] = "",
+    rate: Annotated[str, typer.Option(help="Measured rate: without, with or both.")] = "both",
+    seed: Annotated[int, typer.Option(help="Master seed.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
+    out: Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")] = Path(
+        "build/discovery"
+    ),
+    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+) -> None:
+    """Whether `discover` names effects hidden in recordings of independent plants."""
+    if rate not in RATES:
+        raise UserError("--rate", f"is '{rate}'", f"give {', '.join(RATES)}")
+    hiding = HidingPlan(_chosen(effects, "--effects", HIDDEN), cases, cases, RATES[rate], seed)
+    try:
+        found = run_discovery(DiscoveryPlan(hiding, workers, out), messages)
+    except KeyboardInterrupt:
+        messages.print("interrupted; the answers are kept, the same command goes on")
+        raise typer.Exit(INTERRUPTED) from None
+    for figure in discovery_figures.save_figures(found.results, out):
+        messages.print(f"figure: {figure}", highlight=False)
+    if as_json:
+        print(json.dumps(discovery_tables.json_document(found.results, found.crashes), indent=2))
+    else:
+        console = Console()
+        print_discovery(found, console if console.is_terminal else Console(width=TABLE_WIDTH))
 
 
 @app.command(epilog="Example: tools/bench peer-tuning --peer ekf")
@@ -74,11 +115,11 @@ def peer_tuning(
     Console(width=TABLE_WIDTH).print(tuning_table(sorted(tried, key=lambda trial: trial.rmse)))
 
 
-def _chosen(classes: str) -> tuple[str, ...]:
-    names = tuple(name for name in classes.split(",") if name) or tuple(CLASSES)
+def _chosen(text: str, option: str, known: Collection[str]) -> tuple[str, ...]:
+    names = tuple(name for name in text.split(",") if name) or tuple(known)
     for name in names:
-        if name not in CLASSES:
-            raise UserError("--classes", f"unknown class '{name}'", f"known: {', '.join(CLASSES)}")
+        if name not in known:
+            raise UserError(option, f"unknown name '{name}'", f"known: {', '.join(known)}")
     return names
 
 

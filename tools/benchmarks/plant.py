@@ -190,7 +190,7 @@ def _measure(
     def fault(name: str) -> NDArray[np.float64]:
         return np.array([getattr(f, name) for f in each])[number - 1]
 
-    line = result[np.maximum(np.arange(time.size) - lateness, 0), 4]
+    line = result[np.clip(np.arange(time.size) - lateness, 0, time.size - 1), 4]
     line = line * (1.0 + fault("line_pressure_sensor_gain")) + fault("line_pressure_sensor_offset")
     rail = rail * (1.0 + fault("rail_pressure_sensor_gain")) + fault("rail_pressure_sensor_offset")
     lift = result[:, 5] / (1.0 + fault("lift_gain"))

@@ -19,11 +19,12 @@ RING_DOWN = 12e-3  # s after the last closing that count
 EVENT_GAP = 10e-3  # s of shut needle that end an event
 RESTING = 3e-3  # s after which a shut sac is at chamber pressure
 START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
-MARGIN = 50e-6  # s at both ends, for channels recorded late
+MARGIN = 80e-6  # s at both ends, for channels recorded late or early
 RATE_LEAD, RATE_TAIL = 0.1e-3, 0.3e-3  # s beside an opening in which a measured rate counts
 FLOOR = NoiseLevels(rail_pressure=0.005 * MEGAPASCAL, line_pressure=0.005 * MEGAPASCAL, needle_lift=0.02e-6)
 RATE_FLOOR = 0.01 * MM3_PER_MS
-_GUESSED_LIFT_NOISE = 0.4 * MICROMETRE  # for the first look for openings, doubled while they look like noise
+POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these
+_GUESSED_LIFT_NOISE = 0.4 * MICROMETRE  # where too few samples tell
 LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
 SHORTEST_OPENING = 0.05e-3  # s
 
@@ -166,3 +167,20 @@ def shut_mask(samples: int, openings: Sequence[Opening], settled: int) -> NDArra
     for opening in openings:
         result[opening.first : opening.last + 1 + settled] = False
     return result
+
+
+def every_second_point(found: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Recordings (by number) of every second operating point, by rail pressure, then duration; and the others."""
+    points: list[list[int]] = []
+    for number in sorted(range(len(found)), key=lambda i: _point(found[i])):
+        if points and _point(found[points[-1][0]]) == _point(found[number]):
+            points[-1].append(number)
+        else:
+            points.append([number])
+    first, second = points[::2], points[1::2]
+    return tuple(n for group in first for n in group), tuple(n for group in second for n in group)
+
+
+def _point(measurement: Measurement) -> tuple[int, int]:
+    """Operating point: equal for recordings within a few MPa and some hundredths of a millisecond."""
+    return round(measurement.rail_pressure / POINT_PRESSURE), round(measurement.duration / POINT_DURATION)

@@ -91,6 +91,17 @@ class Trial:
         rate_z = self._judged_rate(rate[self._rows.rate_rows + late])
         return Judged(z, math.log(schedule.innovation_sigma), rate_z)
 
+    def lift_and_rate(
+        self, model: EffectiveModel, at_line: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Measured lift [m] and a model's injection rate [m3/s].
+
+        at_line: (n,) at the counted innovations; else (m,) where a measured rate is judged.
+        """
+        _, rate = self._predicted(model, self._inputs_of(model), 0, self._schedule(model))
+        rows = np.flatnonzero(self._rows.counted) if at_line else self._rows.rate_rows
+        return self.measurement.recording.needle_lift[self._rows.samples[rows]], rate[rows]
+
     def _predicted(
         self, model: EffectiveModel, inputs: Inputs, late: int, schedule: GainSchedule
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -109,12 +120,14 @@ class Trial:
         c, sensor = model.coefficients, model.sensor
         share = (sensor.delay / self.measurement.interval) % 1.0
         key = (c.a1, c.a3, sensor.lag, share)
-        if key not in self._gains:
+        schedule = self._gains.get(key)
+        if schedule is None:
             if len(self._gains) > _MOST_GAINS:
                 self._gains.clear()
             rate = self.measurement.recording.sample_rate
-            self._gains[key] = gain_schedule(c, self.measurement.noise, rate, sensor.lag, share)
-        return self._gains[key]
+            schedule = gain_schedule(c, self.measurement.noise, rate, sensor.lag, share)
+            self._gains[key] = schedule
+        return schedule
 
     def _inputs_of(self, model: EffectiveModel) -> Inputs:
         """True inputs under the model's terms; only the nominal ones are kept."""
@@ -130,7 +143,8 @@ class Trial:
         late = math.floor(nominal.sensor.delay / self.measurement.interval)
         _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule)
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule)
-        return np.hypot(self.measurement.rate_noise, (other - rate)[self._rows.rate_rows + late])
+        by_lift = (other - rate)[self._rows.rate_rows + late]
+        return np.asarray(np.hypot(self.measurement.rate_noise, by_lift), np.float64)
 
     def _judged_rate(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
         """Residuals of the measured rate, its gain error estimated with its prior: exact for a Gaussian nuisance."""
@@ -141,11 +155,16 @@ class Trial:
         return np.append(residual - gain * scale, gain / GAIN_ERROR)
 
 
+def evidence_of(found: Sequence[Measurement], nominal: EffectiveModel) -> "Evidence":
+    """Recordings, ready to be compared with models that depart from the nominal one."""
+    return Evidence([Trial(measurement, nominal) for measurement in found])
+
+
 class Evidence:
     """All recordings: what a model's residuals on them are."""
 
-    def __init__(self, found: Sequence[Measurement], nominal: EffectiveModel) -> None:
-        self.trials = tuple(Trial(measurement, nominal) for measurement in found)
+    def __init__(self, trials: Sequence[Trial]) -> None:
+        self.trials = tuple(trials)
 
     def judge(self, model: EffectiveModel) -> list[Judged] | None:
         """The model on every recording; None where its solution is not finite."""

@@ -108,8 +108,7 @@ def _fill_areas(
 ) -> None:
     """Normalised seat areas (n,): of the true lift while open, 0 while shut.
 
-    A sensor that reads too little misses the foot of a ramp: the ramp is extended to where the needle leaves
-    its seat.
+    A sensor that reads too little misses the foot of a ramp, which is extended to where the needle leaves its seat.
     Beside it stands the negative area the ramp comes from, see `integrator.between`.
     """
     for i in range(openings.shape[0]):
@@ -137,7 +136,7 @@ def _extend(
     What is hidden of the foot is taken to be rounded over 2 `rounding` samples: a needle has mass.
     """
     bend = min(slope * rounding, 4.0 * hidden)  # without a jump where nothing is hidden
-    while lift > -bend and slope > 0.0 and 0 < k < area.shape[0] - 1 and area[k + direction] <= 0.0:
+    while slope > 0.0 and 0 < k < area.shape[0] - 1 and area[k + direction] <= 0.0:
         k += direction
         lift = min(lift - slope, hidden)
         foot = lift
@@ -146,14 +145,15 @@ def _extend(
         elif lift <= -bend:
             foot = lift + bend
         area[k] = _area(foot, c)
+        if foot <= 0.0:
+            break
 
 
 @njit(cache=True, nogil=True)
 def _area(lift: float, c: Coefficients) -> float:
     """Normalised seat area, odd in the lift."""
-    if lift < 0.0:
-        return -normalised_area(-lift, c)
-    return normalised_area(lift, c)
+    area: float = normalised_area(abs(lift), c)
+    return area if lift >= 0.0 else -area
 
 
 def batch_of(

@@ -54,7 +54,11 @@ def make_cases(
 
     The first cases of a larger number are those of a smaller one.
     """
-    kinds = [(effect, rate) for rate in rates for effect in effects]
+    kinds = [
+        (effect, rates[(number + turn) % len(rates)])
+        for turn in range(len(rates))
+        for number, effect in enumerate(effects)
+    ]
     cases = [make_case(*kinds[i % len(kinds)], master_seed, i // len(kinds)) for i in range(faulty)]
     cases += [make_case(HEALTHY, rates[i % len(rates)], master_seed, i // len(rates)) for i in range(healthy)]
     return tuple(sorted(cases, key=lambda case: case.label))

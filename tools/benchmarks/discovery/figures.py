@@ -87,10 +87,10 @@ def _detection(results: Sequence[CaseResult], path: Path) -> Path:
     axes.set(xscale="log", xlabel="what the oracle gains in -2 log L by the hidden effect")
     axes.set_yticks(range(len(effects)), list(effects), fontsize=8)
     axes.invert_yaxis()
+    axes.set_title("found from", loc="right", fontsize=8)
     limits = axes.secondary_yaxis("right")
     texts = [printed_size(name, summary.detection_limit(cases)) for name, cases in effects.items()]
     limits.set_yticks(range(len(effects)), texts, fontsize=8)
-    limits.set_ylabel("found from this size on")
     axes.grid(True, axis="x", linewidth=0.4, alpha=0.6)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
     return _saved(figure, path)
@@ -103,11 +103,12 @@ def _reliability(results: Sequence[CaseResult], path: Path) -> Path:
     unit = np.array([0.0, 1.0])
     axes.fill_between(unit, unit - CALIBRATION_BAND, unit + CALIBRATION_BAND, color=GREY, alpha=0.2)
     axes.plot(unit, unit, color="black", linewidth=0.8)
-    for b in bins:
+    for number, b in enumerate(bins):
         low, high = clopper_pearson(round(b.right_share * b.names), b.names)
         axes.plot([b.confidence] * 2, [low, high], color=BLUE, linewidth=1.5)
-        axes.annotate(str(b.names), (b.confidence, b.right_share), xytext=(6, -10), fontsize=8,
-                      textcoords="offset points")  # fmt: skip
+        place = (-6, -12 - 11 * (number % 3))  # below and beside its point, clear of the next
+        axes.annotate(str(b.names), (b.confidence, b.right_share), place, fontsize=8,
+                      textcoords="offset points", ha="right")  # fmt: skip
     axes.plot([b.confidence for b in bins], [b.right_share for b in bins], "o-", color=RED, markersize=5)
     error = summary.calibration_error(results)
     axes.set(xlim=(0.0, 1.02), ylim=(0.0, 1.04), xlabel="confidence given", ylabel="share of right names")

@@ -60,7 +60,7 @@ def _single(
 _EFFECTS = (
     _single("orifice_area", "v_H", "orifice_area", 2e-3, 0.5, -0.5),
     _single("seat_area", "v_S", "seat_area", 7e-3, 0.4, -0.4),
-    _single("guide_leakage", "c", "guide_leakage", 1.3e-15, 6e-14),  # m3/(s Pa)
+    _single("guide_leakage", "c", "guide_leakage", 1.5e-15, 1.5e-13),  # m3/(s Pa)
     _single("line_friction", "k", "line_friction", 6e-3, 3.0, -0.5),
     HiddenEffect("seat_outflow", switch="seat_outflow"),
     _single("bulk_modulus", "r", "bulk_modulus", 3e-4, 0.25, -0.25),
@@ -80,11 +80,11 @@ _EFFECTS = (
     _single("lift_offset", "x_0", "lift_offset", 0.15 * MICROMETRE, 25 * MICROMETRE, -25 * MICROMETRE),
     _single("lift_gain", "g", "lift_gain", 7e-3, 0.2, -0.2),
     _single("rail_pressure_sensor_gain", "g", "rail_pressure_sensor_gain", 2.5e-5, 0.03, -0.03),
-    _single("rail_pressure_sensor_offset", "o", "rail_pressure_sensor_offset", 2.5e3, 4e6, -4e6),  # Pa
+    _single("rail_pressure_sensor_offset", "o", "rail_pressure_sensor_offset", 5e3, 5e6, -5e6),  # Pa
     _single(
         "line_pressure_sensor_lag", "tau", "line_pressure_sensor_lag", 0.3 * MICROSECOND, 80 * MICROSECOND
     ),
-    _single("line_pressure_sensor_offset", "o", "line_pressure_sensor_offset", 2e3, 2e6, -2e6),  # Pa
+    _single("line_pressure_sensor_offset", "o", "line_pressure_sensor_offset", 5e3, 5e6, -5e6),  # Pa
     _single("channel_skew", "d", "channel_skew", 0.3 * MICROSECOND, 50 * MICROSECOND, -50 * MICROSECOND),
 )
 

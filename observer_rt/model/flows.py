@@ -18,29 +18,29 @@ def nozzle_law(x_3: float, u_2: float, c: Coefficients) -> float:
     Where the cavitation number N = (p_S - p_v)/(p_S - p_C) is below N_crit, the flow coefficient falls by
     sqrt(N/N_crit): the flow then follows sqrt(p_S - p_v) (Nurick 1976, J. Fluids Eng. 98, 681).
     """
-    rise = c.chamber_rise if u_2 > 0.0 else 0.0
-    difference = x_3 - rise
+    difference, margin = x_3, c.vapour_margin
+    if c.chamber_rise != 0.0 and u_2 > 0.0:
+        difference -= c.chamber_rise
+        margin += c.chamber_rise
     flow: float = root(difference, c.transition)
-    if c.critical_excess != 0.0:
-        margin = c.vapour_margin + rise
-        if margin < c.critical_excess * difference:
-            flow *= math.sqrt((1.0 + margin / difference) / (1.0 + c.critical_excess))
+    if c.critical_excess != 0.0 and margin < c.critical_excess * difference:
+        flow *= math.sqrt((1.0 + margin / difference) / (1.0 + c.critical_excess))
     return flow
 
 
 @njit(cache=True, nogil=True)
 def nozzle_law_slope(x_3: float, u_2: float, c: Coefficients) -> float:
     """Derivative of `nozzle_law` with respect to x_3."""
-    rise = c.chamber_rise if u_2 > 0.0 else 0.0
-    difference = x_3 - rise
+    difference, margin = x_3, c.vapour_margin
+    if c.chamber_rise != 0.0 and u_2 > 0.0:
+        difference -= c.chamber_rise
+        margin += c.chamber_rise
     slope: float = root_slope(difference, c.transition)
-    if c.critical_excess != 0.0:
-        margin = c.vapour_margin + rise
-        if margin < c.critical_excess * difference:
-            critical = 1.0 + c.critical_excess
-            loss = math.sqrt((1.0 + margin / difference) / critical)
-            loss_slope = -margin / (2.0 * critical * loss * difference * difference)
-            slope = slope * loss + root(difference, c.transition) * loss_slope
+    if c.critical_excess != 0.0 and margin < c.critical_excess * difference:
+        critical = 1.0 + c.critical_excess
+        loss = math.sqrt((1.0 + margin / difference) / critical)
+        loss_slope = -margin / (2.0 * critical * loss * difference * difference)
+        slope = slope * loss + root(difference, c.transition) * loss_slope
     return slope
 
 

@@ -10,7 +10,7 @@ from observer_rt.model.laws import root
 from observer_rt.model.network import Network, flow_changes
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def model_flows(
     x: tuple[float, float, float], u: tuple[float, float], c: Coefficients
 ) -> tuple[float, float]:
@@ -18,13 +18,13 @@ def model_flows(
     return nozzle_law(x[2], u[1], c), u[1] * root(x[0] - x[2], c.transition)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def is_at_rest(x: tuple[float, float, float], u: tuple[float, float]) -> bool:
     """Needle shut and sac at chamber pressure: no flow, so phi vanishes whatever the network says."""
     return u[1] <= 0.0 and x[2] == 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def right_hand_side(
     x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
 ) -> tuple[float, float, float]:

@@ -56,7 +56,7 @@ def test_the_whole_vocabulary_to_its_bounds(effect: Effect) -> None:
     for name in ("lowest", "highest"):
         limits = tuple(getattr(parameter, name) for parameter in effect.parameters)
         texts = [f"{effect.id}:{p.name}={getattr(p, name) / p.si!r}" for p in effect.parameters]
-            assert values(texts or [effect.id])[effect.id] == pytest.approx(limits)
+        assert values(texts or [effect.id])[effect.id] == pytest.approx(limits)
 
 
 def test_unknown_id_names_the_nearest_and_the_known() -> None:

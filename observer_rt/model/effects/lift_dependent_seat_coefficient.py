@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from observer_rt.model.coefficients import NO_DEPARTURES
 from observer_rt.model.effect import Effect, EffectClass, EffectParameter, Equation, Place
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.units import MICROMETRE
@@ -28,7 +29,7 @@ EFFECT = Effect(
             "x_c",
             "um",
             MICROMETRE,
-            off=50 * MICROMETRE,
+            off=NO_DEPARTURES.seat_loss_lift,
             lowest=10 * MICROMETRE,
             highest=200 * MICROMETRE,
             dead_zone=0.0,

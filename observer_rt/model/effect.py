@@ -1,6 +1,6 @@
 """What an effect is: a named departure of injector, line or sensors from the nominal model."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -77,14 +77,6 @@ class Effect:
     signature: str
     apply: Callable[[EffectiveModel, Sequence[float]], EffectiveModel]
     indistinguishable: tuple[str, ...] = ()
-
-    def parameter(self, name: str) -> EffectParameter:
-        """The parameter of this name. Raises KeyError."""
-        return self._by_name[name]
-
-    @property
-    def _by_name(self) -> Mapping[str, EffectParameter]:
-        return {parameter.name: parameter for parameter in self.parameters}
 
 
 @dataclass(frozen=True)

@@ -75,22 +75,24 @@ def prediction(
     lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
     x = (window.start[0], window.start[1], window.start[2])
     indicated = window.start[3]
+    inputs, output, resting, network = window.inputs, window.output, window.resting, learned.network
+    gain = (setting.gain[0], setting.gain[1], setting.gain[2])
     result[0] = 0.0
     rate[:1] = 0.0
-    for k in range(1, window.output.shape[0]):
-        u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
-        u_end = (window.inputs[k, 0], window.inputs[k, 1])
+    for k in range(1, output.shape[0]):
+        u_start = (inputs[k - 1, 0], inputs[k - 1, 1])
+        u_end = (inputs[k, 0], inputs[k, 1])
         before = x[0]
-        x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network)
+        x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, network)
         if rate.shape[0] > 0:
-            rate[k] = injection_rate(x, (u_end[0], max(u_end[1], 0.0)), c, learned.network)
+            rate[k] = injection_rate(x, (u_end[0], max(u_end[1], 0.0)), c, network)
         indicated_before = indicated
         indicated = lagged(indicated, before, x[0], setting.interval, lag)
-        innovation = window.output[k] - offset - recorded(indicated_before, indicated, setting.late)
+        innovation = output[k] - offset - recorded(indicated_before, indicated, setting.late)
         result[k] = innovation
-        x = correct(x, innovation, setting.gain[0], setting.gain[1])
-        indicated += setting.gain[2] * innovation
-        if window.resting[k]:
+        x = correct(x, innovation, gain[0], gain[1])
+        indicated += gain[2] * innovation
+        if resting[k]:
             x = (x[0], x[1], 0.0)
 
 

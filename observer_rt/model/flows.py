@@ -11,7 +11,7 @@ LOWEST_PRESSURE = 0.01  # of p_0, at which entrained air is taken to soften the 
 LOWEST_STIFFNESS = 0.05  # of K_L, below which a pressure-dependent bulk modulus does not fall
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def nozzle_law(x_3: float, u_2: float, c: Coefficients) -> float:
     """Normalised nozzle flow q_H of (23), against a chamber pressure that rises while the needle is open (u_2 > 0).
 
@@ -53,7 +53,7 @@ def normalised_area(lift: float, c: Coefficients) -> float:
     return area
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _fuel_stiffness(x_1: float, c: Coefficients) -> float:
     """K(p_L)/K_L of the fuel without air."""
     if c.stiffness_slope == 0.0:
@@ -61,7 +61,7 @@ def _fuel_stiffness(x_1: float, c: Coefficients) -> float:
     return max(1.0 + c.stiffness_slope * (x_1 - c.stiffness_pressure), LOWEST_STIFFNESS)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def line_stiffness(x_1: float, c: Coefficients) -> float:
     """K_eff/K_L of the line at the normalised pressure x_1: 1/K_eff = 1/K(p_L) + g/p_L."""
     fuel: float = _fuel_stiffness(x_1, c)

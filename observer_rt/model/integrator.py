@@ -1,4 +1,7 @@
-"""Classical Runge-Kutta of fourth order, with inputs linear between samples."""
+"""Classical Runge-Kutta of fourth order, with inputs linear between samples.
+
+What a step calls is inlined: passing coefficients and weights by value would cost more than the arithmetic.
+"""
 
 import math
 

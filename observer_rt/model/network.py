@@ -40,7 +40,7 @@ def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
     return Network(np.zeros((0, ARGUMENTS)), np.zeros((OUTPUTS, 0)), np.array([nozzle, seat]))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def activation(
     x: tuple[float, float, float], u: tuple[float, float], hidden: NDArray[np.float64], neuron: int
 ) -> float:
@@ -55,7 +55,7 @@ def activation(
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def flow_changes(
     x: tuple[float, float, float], u: tuple[float, float], network: Network
 ) -> tuple[float, float]:

@@ -13,11 +13,12 @@ from observer_rt.estimation.sensor import lagged
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.laws import root, root_slope
 from observer_rt.model.network import activation
-from observer_rt.model.right_hand_side import is_at_rest
+from observer_rt.model.right_hand_side import is_at_rest, nozzle_difference
 
 DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 _NOZZLE_BIAS = int(Parameter.NOZZLE_BIAS)
 _NOZZLE_WEIGHT = int(Parameter.NOZZLE_WEIGHT)
+_BACK_PRESSURE = int(Parameter.BACK_PRESSURE)
 
 
 @njit(cache=True, nogil=True)
@@ -71,7 +72,8 @@ def rate_with_sensitivity(
             sensitivity[2, :] = 0.0
         if is_at_rest(x, u):
             continue
-        flow = root(x[2], c.transition)
+        over_nozzle = nozzle_difference(x[2], u[1], network)
+        flow = root(over_nozzle, c.transition)
         change = network.bias[0]
         h_1, h_2, h_3 = 0.0, 0.0, 0.0
         for neuron in range(network.hidden.shape[0]):
@@ -84,7 +86,11 @@ def rate_with_sensitivity(
             h_3 += bent * network.hidden[neuron, 2]
             slopes[k, _NOZZLE_WEIGHT + neuron] = c.nozzle_flow * flow * sigma
         slopes[k, _NOZZLE_BIAS] = c.nozzle_flow * flow
-        h_3 += root_slope(x[2], c.transition) * (1.0 + change)
+        nozzle_slope = root_slope(over_nozzle, c.transition) * (1.0 + change)
+        h_3 += nozzle_slope
+        if u[1] > 0.0:
+            slopes[k, _BACK_PRESSURE] = -c.nozzle_flow * nozzle_slope
+            slopes[k, _BACK_PRESSURE + 1] = -c.nozzle_flow * nozzle_slope * min(u[1], 1.0)
         rate[k] = c.nozzle_flow * flow * (1.0 + change)
         for j in range(PARAMETERS):
             slopes[k, j] += c.nozzle_flow * (

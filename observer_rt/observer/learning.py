@@ -22,8 +22,16 @@ from observer_rt.estimation.predictor import Setting, Window, open_loop_error
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import with_line_terms
-from observer_rt.model.network import flow_changes
-from observer_rt.observer.adequacy import POOLING, Finding, Freezer, findings, looks_like_inertance, tempering
+from observer_rt.observer.adequacy import (
+    Doubt,
+    Finding,
+    Freezer,
+    findings,
+    looks_like_inertance,
+    pooled,
+    tempering,
+)
+from observer_rt.observer.indicators import nozzle_change
 from observer_rt.observer.knowledge import (
     DRIFT,
     GATE,
@@ -77,6 +85,7 @@ class Learner:
         self._schedule = self._gains()
         self._previous: Window | None = None
         self._freezer = Freezer()
+        self._doubt = Doubt()
 
     @property
     def schedule(self) -> GainSchedule:
@@ -102,15 +111,20 @@ class Learner:
         except np.linalg.LinAlgError:
             return self._outcome(Verdict.FAILED, window, in_force)
         self._events += 1
-        self._statistics = self._statistics.faded(POOLING, statistics)
+        self._statistics = pooled(self._statistics, statistics)
         if fit.contradicts:
             self._previous = None  # it belongs to another injector
         better = self._is_better(window, in_force)
         self._previous = window
         if self._freezer.is_frozen_after(self._statistics):
             return self._frozen(window, in_force)
-        verdict = Verdict.ADOPTED if better else Verdict.REJECTED
-        return self._outcome(verdict, window, in_force, fit.contradicts)
+        outcome = self._outcome(
+            Verdict.ADOPTED if better else Verdict.REJECTED, window, in_force, fit.contradicts
+        )
+        if self._doubt.is_too_much_after(outcome.findings):
+            nominal = replace(outcome.knowledge, in_force=np.zeros(PARAMETERS))
+            return replace(outcome, verdict=Verdict.SET_ASIDE, knowledge=nominal)
+        return outcome
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
@@ -257,8 +271,7 @@ class Learner:
         widest = int(np.argmax(window.inputs[:, 1]))
         rail_pressure, area = (float(value) for value in window.inputs[widest])
         state = (rail_pressure, 0.0, 0.9 * rail_pressure)
-        nozzle, _ = flow_changes(state, (rail_pressure, area), learned_of(self._theta).network)
-        return float(nozzle)
+        return nozzle_change(self._theta, state, (rail_pressure, area))[0]
 
     def _cost(self, window: Window) -> EventCost:
         burn_in = round(BURN_IN / self._constants.interval)

@@ -243,3 +243,22 @@ def test_standstill_that_contradicts_the_model_freezes_learning() -> None:
     assert verdicts[5] is Verdict.FROZEN  # fewer than three good events since
     assert Verdict.FROZEN not in verdicts[-2:]
     assert wear_of(carried) == pytest.approx(0.3, abs=0.02)
+
+
+def test_what_explains_nothing_is_not_carried() -> None:
+    """The open line swings as no model of it does: phi = 0 from the second such event on, and back afterwards."""
+    learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+    carried = nozzle_wear(0.0)
+    verdicts = []
+    for number in range(16):
+        window = event(0.3, seed=number)
+        if number in (2, 3, 4):
+            window.output[120:260] += 0.02 * np.sin(np.arange(140) / 6)
+        outcome = learner.learn(window, NO_STANDSTILL, carried)
+        carried = outcome.knowledge.in_force
+        verdicts.append(outcome.verdict)
+        assert carried.any() == (outcome.verdict is not Verdict.SET_ASIDE)
+    assert Verdict.SET_ASIDE not in verdicts[:3]  # one such event alone does not
+    assert verdicts[3:5] == [Verdict.SET_ASIDE, Verdict.SET_ASIDE]
+    assert Verdict.SET_ASIDE not in verdicts[-2:]
+    assert wear_of(carried) == pytest.approx(0.3, abs=0.02)

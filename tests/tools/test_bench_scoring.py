@@ -14,7 +14,7 @@ from tools.benchmarks.plant import Measured, Outcome, Truth
 from tools.benchmarks.proportions import clopper_pearson
 from tools.benchmarks.score import NOMINAL, OBSERVER, UKF, CaseScore, EstimatorScore
 from tools.benchmarks.store import Store
-from tools.benchmarks.tables import json_document
+from tools.benchmarks.tables import json_document, peer_tables
 from tools.benchmarks.windows import Windows, windows_of
 
 RATE = 100e3
@@ -190,6 +190,18 @@ def test_interval_of_a_share() -> None:
     assert clopper_pearson(10, 10) == pytest.approx((0.005**0.1, 1.0))
     low, high = clopper_pearson(57, 60)
     assert low < 0.95 < high
+
+
+def test_a_peer_counts_where_it_ran() -> None:
+    alone = score(class_name="healthy", limits_mg=(0.1,) * 20)
+    joined = score(estimators=(*alone.estimators, UKF_SCORE), limits_mg=(0.1,) * 20)
+    mass, _ = peer_tables([alone, joined])
+    cells = {column.header: list(column.cells) for column in mass.columns}
+    assert cells[UKF] == ["-", "0.10 / 0.10"]
+    assert cells[NOMINAL] == ["20.00 / 20.00"] * 2
+    classes = json_document([alone, joined], [])["details"]["classes"]
+    assert UKF in classes["orifice_area"]["peers"]
+    assert UKF not in classes["healthy"]["peers"]
 
 
 def test_json_document_has_the_figures_asked_for() -> None:

@@ -1,6 +1,6 @@
 """`tools/bench accuracy`: run the cases, print what came out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -11,12 +11,13 @@ import observer_rt
 from observer_rt.screen import progress_bar
 from tools.benchmarks.bars import violations
 from tools.benchmarks.cases import make_case
+from tools.benchmarks.paper_peer import has_paper, score_paper
 from tools.benchmarks.peers import PeerScore, has_peers, score_peers
 from tools.benchmarks.pool import Crash, Task, run_tasks
 from tools.benchmarks.score import CaseScore
 from tools.benchmarks.scoring import score_case, warm_up
 from tools.benchmarks.store import Store, digest_of
-from tools.benchmarks.tables import class_table, peer_table
+from tools.benchmarks.tables import class_table, peer_tables
 
 BENCHMARKS = Path(__file__).parent
 PACKAGE = Path(observer_rt.__file__).parent
@@ -51,7 +52,8 @@ class Results:
 def run_accuracy(plan: Plan, console: Console) -> Results:
     """Score the cases not yet scored by this state of the code; progress goes to `console`.
 
-    The peers' results are kept apart: they stay good while only the package changes.
+    The peers' results are kept apart: they stay good while only the package changes. The paper's scheme is the
+    package's, so its are not.
     """
     crashes: list[Crash] = []
     store = Store(plan.out / "observer.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS)))
@@ -60,7 +62,10 @@ def run_accuracy(plan: Plan, console: Console) -> Results:
         peer_store = Store(plan.out / "peers.jsonl", PeerScore, digest_of((BENCHMARKS,)))
         tasks = tuple(task for task in plan.tasks if has_peers(task.class_name))
         peers = _scored("peers", peer_store, peers_task, tasks, plan, console, crashes)
-        scores = {task: _joined(score, peers.get(task)) for task, score in scores.items()}
+        paper_store = Store(plan.out / "paper.jsonl", PeerScore, digest_of((PACKAGE, BENCHMARKS)))
+        tasks = tuple(task for task in plan.tasks if has_paper(task.class_name))
+        paper = _scored("paper", paper_store, paper_task, tasks, plan, console, crashes)
+        scores = {task: _joined(s, (peers.get(task), paper.get(task))) for task, s in scores.items()}
     return Results(tuple(scores[task] for task in plan.tasks if task in scores), tuple(crashes))
 
 
@@ -68,7 +73,8 @@ def print_results(results: Results, console: Console) -> None:
     """The tables, then a line for every bar that is missed and every crash."""
     console.print(class_table(results.scores))
     if any(score.limits_mg for score in results.scores):
-        console.print(peer_table(results.scores))
+        for table in peer_tables(results.scores):
+            console.print(table)
     for line in violations(results.scores):
         console.print(line, highlight=False, markup=False)
     for crash in results.crashes:
@@ -83,6 +89,11 @@ def score_task(task: Task) -> CaseScore:
 def peers_task(task: Task) -> PeerScore:
     """Work of one process: the peers on a case."""
     return score_peers(make_case(task.class_name, task.master_seed, task.number))
+
+
+def paper_task(task: Task) -> PeerScore:
+    """Work of one process: the paper's scheme on a case."""
+    return score_paper(make_case(task.class_name, task.master_seed, task.number))
 
 
 def _scored(
@@ -112,10 +123,12 @@ def _scored(
     return scores
 
 
-def _joined(score: CaseScore, peers: PeerScore | None) -> CaseScore:
-    if peers is None:
-        return score
-    return replace(score, estimators=score.estimators + peers.estimators, limits_mg=peers.limits_mg)
+def _joined(score: CaseScore, parts: Sequence[PeerScore | None]) -> CaseScore:
+    for part in parts:
+        if part is not None:
+            limits = part.limits_mg or score.limits_mg
+            score = replace(score, estimators=score.estimators + part.estimators, limits_mg=limits)
+    return score
 
 
 def _task_of(score: CaseScore | PeerScore) -> Task:

@@ -127,7 +127,7 @@ def _violations_of(name: str, cases: list[CaseScore]) -> Iterator[str]:
             yield f"{name}: within 1 % at the third event: {share:.1%} < 97 %"
     if group is Group.MAIN:
         yield from _coverage_violations(name, cases)
-        yield from _behind_the_ukf(name, [s for s in cases if s.limits_mg])
+        yield from _behind_the_ukf(name, [s for s in cases if s.has(UKF)])
     for s in cases:
         yield from (f"{name} {s.number}: {problem}" for problem in _case_problems(group, s))
 

@@ -10,7 +10,7 @@ SCORED = slice(10, 20)  # events 11-20
 WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong
 WRONG_RATE = 3.0  # mm3/ms
 OBSERVER, NOMINAL = "observer", "nominal"
-UKF, EKF, FIT = "joint UKF", "joint EKF", "parametric fit"
+UKF, EKF, FIT, PAPER = "joint UKF", "joint EKF", "parametric fit", "paper"
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,10 @@ class CaseScore:
             if estimator.name == name:
                 return estimator
         raise KeyError(name)
+
+    def has(self, name: str) -> bool:
+        """Whether an estimator ran on this case."""
+        return any(estimator.name == name for estimator in self.estimators)
 
     def mass_error_pct(self, name: str = OBSERVER) -> float:
         """Signed error of the mass of events 11-20 together."""

@@ -16,11 +16,11 @@ from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.recording.recording import Recording
 from observer_rt.service.report import InjectionReport
 from observer_rt.service.training import InlineExecutor
-from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore
-from tools.benchmarks.windows import Windows, windows_of
+from tools.benchmarks.windows import Windows, score_rate, windows_of
 
 WARM_UP_EVENTS = 3
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
@@ -45,12 +45,7 @@ def score_case(case: Case) -> CaseScore:
     errors = 100.0 * (windows.masses(rate, density) / true_masses - 1.0)
 
     def scored(name: str, rate: NDArray[np.float64], x3: NDArray[np.float64]) -> EstimatorScore:
-        return EstimatorScore(
-            name,
-            windows.event_masses_mg(rate, density),
-            windows.mean_squares((rate - truth.injection_rate) / MM3_PER_MS),
-            windows.mean_squares(x3 - true_x3),
-        )
+        return score_rate(name, rate, truth, windows, density, x3 - true_x3)
 
     return CaseScore(
         class_name=case.class_name,

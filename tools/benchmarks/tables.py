@@ -1,6 +1,6 @@
 """What is printed of the scores, and the same as data."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from tools.benchmarks.bars import by_class, coverage, halfwidths, violations, x3
 from tools.benchmarks.cases import CLASSES, Group
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore
 
-_WEAR_ONLY = "-"
+_WEAR_ONLY = _NOT_RUN = "-"
 
 
 def class_table(scores: Sequence[CaseScore]) -> Table:
@@ -28,31 +28,41 @@ def class_table(scores: Sequence[CaseScore]) -> Table:
     return table
 
 
-def peer_table(scores: Sequence[CaseScore]) -> Table:
-    """Every estimator, class by class: mass error and RMSE, median and largest; and the information limit."""
-    table = Table(title="peers: mass error % median / max, RMSE mm3/ms median / max", title_justify="left")
+def peer_tables(scores: Sequence[CaseScore]) -> tuple[Table, Table]:
+    """Every estimator, class by class, median and largest of mass error and of RMSE; and the information limit."""
     names = list(dict.fromkeys(e.name for s in scores for e in s.estimators))
-    table.add_column("class", no_wrap=True)
-    for name in names:
-        table.add_column(f"{name}\nmass", justify="right", no_wrap=True)
-        table.add_column("\nRMSE", justify="right", no_wrap=True)
-    table.add_column("limit %\n1 sigma", justify="right")
-    table.add_column("half-width\nvs limit", justify="right")
+    mass = Table(title="mass error %, events 11-20, median / max", title_justify="left")
+    rate = Table(title="RMSE mm3/ms, events 11-20, median / max", title_justify="left")
+    for table in (mass, rate):
+        table.add_column("class", no_wrap=True)
+        for name in names:
+            table.add_column(name, justify="right", no_wrap=True)
+    mass.add_column("limit %\n1 sigma", justify="right")
+    mass.add_column("half-width\nvs limit", justify="right")
     for class_name, cases in by_class(scores).items():
         with_peers = [s for s in cases if s.limits_mg]
         if with_peers:
-            table.add_row(class_name, *_peer_row(names, with_peers))
-    return table
+            limits = [s.limit_pct for s in with_peers if s.limit_pct is not None]
+            widths = halfwidths(with_peers)
+            mass.add_row(
+                class_name,
+                *_cells(names, with_peers, lambda s, name: abs(s.mass_error_pct(name))),
+                f"{np.median(limits):.3f}",
+                f"{np.median(widths):.2f}" if widths else "",
+            )
+            rate.add_row(class_name, *_cells(names, with_peers, lambda s, name: s.rate_rmse(name)))
+    return mass, rate
 
 
-def _peer_row(names: Sequence[str], cases: Sequence[CaseScore]) -> list[str]:
+def _cells(
+    names: Sequence[str], cases: Sequence[CaseScore], figure: Callable[[CaseScore, str], float]
+) -> list[str]:
+    """Median and largest of a figure for every estimator, over the cases it ran on."""
     cells = []
     for name in names:
-        mass, rmse = [abs(s.mass_error_pct(name)) for s in cases], [s.rate_rmse(name) for s in cases]
-        cells += [f"{np.median(values):.2f} / {max(values):.2f}" for values in (mass, rmse)]
-    limits = [s.limit_pct for s in cases if s.limit_pct is not None]
-    widths = halfwidths(cases)
-    return [*cells, f"{np.median(limits):.3f}", f"{np.median(widths):.2f}" if widths else ""]
+        values = [figure(s, name) for s in cases if s.has(name)]
+        cells.append(f"{np.median(values):.2f} / {max(values):.2f}" if values else _NOT_RUN)
+    return cells
 
 
 def _row(cases: Sequence[CaseScore]) -> list[str]:
@@ -114,7 +124,7 @@ def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
                 "rate_rmse_mm3_per_ms": _named_spread([s.rate_rmse(e.name) for s in cases]),
             }
             for e in cases[0].estimators
-            if e.name != OBSERVER
+            if e.name != OBSERVER and all(s.has(e.name) for s in cases)
         },
         "training_ms_median": float(np.median(training)) if training else None,
         "worst": [s.number for s in sorted(cases, key=lambda s: -abs(s.mass_error_pct()))[:3]],

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.units import MILLIGRAM, MILLISECOND
-from tools.benchmarks.plant import Outcome
+from observer_rt.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
+from tools.benchmarks.plant import Outcome, Truth
+from tools.benchmarks.score import EstimatorScore
 
 LEAD = 0.15 * MILLISECOND  # of a window, before the opening
 TAIL = 0.5 * MILLISECOND  # after the needle is shut
@@ -40,6 +41,23 @@ class Windows:
     def mean_squares(self, error: NDArray[np.float64]) -> tuple[float, ...]:
         """Mean square of an error over every event's union of windows."""
         return tuple(float(np.mean(error[self.union(i)] ** 2)) for i in range(len(self.of_event)))
+
+
+def score_rate(
+    name: str,
+    rate: NDArray[np.float64],
+    truth: Truth,
+    windows: Windows,
+    density: float,
+    x3_error: NDArray[np.float64] | None = None,
+) -> EstimatorScore:
+    """Score of an estimator's rate [m3/s] at every sample, and of its normalised sac pressure if it has one."""
+    return EstimatorScore(
+        name,
+        windows.event_masses_mg(rate, density),
+        windows.mean_squares((rate - truth.injection_rate) / MM3_PER_MS),
+        () if x3_error is None else windows.mean_squares(x3_error),
+    )
 
 
 def windows_of(outcome: Outcome, sample_rate: float) -> Windows:

@@ -90,7 +90,6 @@ def score(mass_factor: NDArray[np.float64] | float = 1.0, **changes: object) -> 
         mass_ci95_mg=((49.0, 51.0),) * 20,
         opening_errors_pct=((0.0,),) * 20,
         training_ms=(5.0,) * 20,
-        seconds=1.0,
     )
     return replace(made, **changes)  # type: ignore[arg-type]
 

@@ -4,8 +4,6 @@ The package's own `training = "paper"`, on the same recordings and through the s
 the one with which its target is nearest the fault.
 """
 
-import time
-
 import numpy as np
 
 from observer_rt.config import Bench, LearningConfig, Training
@@ -34,13 +32,10 @@ def paper_bench(sample_rate: float) -> Bench:
 
 def score_paper(case: Case) -> PeerScore:
     """Record a case and score the paper's scheme; a sample without rate counts with the nominal model's."""
-    begin = time.perf_counter()
     outcome = record(case.bench)
     windows = windows_of(outcome, case.bench.sample_rate)
     bench = paper_bench(case.bench.sample_rate)
     trace = evaluate(bench, [recording_of(outcome)]).evaluations[0].trace
     rate = np.where(np.isnan(trace.injection_rate), trace.nominal_rate, trace.injection_rate)
     score = score_rate(PAPER, rate, outcome.truth, windows, case.bench.injector.density)
-    return PeerScore(
-        case.class_name, case.master_seed, case.number, (score,), (), time.perf_counter() - begin
-    )
+    return PeerScore(case.class_name, case.master_seed, case.number, (score,), ())

@@ -1,6 +1,5 @@
 """The peers on one case, and the information limit beside them."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -37,7 +36,6 @@ class PeerScore:
     estimators: tuple[EstimatorScore, ...]
     limits_mg: tuple[float, ...]
     """The information limit, smallest standard deviation of the mass; empty where it is not computed."""
-    seconds: float
 
 
 def has_peers(class_name: str) -> bool:
@@ -47,7 +45,6 @@ def has_peers(class_name: str) -> bool:
 
 def score_peers(case: Case) -> PeerScore:
     """Record a case and score every peer on the recording."""
-    begin = time.perf_counter()
     outcome = record(case.bench)
     inputs = peer_inputs(outcome.measured)
     windows = windows_of(outcome, case.bench.sample_rate)
@@ -62,5 +59,4 @@ def score_peers(case: Case) -> PeerScore:
         case.number,
         tuple(estimators),
         mass_limits_mg(inputs, windows, injected, density),
-        time.perf_counter() - begin,
     )

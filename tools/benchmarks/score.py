@@ -43,7 +43,6 @@ class CaseScore:
     opening_errors_pct: tuple[tuple[float, ...], ...]
     """Mass error of every opening of each event, for information."""
     training_ms: tuple[float, ...]
-    seconds: float
     limits_mg: tuple[float, ...] = ()
     """Information limit of every event's mass (one sigma); empty without peers."""
 

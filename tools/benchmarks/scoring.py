@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from observer_rt.config import Bench, SamplingConfig, load_bench
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.recording.recording import Recording
+from observer_rt.service.learners import LearnerFactory, make_learner
 from observer_rt.service.report import InjectionReport
 from observer_rt.service.training import InlineExecutor
 from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
@@ -28,11 +29,23 @@ PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 
 def score_case(case: Case) -> CaseScore:
     """Record a case and score our observer, and the nominal model beside it, on the recording."""
-    begin = time.perf_counter()
-    outcome = record(case.bench)
-    bench = bench_at(case.bench.sample_rate)
+    return score_outcome(case, record(case.bench), bench_at(case.bench.sample_rate))
+
+
+def score_outcome(
+    case: Case, outcome: Outcome, bench: Bench, learner_of: LearnerFactory = make_learner
+) -> CaseScore:
+    """Score an observer by its bench and learner, and the nominal model beside it, on what a case came to."""
     with timed_training() as training:
-        evaluation = evaluate(bench, [recording_of(outcome)]).evaluations[0]
+        evaluation = evaluate(bench, [recording_of(outcome)], learner_of=learner_of).evaluations[0]
+    return score_evaluation(case, outcome, evaluation, training)
+
+
+def score_evaluation(
+    case: Case, outcome: Outcome, evaluation: Evaluation, training: Sequence[float]
+) -> CaseScore:
+    """Score what an observer made of a case; training: milliseconds of each event."""
+    bench = bench_at(case.bench.sample_rate)
     windows = windows_of(outcome, case.bench.sample_rate)
     truth, trace = outcome.truth, evaluation.trace
     density = case.bench.injector.density
@@ -61,14 +74,18 @@ def score_case(case: Case) -> CaseScore:
         mass_ci95_mg=intervals,
         opening_errors_pct=tuple(tuple(float(errors[i]) for i in o) for o in windows.of_event),
         training_ms=tuple(training),
-        seconds=time.perf_counter() - begin,
     )
 
 
 def warm_up() -> None:
     """Compile, or load from the cache, so that no case's training time holds it."""
+    score_case(short_case())
+
+
+def short_case() -> Case:
+    """A case with so few events that its score is of no interest."""
     case = make_case("orifice_area", 0, 0)
-    score_case(replace(case, bench=replace(case.bench, events=case.bench.events[:WARM_UP_EVENTS])))
+    return replace(case, bench=replace(case.bench, events=case.bench.events[:WARM_UP_EVENTS]))
 
 
 def recording_of(outcome: Outcome) -> Recording:

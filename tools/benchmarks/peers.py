@@ -39,8 +39,9 @@ class PeerScore:
 
 
 def has_peers(class_name: str) -> bool:
-    """Peers run on every class but the many cases of `stability`."""
-    return CLASSES[class_name].group is not Group.STABILITY
+    """Peers run on every class but the many cases of `stability`; a filter wants the whole recording."""
+    fault_class = CLASSES[class_name]
+    return fault_class.group is not Group.STABILITY and not fault_class.windowed
 
 
 def score_peers(case: Case) -> PeerScore:

@@ -18,9 +18,10 @@ from observer_rt.service.learners import LearnerFactory, make_learner
 from observer_rt.service.report import InjectionReport
 from observer_rt.service.training import InlineExecutor
 from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
-from tools.benchmarks.cases import Case, make_case
+from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore
+from tools.benchmarks.windowed import evaluate_windowed
 from tools.benchmarks.windows import Windows, score_rate, windows_of
 
 WARM_UP_EVENTS = 3
@@ -36,8 +37,12 @@ def score_outcome(
     case: Case, outcome: Outcome, bench: Bench, learner_of: LearnerFactory = make_learner
 ) -> CaseScore:
     """Score an observer by its bench and learner, and the nominal model beside it, on what a case came to."""
+    recording = recording_of(outcome)
     with timed_training() as training:
-        evaluation = evaluate(bench, [recording_of(outcome)], learner_of=learner_of).evaluations[0]
+        if CLASSES[case.class_name].windowed:
+            evaluation = evaluate_windowed(bench, recording, learner_of)
+        else:
+            evaluation = evaluate(bench, [recording], learner_of=learner_of).evaluations[0]
     return score_evaluation(case, outcome, evaluation, training)
 
 

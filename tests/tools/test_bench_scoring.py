@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tools.benchmarks.bars import recovered, useful_at_third, violations, x3_ratios
+from tools.benchmarks.bars import recovered, sustained_excess_pct, useful_at_third, violations, x3_ratios
 from tools.benchmarks.plant import Measured, Outcome, Truth
 from tools.benchmarks.proportions import clopper_pearson
 from tools.benchmarks.score import NOMINAL, OBSERVER, UKF, CaseScore, EstimatorScore
 from tools.benchmarks.store import Store
-from tools.benchmarks.tables import json_document, peer_tables
+from tools.benchmarks.tables import class_table, following_table, json_document, peer_tables
 from tools.benchmarks.windows import Windows, windows_of
 
 RATE = 100e3
@@ -79,6 +79,7 @@ def score(mass_factor: NDArray[np.float64] | float = 1.0, **changes: object) -> 
         number=0,
         change_event=None,
         nozzle_wear=0.3,
+        varying=False,
         true_mass_mg=tuple(true),
         window_samples=(200,) * 20,
         estimators=(
@@ -146,6 +147,56 @@ def test_third_event_and_recovery() -> None:
     jumped = score(factors(event_8=1.5, event_9=1.5, event_10=1.5), change_event=7)
     assert recovered(jumped)
     assert not recovered(score(factors(event_11=1.5), change_event=7))
+
+
+def test_the_first_useful_phi_is_asked_of_all_wear_together() -> None:
+    late = factors(event_3=1.011)
+    names = ("orifice_area", "growing_wear", "missing_injections", "seat_area")
+
+    def some(missed: int) -> list[CaseScore]:
+        return [
+            score(late if n < missed else 1.0, class_name=names[n % 4], varying=n % 2 == 1) for n in range(40)
+        ]
+
+    assert not any("third event" in line for line in violations(some(1)))
+    assert any("third event: 95.0% of 40 cases" in line for line in violations(some(2)))
+    assert not any("third event" in line for line in violations([score(late, class_name="healthy")]))
+    assert json_document(some(2), [])["figures"]["first_useful_phi_share"] == pytest.approx(0.95)
+
+
+def test_table_of_what_is_followed_in_time() -> None:
+    early = [score(varying=True), score(factors(event_3=1.02)), score(class_name="healthy")]
+    jumped = score(class_name="jump_friction", change_event=7)
+    table = following_table([*early, jumped])
+    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    assert [row[:4] for row in rows] == [
+        ("orifice_area", "third event", "2", "50.0"),
+        ("jump_friction", "3 events after the change", "1", "100.0"),
+        ("wear, all classes", "third event", "2", "50.0"),
+    ]
+    assert rows[0][5:] == ("0.0", "100.0")
+    assert rows[1][5:] == ("100.0", "-")
+    figures = json_document([jumped, score(factors(event_11=1.5), change_event=7)], [])["figures"]
+    assert figures["recovered_after_three_share"] == 0.5
+
+
+def test_excess_over_the_nominal_model_counts_from_the_fourth_event_on() -> None:
+    three = factors(event_1=1.5, event_5=1.5, event_9=1.5, event_10=1.205)
+    assert sustained_excess_pct(score(three)) == pytest.approx(0.5)  # the nominal model is 20 % off
+    assert not any("worse" in line for line in violations([score(three, class_name="stability")]))
+    four = factors(event_1=1.5, event_5=1.5, event_9=1.5, event_10=1.25)
+    bad = violations([score(four, class_name="stability", valid=(False,) * 20)])
+    assert any(line.startswith("stability: over 1 % worse") and "100.00%" in line for line in bad)
+    assert any(line.startswith("stability 0: more than three events 5 % worse") for line in bad)
+    not_a_number = factors(event_1=1.5, event_5=1.5, event_9=1.5, event_10=math.nan)
+    assert sustained_excess_pct(score(not_a_number)) > 20.0
+
+
+def test_coverage_is_shown_with_its_interval() -> None:
+    missed, held = ((50.1, 51.0),) * 20, ((49.0, 51.0),) * 20
+    table = class_table([score(mass_ci95_mg=missed if n < 3 else held) for n in range(60)])
+    cells = {str(column.header).split("\n")[0]: next(iter(column.cells)) for column in table.columns}
+    assert cells["coverage %"] == "95 (83-99)"
 
 
 def test_bars() -> None:

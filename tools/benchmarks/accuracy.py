@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from rich.console import Console
 
-from tools.benchmarks.bars import violations
+from tools.benchmarks.bars import followed, violations
 from tools.benchmarks.cases import make_case
 from tools.benchmarks.paper_peer import has_paper, score_paper
 from tools.benchmarks.peers import PeerScore, has_peers, score_peers
@@ -14,7 +14,7 @@ from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, scored
 from tools.benchmarks.score import CaseScore
 from tools.benchmarks.scoring import score_case, warm_up
 from tools.benchmarks.store import Store, digest_of
-from tools.benchmarks.tables import class_table, peer_tables
+from tools.benchmarks.tables import class_table, following_table, peer_tables
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,8 @@ def print_results(results: Results, console: Console) -> None:
     if any(score.limits_mg for score in results.scores):
         for table in peer_tables(results.scores):
             console.print(table)
+    if any(followed(s) is not None for s in results.scores):
+        console.print(following_table(results.scores))
     for line in violations(results.scores):
         console.print(line, highlight=False, markup=False)
     for crash in results.crashes:

@@ -34,6 +34,8 @@ class CaseScore:
     number: int
     change_event: int | None
     nozzle_wear: float
+    varying: bool
+    """Whether the operating point changes from event to event."""
     true_mass_mg: tuple[float, ...]
     window_samples: tuple[int, ...]
     estimators: tuple[EstimatorScore, ...]

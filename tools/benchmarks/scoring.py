@@ -71,6 +71,7 @@ def score_evaluation(
         number=case.number,
         change_event=case.change_event,
         nozzle_wear=case.bench.events[-1].faults.orifice_area,
+        varying=len({event.rail_pressure for event in case.bench.events}) > 1,
         true_mass_mg=windows.event_masses_mg(truth.injection_rate, density),
         window_samples=tuple(windows.union(e).size for e in range(len(windows.of_event))),
         estimators=(scored(OBSERVER, rate, x3), scored(NOMINAL, trace.nominal_rate, nominal_x3)),

@@ -6,26 +6,77 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tools.benchmarks.bars import by_class, coverage, halfwidths, violations, x3_ratios
+from tools.benchmarks.bars import (
+    by_class,
+    coverage,
+    followed,
+    halfwidths,
+    recovered,
+    sustained_excess_pct,
+    useful_at_third,
+    violations,
+    worn_from_the_start,
+    x3_ratios,
+)
 from tools.benchmarks.cases import CLASSES, Group
+from tools.benchmarks.proportions import clopper_pearson
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore
 
 _WEAR_ONLY = _NOT_RUN = "-"
 
 
 def class_table(scores: Sequence[CaseScore]) -> Table:
-    """Our observer, class by class."""
+    """Our observer, class by class.
+
+    "worse than nominal": by how much more than three events of some case are, at the least.
+    """
     table = Table(title="observer, events 11-20", title_justify="left")
     table.add_column("class", no_wrap=True)
     for heading in (
         "cases", "mass error %\nmedian", "\np95", "\nmax", "RMSE mm3/ms\nmedian", "\np95", "\nmax",
-        "valid\n%", "wrong\nvalid", "x3 ratio\np5", "coverage\n%", "training ms\nmedian", "\np99",
-        "nominal\nmass % median",
+        "valid\n%", "wrong\nvalid", "worse than\nnominal %", "x3 ratio\np5", "coverage %\n(99 % interval)",
+        "training ms\nmedian", "\np99", "nominal\nmass % median",
     ):  # fmt: skip
         table.add_column(heading, justify="right")
     for name, cases in by_class(scores).items():
         table.add_row(name, *_row(cases))
     return table
+
+
+def following_table(scores: Sequence[CaseScore]) -> Table:
+    """How often the mass is within 1 % at the third event of a worn injector, and three events after a change."""
+    table = Table(title="mass within 1 % in time, share of the cases in %", title_justify="left")
+    table.add_column("class", no_wrap=True)
+    for heading in ("asked", "cases", "all", "99 % interval", "one operating point", "varying"):
+        table.add_column(heading, justify="right")
+    for name, cases in by_class(scores).items():
+        judged = [s for s in cases if followed(s) is not None]
+        if judged:
+            asked = "third event" if judged[0].change_event is None else "3 events after the change"
+            table.add_row(name, asked, *_followed_row(judged))
+    if worn := worn_from_the_start(scores):
+        table.add_section()
+        table.add_row("wear, all classes", "third event", *_followed_row(worn))
+    return table
+
+
+def _followed_row(cases: Sequence[CaseScore]) -> list[str]:
+    kinds = ([s for s in cases if s.varying is varying] for varying in (False, True))
+    return [
+        str(len(cases)),
+        _percent([bool(followed(s)) for s in cases]),
+        _interval([bool(followed(s)) for s in cases]),
+        *(_percent([bool(followed(s)) for s in kind]) for kind in kinds),
+    ]
+
+
+def _percent(found: Sequence[bool]) -> str:
+    return f"{100.0 * np.mean(found):.1f}" if found else _NOT_RUN
+
+
+def _interval(found: Sequence[bool]) -> str:
+    low, high = clopper_pearson(sum(found), len(found))
+    return f"{100.0 * low:.0f}-{100.0 * high:.0f}"
 
 
 def peer_tables(scores: Sequence[CaseScore]) -> tuple[Table, Table]:
@@ -77,8 +128,9 @@ def _row(cases: Sequence[CaseScore]) -> list[str]:
         *(f"{value:.3f}" for value in _spread(rmse)),
         f"{100.0 * np.mean([s.valid_share for s in cases]):.1f}",
         str(sum(s.wrong_valid for s in cases)),
+        f"{max(sustained_excess_pct(s) for s in cases):.2f}",
         f"{np.percentile(ratios, 5):.0f}" if ratios else _WEAR_ONLY,
-        f"{100.0 * np.mean(covered):.0f}" if covered else "",
+        f"{100.0 * np.mean(covered):.0f} ({_interval(covered)})" if covered else "",
         f"{np.median(training):.1f}" if training else "",
         f"{np.percentile(training, 99):.1f}" if training else "",
         f"{np.median([abs(s.mass_error_pct(NOMINAL)) for s in cases]):.3f}",
@@ -92,6 +144,8 @@ def json_document(scores: Sequence[CaseScore], crashes: Sequence[str]) -> dict[s
     covered = coverage(main)
     widths = halfwidths(main)
     shares = [np.mean([s.valid_share for s in cases]) for cases in by_class(main).values()]
+    worn, changed = worn_from_the_start(scores), [s for s in scores if s.change_event is not None]
+    training = [ms for s in main for ms in s.training_ms]
     return {
         "figures": {
             "mass_error_max_pct": max((abs(s.mass_error_pct()) for s in main), default=None),
@@ -101,6 +155,12 @@ def json_document(scores: Sequence[CaseScore], crashes: Sequence[str]) -> dict[s
             "wrong_valid": sum(s.wrong_valid for s in scores),
             "valid_share_min": float(min(shares)) if shares else None,
             "interval_halfwidth_vs_limit_median": float(np.median(widths)) if widths else None,
+            "first_useful_phi_share": float(np.mean([useful_at_third(s) for s in worn])) if worn else None,
+            "recovered_after_three_share": float(np.mean([recovered(s) for s in changed]))
+            if changed
+            else None,
+            "training_ms_median": float(np.median(training)) if training else None,
+            "training_ms_p99": float(np.percentile(training, 99)) if training else None,
         },
         "details": {
             "classes": {name: _class_details(cases) for name, cases in by_class(scores).items()},
@@ -112,6 +172,8 @@ def json_document(scores: Sequence[CaseScore], crashes: Sequence[str]) -> dict[s
 
 def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
     training = [ms for s in cases for ms in s.training_ms]
+    covered, widths = coverage(cases), halfwidths(cases)
+    in_time = [found for s in cases if (found := followed(s)) is not None]
     return {
         "cases": len(cases),
         "mass_error_pct": _named_spread([abs(s.mass_error_pct()) for s in cases]),
@@ -126,7 +188,13 @@ def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
             for e in cases[0].estimators
             if e.name != OBSERVER and all(s.has(e.name) for s in cases)
         },
+        "sustained_excess_max_pct": max(sustained_excess_pct(s) for s in cases),
+        "coverage_95_share": float(np.mean(covered)) if covered else None,
+        "coverage_95_share_ci99": clopper_pearson(sum(covered), len(covered)) if covered else None,
+        "interval_halfwidth_vs_limit_median": float(np.median(widths)) if widths else None,
+        "within_1_pct_in_time_share": float(np.mean(in_time)) if in_time else None,
         "training_ms_median": float(np.median(training)) if training else None,
+        "training_ms_p99": float(np.percentile(training, 99)) if training else None,
         "worst": [s.number for s in sorted(cases, key=lambda s: -abs(s.mass_error_pct()))[:3]],
     }
 

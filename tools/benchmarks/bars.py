@@ -22,6 +22,7 @@ SIGNIFICANT_WEAR = 0.1  # |v_H| from which the ratio of x3 counts
 MIXED_CASE_PCT = 1.0
 LIMIT_SIGMAS, LIMIT_MARGIN_PCT = 3.0, 0.1  # a case may miss its bar where information lacks
 COVERAGE_EVENT = 14  # from 0: one injection a case
+RATE_COVERAGE = (0.90, 0.98)  # mean of a class
 POOLED_COVERAGE, POOLED_CASES = (0.93, 0.97), 300  # judged from so many cases on
 WAVE_JUDGED = 2  # events after which a travelling wave must be known as such
 
@@ -103,6 +104,11 @@ def coverage(scores: Sequence[CaseScore]) -> list[bool]:
     return [c for s in scores if (c := s.covered(COVERAGE_EVENT)) is not None]
 
 
+def rate_coverages(scores: Sequence[CaseScore]) -> list[float]:
+    """Share of the open samples whose interval of the rate holds the truth, one a case, where there is one."""
+    return [c for s in scores if (c := s.rate_coverage) is not None]
+
+
 def halfwidths(scores: Sequence[CaseScore]) -> list[float]:
     """Half-widths of the interval of event 15's mass over 1.96 sigma of the information limit."""
     return [w for s in scores if (w := s.halfwidth_vs_limit(COVERAGE_EVENT)) is not None]
@@ -176,6 +182,10 @@ def _coverage_violations(name: str, cases: list[CaseScore]) -> Iterator[str]:
         low, high = clopper_pearson(sum(covered), len(covered))
         if not low <= 0.95 <= high:
             yield f"{name}: coverage of the 95 % interval of the mass: {np.mean(covered):.1%}"
+    if shares := rate_coverages(cases):
+        mean = float(np.mean(shares))
+        if not RATE_COVERAGE[0] <= mean <= RATE_COVERAGE[1]:
+            yield f"{name}: coverage of the 95 % interval of the rate: {mean:.1%}, not 90-98 %"
 
 
 def _behind_the_ukf(name: str, cases: list[CaseScore]) -> Iterator[str]:

@@ -45,6 +45,10 @@ class CaseScore:
     opening_errors_pct: tuple[tuple[float, ...], ...]
     """Mass error of every opening of each event, for information."""
     training_ms: tuple[float, ...]
+    rate_judged: tuple[int, ...]
+    """Samples with an open needle and a standard deviation of the rate."""
+    rate_covered: tuple[int, ...]
+    """Of these, samples whose 95 % interval holds the true rate."""
     limits_mg: tuple[float, ...] = ()
     """Information limit of every event's mass (one sigma); empty without peers."""
 
@@ -104,6 +108,12 @@ class CaseScore:
         """Whether the 95 % interval of an event's (from 0) mass holds the true mass; None without interval."""
         interval = self.mass_ci95_mg[event]
         return None if interval is None else bool(interval[0] <= self.true_mass_mg[event] <= interval[1])
+
+    @property
+    def rate_coverage(self) -> float | None:
+        """Share of the open samples of events 11-20 whose interval of the rate holds the truth; None without any."""
+        judged = sum(self.rate_judged[SCORED])
+        return sum(self.rate_covered[SCORED]) / judged if judged else None
 
     @property
     def limit_pct(self) -> float | None:

@@ -22,7 +22,7 @@ from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore
 from tools.benchmarks.windowed import evaluate_windowed
-from tools.benchmarks.windows import Windows, score_rate, windows_of
+from tools.benchmarks.windows import Windows, covered_samples, score_rate, windows_of
 
 WARM_UP_EVENTS = 3
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
@@ -62,6 +62,9 @@ def score_evaluation(
     true_masses = windows.masses(truth.injection_rate, density)
     errors = 100.0 * (windows.masses(rate, density) / true_masses - 1.0)
 
+    sigma = np.full(rate.size, np.nan)  # to become trace.injection_rate_sigma
+    judged, covered = covered_samples(rate - truth.injection_rate, sigma, windows)
+
     def scored(name: str, rate: NDArray[np.float64], x3: NDArray[np.float64]) -> EstimatorScore:
         return score_rate(name, rate, truth, windows, density, x3 - true_x3)
 
@@ -80,6 +83,8 @@ def score_evaluation(
         mass_ci95_mg=intervals,
         opening_errors_pct=tuple(tuple(float(errors[i]) for i in o) for o in windows.of_event),
         training_ms=tuple(training),
+        rate_judged=judged,
+        rate_covered=covered,
     )
 
 

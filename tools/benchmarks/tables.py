@@ -11,6 +11,7 @@ from tools.benchmarks.bars import (
     coverage,
     followed,
     halfwidths,
+    rate_coverages,
     recovered,
     sustained_excess_pct,
     useful_at_third,
@@ -34,7 +35,7 @@ def class_table(scores: Sequence[CaseScore]) -> Table:
     table.add_column("class", no_wrap=True)
     for heading in (
         "cases", "mass error %\nmedian", "\np95", "\nmax", "RMSE mm3/ms\nmedian", "\np95", "\nmax",
-        "valid\n%", "wrong\nvalid", "worse than\nnominal %", "x3 ratio\np5", "coverage %\n(99 % interval)",
+        "valid\n%", "wrong\nvalid", "worse than\nnominal %", "x3 ratio\np5", "coverage %\nmass (99 % int.)", "\nrate",
         "training ms\nmedian", "\np99", "nominal\nmass % median",
     ):  # fmt: skip
         table.add_column(heading, justify="right")
@@ -121,7 +122,7 @@ def _row(cases: Sequence[CaseScore]) -> list[str]:
     rmse = [s.rate_rmse() for s in cases]
     training = [ms for s in cases for ms in s.training_ms]
     ratios = x3_ratios(cases)
-    covered = coverage(cases)
+    covered, rates = coverage(cases), rate_coverages(cases)
     return [
         str(len(cases)),
         *(f"{value:.3f}" for value in _spread(mass)),
@@ -131,6 +132,7 @@ def _row(cases: Sequence[CaseScore]) -> list[str]:
         f"{max(sustained_excess_pct(s) for s in cases):.2f}",
         f"{np.percentile(ratios, 5):.0f}" if ratios else _WEAR_ONLY,
         f"{100.0 * np.mean(covered):.0f} ({_interval(covered)})" if covered else "",
+        f"{100.0 * np.mean(rates):.1f}" if rates else "",
         f"{np.median(training):.1f}" if training else "",
         f"{np.percentile(training, 99):.1f}" if training else "",
         f"{np.median([abs(s.mass_error_pct(NOMINAL)) for s in cases]):.3f}",
@@ -155,6 +157,7 @@ def json_document(scores: Sequence[CaseScore], crashes: Sequence[str]) -> dict[s
             "wrong_valid": sum(s.wrong_valid for s in scores),
             "valid_share_min": float(min(shares)) if shares else None,
             "interval_halfwidth_vs_limit_median": float(np.median(widths)) if widths else None,
+            "rate_coverage_share": float(np.mean(rates)) if (rates := rate_coverages(main)) else None,
             "first_useful_phi_share": float(np.mean([useful_at_third(s) for s in worn])) if worn else None,
             "recovered_after_three_share": float(np.mean([recovered(s) for s in changed]))
             if changed
@@ -172,7 +175,7 @@ def json_document(scores: Sequence[CaseScore], crashes: Sequence[str]) -> dict[s
 
 def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
     training = [ms for s in cases for ms in s.training_ms]
-    covered, widths = coverage(cases), halfwidths(cases)
+    covered, widths, rates = coverage(cases), halfwidths(cases), rate_coverages(cases)
     in_time = [found for s in cases if (found := followed(s)) is not None]
     return {
         "cases": len(cases),
@@ -191,6 +194,7 @@ def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
         "sustained_excess_max_pct": max(sustained_excess_pct(s) for s in cases),
         "coverage_95_share": float(np.mean(covered)) if covered else None,
         "coverage_95_share_ci99": clopper_pearson(sum(covered), len(covered)) if covered else None,
+        "rate_coverage_share": float(np.mean(rates)) if rates else None,
         "interval_halfwidth_vs_limit_median": float(np.median(widths)) if widths else None,
         "within_1_pct_in_time_share": float(np.mean(in_time)) if in_time else None,
         "training_ms_median": float(np.median(training)) if training else None,

@@ -7,10 +7,12 @@ from dataclasses import replace
 import pytest
 
 from tests.tools.made_scores import UKF_SCORE, factors, score
-from tools.benchmarks.bars import sustained_excess_pct, violations
+from tools.benchmarks.bars import slow_sample, sustained_excess_pct, violations
 from tools.benchmarks.proportions import clopper_pearson
-from tools.benchmarks.score import NOMINAL, UKF, CaseScore
+from tools.benchmarks.score import NOMINAL, UKF, CaseScore, SampleTime
 from tools.benchmarks.tables import class_table, following_table, json_document, peer_tables
+
+QUICK = SampleTime(open_us=2.0, closed_us=0.5)
 
 
 def test_coverage_of_the_rate_is_a_classs_mean_over_events_11_to_20() -> None:
@@ -20,7 +22,7 @@ def test_coverage_of_the_rate_is_a_classs_mean_over_events_11_to_20() -> None:
     assert any("interval of the rate: 80.0%" in line for line in violations([narrow]))
     assert violations([narrow] + [score()] * 2) == []
     assert len(violations([score(rate_covered=(99,) * 20)])) == 1
-    document = json_document([narrow, score()], [])
+    document = json_document([narrow, score()], [], QUICK)
     assert document["figures"]["rate_coverage_share"] == pytest.approx(0.875)
 
 
@@ -36,7 +38,7 @@ def test_the_first_useful_phi_is_asked_of_all_wear_together() -> None:
     assert not any("third event" in line for line in violations(some(1)))
     assert any("third event: 95.0% of 40 cases" in line for line in violations(some(2)))
     assert not any("third event" in line for line in violations([score(late, class_name="healthy")]))
-    assert json_document(some(2), [])["figures"]["first_useful_phi_share"] == pytest.approx(0.95)
+    assert json_document(some(2), [], QUICK)["figures"]["first_useful_phi_share"] == pytest.approx(0.95)
 
 
 def test_table_of_what_is_followed_in_time() -> None:
@@ -51,7 +53,7 @@ def test_table_of_what_is_followed_in_time() -> None:
     ]
     assert rows[0][5:] == ("0.0", "100.0")
     assert rows[1][5:] == ("100.0", "-")
-    figures = json_document([jumped, score(factors(event_11=1.5), change_event=7)], [])["figures"]
+    figures = json_document([jumped, score(factors(event_11=1.5), change_event=7)], [], QUICK)["figures"]
     assert figures["recovered_after_three_share"] == 0.5
 
 
@@ -110,6 +112,15 @@ def test_slow_training_and_a_better_peer_are_named() -> None:
     assert sum("joint UKF" in line for line in violations([behind])) == 2
 
 
+def test_a_slow_sample_is_named() -> None:
+    assert slow_sample(QUICK) == []
+    slow = SampleTime(open_us=3.1, closed_us=0.5)
+    assert len(slow_sample(slow)) == 1
+    document = json_document([score()], [], slow)
+    assert document["figures"]["sample_open_us"] == 3.1
+    assert document["details"]["violations"] == slow_sample(slow)
+
+
 def test_interval_of_a_share() -> None:
     assert clopper_pearson(0, 10) == pytest.approx((0.0, 1.0 - 0.005**0.1))
     assert clopper_pearson(10, 10) == pytest.approx((0.005**0.1, 1.0))
@@ -124,13 +135,13 @@ def test_a_peer_counts_where_it_ran() -> None:
     cells = {column.header: list(column.cells) for column in mass.columns}
     assert cells[UKF] == ["-", "0.10 / 0.10"]
     assert cells[NOMINAL] == ["20.00 / 20.00"] * 2
-    classes = json_document([alone, joined], [])["details"]["classes"]
+    classes = json_document([alone, joined], [], QUICK)["details"]["classes"]
     assert UKF in classes["orifice_area"]["peers"]
     assert UKF not in classes["healthy"]["peers"]
 
 
 def test_json_document_has_the_figures_asked_for() -> None:
-    document = json.loads(json.dumps(json_document([score(1.002), score(0.997)], ["crash"])))
+    document = json.loads(json.dumps(json_document([score(1.002), score(0.997)], ["crash"], QUICK)))
     figures = document["figures"]
     assert figures["mass_error_max_pct"] == pytest.approx(0.3)
     assert figures["rate_rmse_max_mm3_per_ms"] == pytest.approx(0.1)

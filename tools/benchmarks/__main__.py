@@ -85,7 +85,8 @@ def _accuracy(plan: Plan, as_json: bool) -> None:
     for figure in save_figures(found.scores, plan.out):
         messages.print(f"figure: {figure}", highlight=False)
     if as_json:
-        print(json.dumps(json_document(found.scores, [str(crash) for crash in found.crashes]), indent=2))
+        crashes = [str(crash) for crash in found.crashes]
+        print(json.dumps(json_document(found.scores, crashes, found.sample_time), indent=2))
     else:
         print_results(found, _console())
 

@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 
 from rich.console import Console
 
-from tools.benchmarks.bars import followed, violations
+from tools.benchmarks.bars import followed, slow_sample, violations
 from tools.benchmarks.cases import make_case
 from tools.benchmarks.paper_peer import has_paper, score_paper
 from tools.benchmarks.peers import PeerScore, has_peers, score_peers
 from tools.benchmarks.pool import Crash, Task
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, scored
-from tools.benchmarks.score import CaseScore
+from tools.benchmarks.sample_time import measure_sample_time
+from tools.benchmarks.score import CaseScore, SampleTime
 from tools.benchmarks.scoring import score_case, warm_up
 from tools.benchmarks.store import Store, digest_of
 from tools.benchmarks.tables import class_table, following_table, peer_tables
@@ -23,6 +24,7 @@ class Results:
 
     scores: tuple[CaseScore, ...]
     crashes: tuple[Crash, ...]
+    sample_time: SampleTime
 
 
 def run_accuracy(plan: Plan, console: Console) -> Results:
@@ -42,7 +44,8 @@ def run_accuracy(plan: Plan, console: Console) -> Results:
         tasks = tuple(task for task in plan.tasks if has_paper(task.class_name))
         paper = scored("paper", paper_store, paper_task, warm_up, tasks, plan, console, crashes)
         scores = {task: _joined(s, (peers.get(task), paper.get(task))) for task, s in scores.items()}
-    return Results(tuple(scores[task] for task in plan.tasks if task in scores), tuple(crashes))
+    found = tuple(scores[task] for task in plan.tasks if task in scores)
+    return Results(found, tuple(crashes), measure_sample_time())
 
 
 def print_results(results: Results, console: Console) -> None:
@@ -53,7 +56,12 @@ def print_results(results: Results, console: Console) -> None:
             console.print(table)
     if any(followed(s) is not None for s in results.scores):
         console.print(following_table(results.scores))
-    for line in violations(results.scores):
+    took = results.sample_time
+    console.print(
+        f"one sample of the observer at 100 kHz, us: needle open {took.open_us:.2f}, shut {took.closed_us:.2f}",
+        highlight=False,
+    )
+    for line in (*violations(results.scores), *slow_sample(took)):
         console.print(line, highlight=False, markup=False)
     for crash in results.crashes:
         console.print(f"crash: {crash.task}: {crash.message}", highlight=False, markup=False)

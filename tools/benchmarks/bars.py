@@ -8,7 +8,7 @@ import numpy as np
 
 from tools.benchmarks.cases import CLASSES, Group
 from tools.benchmarks.proportions import clopper_pearson
-from tools.benchmarks.score import NOMINAL, OBSERVER, UKF, CaseScore
+from tools.benchmarks.score import NOMINAL, OBSERVER, UKF, CaseScore, SampleTime
 
 WEAR = ("orifice_area", "seat_area", "orifice_and_seat_area")
 WEAR_FROM_THE_START = (*WEAR, "growing_wear", "missing_injections")  # where the first useful phi is asked for
@@ -24,6 +24,7 @@ LIMIT_SIGMAS, LIMIT_MARGIN_PCT = 3.0, 0.1  # a case may miss its bar where infor
 COVERAGE_EVENT = 14  # from 0: one injection a case
 RATE_COVERAGE = (0.90, 0.98)  # mean of a class
 POOLED_COVERAGE, POOLED_CASES = (0.93, 0.97), 300  # judged from so many cases on
+SAMPLE_US = 3.0  # of x~ and x^
 WAVE_JUDGED = 2  # events after which a travelling wave must be known as such
 
 
@@ -119,6 +120,12 @@ def violations(scores: Sequence[CaseScore]) -> list[str]:
     lines = [line for name, cases in by_class(scores).items() for line in _violations_of(name, cases)]
     lines += _first_useful_violations(worn_from_the_start(scores))
     return lines + list(_overall_violations([s for s in scores if CLASSES[s.class_name].group is Group.MAIN]))
+
+
+def slow_sample(took: SampleTime) -> list[str]:
+    """A line when a sample takes too long."""
+    slowest = max(took.open_us, took.closed_us)
+    return list(_above("all", "one sample of the observer at 100 kHz [us]", slowest, SAMPLE_US))
 
 
 def _first_useful_violations(worn: Sequence[CaseScore]) -> Iterator[str]:

@@ -26,6 +26,14 @@ class EstimatorScore:
 
 
 @dataclass(frozen=True)
+class SampleTime:
+    """What a sample costs the observer [us], best of several blocks: needle open, and long shut."""
+
+    open_us: float
+    closed_us: float
+
+
+@dataclass(frozen=True)
 class CaseScore:
     """One case scored; tuples are per event."""
 

@@ -13,6 +13,7 @@ from tools.benchmarks.bars import (
     halfwidths,
     rate_coverages,
     recovered,
+    slow_sample,
     sustained_excess_pct,
     useful_at_third,
     violations,
@@ -21,7 +22,7 @@ from tools.benchmarks.bars import (
 )
 from tools.benchmarks.cases import CLASSES, Group
 from tools.benchmarks.proportions import clopper_pearson
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, SampleTime
 
 _WEAR_ONLY = _NOT_RUN = "-"
 
@@ -139,7 +140,7 @@ def _row(cases: Sequence[CaseScore]) -> list[str]:
     ]
 
 
-def json_document(scores: Sequence[CaseScore], crashes: Sequence[str]) -> dict[str, Any]:
+def json_document(scores: Sequence[CaseScore], crashes: Sequence[str], took: SampleTime) -> dict[str, Any]:
     """`figures` over the classes that must be estimated well, `details` per class."""
     main = [s for s in scores if CLASSES[s.class_name].group is Group.MAIN]
     ratios = x3_ratios(scores)
@@ -164,10 +165,12 @@ def json_document(scores: Sequence[CaseScore], crashes: Sequence[str]) -> dict[s
             else None,
             "training_ms_median": float(np.median(training)) if training else None,
             "training_ms_p99": float(np.percentile(training, 99)) if training else None,
+            "sample_open_us": took.open_us,
+            "sample_closed_us": took.closed_us,
         },
         "details": {
             "classes": {name: _class_details(cases) for name, cases in by_class(scores).items()},
-            "violations": violations(scores),
+            "violations": [*violations(scores), *slow_sample(took)],
             "crashes": list(crashes),
         },
     }

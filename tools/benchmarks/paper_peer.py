@@ -20,7 +20,7 @@ LEFT_OUT = ("bulk_modulus", "entrained_air")  # line faults; friction and leakag
 
 
 def has_paper(class_name: str) -> bool:
-    """It runs on the classes that must be estimated well, but for two, so that the whole bench stays within the hour."""
+    """On the classes that must be estimated well, but for two: the whole bench must end within the hour."""
     return CLASSES[class_name].group is Group.MAIN and class_name not in LEFT_OUT
 
 

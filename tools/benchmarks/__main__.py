@@ -27,7 +27,7 @@ messages = Console(stderr=True)
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
 CASES, ABLATION_CASES = 60, 10  # per class
 INTERRUPTED = 130  # exit code
-TABLE_WIDTH = 190  # where stdout is no terminal
+TABLE_WIDTH = 210  # where stdout is no terminal
 
 
 @app.callback()

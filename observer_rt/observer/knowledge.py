@@ -72,6 +72,18 @@ GATE = Gate(
 )
 
 
+@dataclass(frozen=True)
+class LearningRules:
+    """What the learner assumes: prior, drift from event to event (one sigma each), which scalars must pay."""
+
+    prior: Scales = PRIOR
+    drift: Scales = DRIFT
+    gate: Gate = GATE
+
+
+DEFAULT_RULES = LearningRules()
+
+
 class Verdict(StrEnum):
     """What came of learning from an event."""
 
@@ -104,9 +116,11 @@ class Knowledge:
     statistics: PhaseStatistics = field(default_factory=no_statistics)
 
 
-def no_knowledge(noise: NoiseLevels, pressure_scale: float) -> Knowledge:
+def no_knowledge(
+    noise: NoiseLevels, pressure_scale: float, rules: LearningRules = DEFAULT_RULES
+) -> Knowledge:
     """Knowledge of a new part: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
-    prior = Belief(np.zeros(PARAMETERS), np.diag(PRIOR.vector(pressure_scale) ** 2))
+    prior = Belief(np.zeros(PARAMETERS), np.diag(rules.prior.vector(pressure_scale) ** 2))
     return Knowledge(prior, np.zeros(PARAMETERS), noise)
 
 

@@ -65,7 +65,7 @@ def _search(
             for j in range(size):
                 matrix[i, j] = information[columns[i], columns[j]]
         solution = np.linalg.solve(matrix, target)
-        value = target @ solution - price
+        value = float(target @ solution) - price
         if not value > best_value:
             continue
         admissible = True

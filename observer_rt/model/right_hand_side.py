@@ -33,7 +33,7 @@ def nozzle_difference(x_3: float, area: float, network: Network) -> float:
     """Pressure difference over the nozzle, in units of p_0: against the raised chamber while the needle is open."""
     if area <= 0.0:
         return x_3
-    return x_3 - network.back_pressure[0] - network.back_pressure[1] * min(area, 1.0)
+    return float(x_3 - network.back_pressure[0] - network.back_pressure[1] * min(area, 1.0))
 
 
 @njit(cache=True, nogil=True)

@@ -11,13 +11,14 @@ from observer_rt.estimation.predictor import Setting, Window, correct
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter, advance_with_sensitivity
 from observer_rt.estimation.sensor import lagged, recorded
 from observer_rt.model.coefficients import with_line_terms
-from observer_rt.model.flows import nozzle_law, nozzle_law_slope
-from observer_rt.model.network import activation
+from observer_rt.model.flows import nozzle_law, nozzle_law_slopes
+from observer_rt.model.network import activation, back_pressure_at
 from observer_rt.model.right_hand_side import is_at_rest
 
 DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 _NOZZLE_BIAS = int(Parameter.NOZZLE_BIAS)
 _NOZZLE_WEIGHT = int(Parameter.NOZZLE_WEIGHT)
+_BACK_PRESSURE = int(Parameter.BACK_PRESSURE)
 
 
 @njit(cache=True, nogil=True)
@@ -73,7 +74,7 @@ def rate_with_sensitivity(
             sensitivity[2, :] = 0.0
         if is_at_rest(x, u):
             continue
-        flow = nozzle_law(x[2], u[1], c)
+        flow = nozzle_law(x[2], u[1], back_pressure_at(u[1], network), c)
         change = network.bias[0]
         h_1, h_2, h_3 = 0.0, 0.0, 0.0
         for neuron in range(network.hidden.shape[0]):
@@ -86,7 +87,11 @@ def rate_with_sensitivity(
             h_3 += bent * network.hidden[neuron, 2]
             slopes[k, _NOZZLE_WEIGHT + neuron] = c.nozzle_flow * flow * sigma
         slopes[k, _NOZZLE_BIAS] = c.nozzle_flow * flow
-        h_3 += nozzle_law_slope(x[2], u[1], c) * (1.0 + change)
+        by_sac, by_chamber = nozzle_law_slopes(x[2], u[1], back_pressure_at(u[1], network), c)
+        h_3 += by_sac * (1.0 + change)
+        by_chamber *= c.nozzle_flow * (1.0 + change)
+        slopes[k, _BACK_PRESSURE] = by_chamber
+        slopes[k, _BACK_PRESSURE + 1] = by_chamber * min(u[1], 1.0)
         rate[k] = c.nozzle_flow * flow * (1.0 + change)
         for j in range(PARAMETERS):
             slopes[k, j] += c.nozzle_flow * (

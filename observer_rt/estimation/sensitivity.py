@@ -8,11 +8,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.flows import line_stiffness, line_stiffness_slopes, nozzle_law_slope
+from observer_rt.model.flows import line_stiffness, line_stiffness_slopes, nozzle_law, nozzle_law_slopes
 from observer_rt.model.integrator import along, between, emptied, step_end, steps_in
-from observer_rt.model.laws import root_slope
-from observer_rt.model.network import HIDDEN, Network, activation
-from observer_rt.model.right_hand_side import is_at_rest, model_flows
+from observer_rt.model.laws import root, root_slope
+from observer_rt.model.network import HIDDEN, Network, activation, back_pressure_at
+from observer_rt.model.right_hand_side import is_at_rest
 
 
 class Parameter(IntEnum):
@@ -27,9 +27,10 @@ class Parameter(IntEnum):
     BULK_MODULUS = 5 + HIDDEN  # r
     SENSOR_LAG = 6 + HIDDEN  # tau, in units of LAG_UNIT; acts in the sensor only
     ENTRAINED_AIR = 7 + HIDDEN  # K g / p_0
+    BACK_PRESSURE = 8 + HIDDEN  # rise of p_C while injecting, in units of p_0; with the seat area follows
 
 
-PARAMETERS = 8 + HIDDEN
+PARAMETERS = 10 + HIDDEN
 _NOZZLE_BIAS = int(Parameter.NOZZLE_BIAS)
 _NOZZLE_WEIGHT = int(Parameter.NOZZLE_WEIGHT)
 _SEAT_BIAS = int(Parameter.SEAT_BIAS)
@@ -37,6 +38,7 @@ _FRICTION = int(Parameter.LINE_FRICTION)
 _LEAKAGE = int(Parameter.GUIDE_LEAKAGE)
 _STIFFNESS = int(Parameter.BULK_MODULUS)
 _AIR = int(Parameter.ENTRAINED_AIR)
+_BACK_PRESSURE = int(Parameter.BACK_PRESSURE)
 
 
 @njit(cache=True, nogil=True)
@@ -73,7 +75,8 @@ def rate_and_tangent(
         rate[0, _AIR] += soft_air * inflow
         rate[1, _FRICTION] -= nominal.a4 * friction
         return soft * inflow, second, 0.0
-    nozzle_flow, seat_flow = model_flows(x, u, c)
+    nozzle_flow = nozzle_law(x[2], u[1], back_pressure_at(u[1], network), c)
+    seat_flow = u[1] * root(x[0] - x[2], c.transition)
     nozzle_change = network.bias[0]
     seat_change = network.bias[1]
     # dq_H/dx and dq_S/dx: of the network first, of the orifice laws below
@@ -93,7 +96,8 @@ def rate_and_tangent(
         s_2 += to_seat * network.hidden[neuron, 1]
         s_3 += to_seat * network.hidden[neuron, 2]
     seat_slope = u[1] * root_slope(x[0] - x[2], c.transition) * (1.0 + seat_change)
-    h_3 += nozzle_law_slope(x[2], u[1], c) * (1.0 + nozzle_change)
+    by_sac, by_chamber = nozzle_law_slopes(x[2], u[1], back_pressure_at(u[1], network), c)
+    h_3 += by_sac * (1.0 + nozzle_change)
     s_1 += seat_slope
     s_3 -= seat_slope
     q_h = nozzle_flow * (1.0 + nozzle_change)
@@ -116,6 +120,10 @@ def rate_and_tangent(
     for neuron in range(network.hidden.shape[0]):
         rate[0, _NOZZLE_WEIGHT + neuron] -= soft * c.a2_nozzle * nozzle_flow * sigmas[neuron]
         rate[2, _NOZZLE_WEIGHT + neuron] -= c.a6 * nozzle_flow * sigmas[neuron]
+    for j, share in enumerate((1.0, min(u[1], 1.0))):
+        by_back_pressure = by_chamber * (1.0 + nozzle_change) * share
+        rate[0, _BACK_PRESSURE + j] -= soft * c.a2_nozzle * by_back_pressure
+        rate[2, _BACK_PRESSURE + j] -= c.a6 * by_back_pressure
     rate[0, _SEAT_BIAS] -= soft * c.a2_seat * seat_flow
     rate[2, _SEAT_BIAS] += c.a5 * seat_flow
     rate[0, _LEAKAGE] -= soft * c.a1 * x[0]

@@ -12,16 +12,18 @@ LOWEST_STIFFNESS = 0.05  # of K_L, below which a pressure-dependent bulk modulus
 
 
 @njit(cache=True, nogil=True, inline="always")
-def nozzle_law(x_3: float, u_2: float, c: Coefficients) -> float:
+def nozzle_law(x_3: float, u_2: float, back_pressure: float, c: Coefficients) -> float:
     """Normalised nozzle flow q_H of (23), against a chamber pressure that rises while the needle is open (u_2 > 0).
 
+    It rises by what the model knows and by `back_pressure`, in units of p_0.
     Where the cavitation number N = (p_S - p_v)/(p_S - p_C) is below N_crit, the flow coefficient falls by
     sqrt(N/N_crit): the flow then follows sqrt(p_S - p_v) (Nurick 1976, J. Fluids Eng. 98, 681).
     """
     difference, margin = x_3, c.vapour_margin
-    if c.chamber_rise != 0.0 and u_2 > 0.0:
-        difference -= c.chamber_rise
-        margin += c.chamber_rise
+    rise = c.chamber_rise + back_pressure
+    if rise != 0.0 and u_2 > 0.0:
+        difference -= rise
+        margin += rise
     flow: float = root(difference, c.transition)
     if c.critical_excess != 0.0 and margin < c.critical_excess * difference:
         flow *= math.sqrt((1.0 + margin / difference) / (1.0 + c.critical_excess))
@@ -29,19 +31,21 @@ def nozzle_law(x_3: float, u_2: float, c: Coefficients) -> float:
 
 
 @njit(cache=True, nogil=True)
-def nozzle_law_slope(x_3: float, u_2: float, c: Coefficients) -> float:
-    """Derivative of `nozzle_law` with respect to x_3."""
+def nozzle_law_slopes(x_3: float, u_2: float, back_pressure: float, c: Coefficients) -> tuple[float, float]:
+    """Derivatives of `nozzle_law` with respect to x_3 and to the back-pressure."""
     difference, margin = x_3, c.vapour_margin
-    if c.chamber_rise != 0.0 and u_2 > 0.0:
-        difference -= c.chamber_rise
-        margin += c.chamber_rise
+    if u_2 > 0.0:
+        difference -= c.chamber_rise + back_pressure
+        margin += c.chamber_rise + back_pressure
     slope: float = root_slope(difference, c.transition)
     if c.critical_excess != 0.0 and margin < c.critical_excess * difference:
         critical = 1.0 + c.critical_excess
         loss = math.sqrt((1.0 + margin / difference) / critical)
-        loss_slope = -margin / (2.0 * critical * loss * difference * difference)
-        slope = slope * loss + root(difference, c.transition) * loss_slope
-    return slope
+        flow: float = root(difference, c.transition)
+        by_margin = flow / (2.0 * critical * loss * difference)
+        slope = slope * loss - by_margin * margin / difference
+        return slope, by_margin - slope if u_2 > 0.0 else 0.0
+    return slope, -slope if u_2 > 0.0 else 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -7,7 +7,7 @@ from numba import njit
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.flows import line_stiffness, nozzle_law
 from observer_rt.model.laws import root
-from observer_rt.model.network import Network, flow_changes
+from observer_rt.model.network import Network, back_pressure_at, flow_changes
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -15,7 +15,18 @@ def model_flows(
     x: tuple[float, float, float], u: tuple[float, float], c: Coefficients
 ) -> tuple[float, float]:
     """Normalised flows of the model alone: q_H of (23) through the nozzle, q_S of (21) through the seat."""
-    return nozzle_law(x[2], u[1], c), u[1] * root(x[0] - x[2], c.transition)
+    return nozzle_law(x[2], u[1], 0.0, c), u[1] * root(x[0] - x[2], c.transition)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def changed_flows(
+    x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
+) -> tuple[float, float]:
+    """Normalised flows with phi: q_H through the nozzle, q_S through the seat."""
+    nozzle_change, seat_change = flow_changes(x, u, network)
+    q_h = nozzle_law(x[2], u[1], back_pressure_at(u[1], network), c) * (1.0 + nozzle_change)
+    q_s = u[1] * root(x[0] - x[2], c.transition) * (1.0 + seat_change)
+    return q_h, q_s
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -36,10 +47,7 @@ def right_hand_side(
     line_flow_rate = c.a3 * (u[0] - x[0]) - c.a4 * x[1] * math.fabs(x[1])
     if is_at_rest(x, u):
         return line_stiffness(x[0], c) * (c.a1 * x[1] - c.leak * x[0]), line_flow_rate, 0.0
-    nozzle_flow, seat_flow = model_flows(x, u, c)
-    nozzle_change, seat_change = flow_changes(x, u, network)
-    q_h = nozzle_flow * (1.0 + nozzle_change)
-    q_s = seat_flow * (1.0 + seat_change)
+    q_h, q_s = changed_flows(x, u, c, network)
     return (
         line_stiffness(x[0], c) * (c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0]),
         line_flow_rate,
@@ -55,9 +63,9 @@ def fault(
     if is_at_rest(x, u):
         return 0.0, 0.0, 0.0
     nozzle_flow, seat_flow = model_flows(x, u, c)
-    nozzle_change, seat_change = flow_changes(x, u, network)
-    d_q_h = nozzle_flow * nozzle_change
-    d_q_s = seat_flow * seat_change
+    q_h, q_s = changed_flows(x, u, c, network)
+    d_q_h = q_h - nozzle_flow
+    d_q_s = q_s - seat_flow
     return -c.a2_nozzle * d_q_h - c.a2_seat * d_q_s, 0.0, c.a5 * d_q_s - c.a6 * d_q_h
 
 
@@ -72,6 +80,5 @@ def injection_rate(
     """
     if is_at_rest(x, u):
         return 0.0
-    nozzle_flow, _ = model_flows(x, u, c)
-    nozzle_change, _ = flow_changes(x, u, network)
-    return float(c.nozzle_flow * nozzle_flow * (1.0 + nozzle_change))
+    nozzle_flow, _ = changed_flows(x, u, c, network)
+    return float(c.nozzle_flow * nozzle_flow)

@@ -22,13 +22,20 @@ from observer_rt.estimation.predictor import Setting, Window, open_loop_error
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import with_line_terms
-from observer_rt.model.network import flow_changes
-from observer_rt.observer.adequacy import POOLING, Finding, Freezer, findings, looks_like_inertance, tempering
+from observer_rt.observer.adequacy import (
+    Doubt,
+    Finding,
+    Freezer,
+    findings,
+    looks_like_inertance,
+    pooled,
+    tempering,
+)
+from observer_rt.observer.indicators import nozzle_change
 from observer_rt.observer.knowledge import (
-    DRIFT,
-    GATE,
-    PRIOR,
+    DEFAULT_RULES,
     Knowledge,
+    LearningRules,
     Outcome,
     Verdict,
     no_knowledge,
@@ -64,8 +71,11 @@ class _Fit:
 class Learner:
     """Learns event after event. Pure: no clock, no thread; the caller decides where it runs."""
 
-    def __init__(self, constants: Constants, knowledge: Knowledge) -> None:
+    def __init__(
+        self, constants: Constants, knowledge: Knowledge, rules: LearningRules = DEFAULT_RULES
+    ) -> None:
         self._constants = constants
+        self._rules = rules
         self._coefficients = constants.coefficients
         self._scale = constants.coefficients.pressure_scale
         self._belief = knowledge.belief
@@ -77,6 +87,7 @@ class Learner:
         self._schedule = self._gains()
         self._previous: Window | None = None
         self._freezer = Freezer()
+        self._doubt = Doubt()
 
     @property
     def schedule(self) -> GainSchedule:
@@ -102,20 +113,25 @@ class Learner:
         except np.linalg.LinAlgError:
             return self._outcome(Verdict.FAILED, window, in_force)
         self._events += 1
-        self._statistics = self._statistics.faded(POOLING, statistics)
+        self._statistics = pooled(self._statistics, statistics)
         if fit.contradicts:
             self._previous = None  # it belongs to another injector
         better = self._is_better(window, in_force)
         self._previous = window
         if self._freezer.is_frozen_after(self._statistics):
             return self._frozen(window, in_force)
-        verdict = Verdict.ADOPTED if better else Verdict.REJECTED
-        return self._outcome(verdict, window, in_force, fit.contradicts)
+        outcome = self._outcome(
+            Verdict.ADOPTED if better else Verdict.REJECTED, window, in_force, fit.contradicts
+        )
+        if self._doubt.is_too_much_after(outcome.findings):
+            nominal = replace(outcome.knowledge, in_force=np.zeros(PARAMETERS))
+            return replace(outcome, verdict=Verdict.SET_ASIDE, knowledge=nominal)
+        return outcome
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
         if self._events > 0:
-            return self._belief.drifted(DRIFT.vector(self._scale))
+            return self._belief.drifted(self._rules.drift.vector(self._scale))
         if standstill.samples < STANDSTILL_ENOUGH:
             return self._belief
         mean = self._belief.mean.copy()
@@ -134,11 +150,11 @@ class Learner:
             return self._iterate(cost, first, prior, FIRST_ITERATIONS)
         score = _score(first, prior)
         if QUICKER_SCORE < score <= CHANGE_SCORE:
-            prior = prior.drifted(QUICKER * DRIFT.vector(self._scale))
+            prior = prior.drifted(QUICKER * self._rules.drift.vector(self._scale))
         fit = self._iterate(cost, first, prior, ITERATIONS)
         if score <= CHANGE_SCORE:
             return fit
-        wide = prior.drifted(PRIOR.vector(self._scale))
+        wide = prior.drifted(self._rules.prior.vector(self._scale))
         other = self._iterate(cost, fit.linearisation, wide, FIRST_ITERATIONS)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
@@ -157,7 +173,7 @@ class Learner:
         here_total = total(here.theta, here.value)
         for _ in range(iterations):
             target, active = best_subset(
-                prior_information + here.information, prior_vector + here.vector, GATE, active
+                prior_information + here.information, prior_vector + here.vector, self._rules.gate, active
             )
             target = np.clip(target, lowest, highest)
             there = cost.linearised(target)
@@ -204,7 +220,7 @@ class Learner:
     def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         """Fall back to phi = 0 and forget: what was learned belongs to another line."""
         outcome = self._outcome(Verdict.FROZEN, window, in_force)
-        fresh = no_knowledge(self._noise, self._scale)
+        fresh = no_knowledge(self._noise, self._scale, self._rules)
         self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
         self._events = 0
         self._previous = None
@@ -235,7 +251,7 @@ class Learner:
             schedule=self._schedule,
             findings=self._findings(verdict, window, contradicts),
             estimate=self._theta.copy(),
-            covariance=conditional_covariance(self._belief.information(), GATE, self._active),
+            covariance=conditional_covariance(self._belief.information(), self._rules.gate, self._active),
             rate=rate,
             rate_slopes=slopes,
         )
@@ -257,8 +273,7 @@ class Learner:
         widest = int(np.argmax(window.inputs[:, 1]))
         rail_pressure, area = (float(value) for value in window.inputs[widest])
         state = (rail_pressure, 0.0, 0.9 * rail_pressure)
-        nozzle, _ = flow_changes(state, (rail_pressure, area), learned_of(self._theta).network)
-        return float(nozzle)
+        return nozzle_change(self._theta, state, (rail_pressure, area))[0]
 
     def _cost(self, window: Window) -> EventCost:
         burn_in = round(BURN_IN / self._constants.interval)

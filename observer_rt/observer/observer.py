@@ -150,6 +150,7 @@ def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: fl
     memory["theta"] = theta
     memory["output"] = learned.network.output
     memory["bias"] = learned.network.bias
+    memory["back_pressure"] = learned.network.back_pressure
     sensor = observer.constants.sensor
     memory["offset"] = sensor.offset + learned.offset
     memory["lag"] = sensor.lag + learned.lag

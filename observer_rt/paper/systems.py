@@ -136,7 +136,7 @@ def balanced_rate(x_3: float, u_2: float, phi_1: float, c: Coefficients) -> floa
 
     The orifice law at x^3 alone is not the injection rate of a worn nozzle.
     """
-    return float(c.flow_scale / c.a1 * (c.a2_nozzle * nozzle_law(x_3, u_2, c) - phi_1))
+    return float(c.flow_scale / c.a1 * (c.a2_nozzle * nozzle_law(x_3, u_2, 0.0, c) - phi_1))
 
 
 @njit(cache=True, nogil=True)

@@ -109,7 +109,7 @@ def test_slopes_of_the_nozzle_law(
     step = 1e-6
 
     def flow(x: float, against: float) -> float:
-        return nozzle_law(x, u_2, against, c)
+        return float(nozzle_law(x, u_2, against, c))
 
     by_sac = (flow(x_3 + step, back_pressure) - flow(x_3 - step, back_pressure)) / (2 * step)
     by_chamber = (flow(x_3, back_pressure + step) - flow(x_3, back_pressure - step)) / (2 * step)

@@ -1,15 +1,15 @@
 """Fitting candidates: the effects alone, then what a second one could add to the leaders."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.fit import Residuals, linearise
+from observer_rt.discovery.fit import MAX_ITERATIONS, Residuals, linearise
 from observer_rt.discovery.hypothesis import Hypothesis, Sizing, sized_from
 from observer_rt.discovery.likelihood import Evidence
 from observer_rt.model.effect import Effect
@@ -17,6 +17,15 @@ from observer_rt.model.effective import EffectiveModel
 
 WORTH_FITTING = 10.0  # predicted gain from which on a second effect is fitted
 MOST_SECONDS = 6  # second effects fitted to one leader
+ROUGH_ITERATIONS = 3  # of the first fit of every effect
+ROUGH_SHARE = 0.5  # of what the best single explains: those that leave more of it unexplained stay rough
+ALWAYS_REFINED = 4  # leaders
+
+ROUGH = "rough"
+
+_Task = tuple[Hypothesis, Sequence[NDArray[np.float64]]]
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +37,9 @@ class Sized:
     statistic: float
 
     @property
-    def beyond_dead_zone(self) -> bool:
-        """Whether every effect has a size that matters."""
-        return self.hypothesis.is_beyond_dead_zone(self.theta)
+    def plausible(self) -> bool:
+        """Whether every effect has a size that matters and that no bound holds back."""
+        return self.hypothesis.is_plausible(self.theta)
 
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The nominal model with these effects."""
@@ -40,20 +49,20 @@ class Sized:
 class FitMemory(Protocol):
     """Keeps fitted candidates, so that an interrupted run goes on where it was."""
 
-    def get(self, ids: tuple[str, ...]) -> tuple[NDArray[np.float64], float] | None:
-        """theta (p,) and -2 log L of these effects; None when they were not fitted."""
+    def get(self, key: tuple[str, ...]) -> tuple[NDArray[np.float64], float] | None:
+        """theta (p,) and -2 log L kept under this key; None when there is none."""
 
-    def put(self, ids: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
-        """Keep a fit."""
+    def put(self, key: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
+        """Keep a fit; the key is the ids of its effects, and ROUGH after them for a rough one."""
 
 
 class NoMemory:
     """Keeps nothing."""
 
-    def get(self, ids: tuple[str, ...]) -> None:
+    def get(self, key: tuple[str, ...]) -> None:
         """Nothing is known."""
 
-    def put(self, ids: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
+    def put(self, key: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
         """Forget."""
 
 
@@ -82,29 +91,45 @@ class Fitter:
             raise ArithmeticError("the nominal model has no finite solution on these recordings")
         return Sized(Hypothesis(), np.zeros(0), residuals.statistic)
 
-    def fit_all(self, tasks: Iterable[tuple[Hypothesis, Sequence[NDArray[np.float64]]]]) -> list[Sized]:
+    def _fit_all(self, tasks: Sequence[_Task], max_iterations: int) -> list[Sized]:
         """Fit hypotheses, each from its starts; those without a solution are left out."""
-        with ThreadPoolExecutor(self._workers) as pool:
-            found = list(pool.map(lambda task: self._fit(*task), tasks))
+        found = self._each(lambda task: self._fit(task[0], task[1], max_iterations), tasks)
         return [one for one in found if one is not None]
 
-    def _fit(self, hypothesis: Hypothesis, starts: Sequence[NDArray[np.float64]]) -> Sized | None:
-        known = self._memory.get(hypothesis.ids)
+    def _each(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
+        """Results of `work` in the order of the items; an interruption does not wait for those not begun."""
+        with ThreadPoolExecutor(self._workers) as pool:
+            try:
+                return list(pool.map(work, items))
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+
+    def _fit(
+        self, hypothesis: Hypothesis, starts: Sequence[NDArray[np.float64]], max_iterations: int
+    ) -> Sized | None:
+        key = hypothesis.ids if max_iterations == MAX_ITERATIONS else (*hypothesis.ids, ROUGH)
+        known = self._memory.get(key)
         if known is not None:
             return Sized(hypothesis, *known)
-        found = sized_from(Sizing(self.evidence, self.nominal, hypothesis), starts)
+        found = sized_from(Sizing(self.evidence, self.nominal, hypothesis), starts, max_iterations)
         if found is None:
             return None
         sized = Sized(hypothesis, found.at.theta, found.statistic)
-        self._memory.put(hypothesis.ids, sized.theta, sized.statistic)
+        self._memory.put(key, sized.theta, sized.statistic)
         if self._fitted is not None:
             self._fitted(sized)
         return sized
 
-    def singles(self, effects: Sequence[Effect]) -> list[Sized]:
-        """Every effect alone."""
+    def singles(self, effects: Sequence[Effect], nominal: Sized) -> list[Sized]:
+        """Every effect alone; those that explain far less than the best are fitted roughly."""
         hypotheses = [Hypothesis((effect,)) for effect in effects]
-        return self.fit_all([(h, h.starts()) for h in hypotheses])
+        rough = self._fit_all([(h, h.starts()) for h in hypotheses], ROUGH_ITERATIONS)
+        rough.sort(key=lambda one: one.statistic)
+        limit = rough[0].statistic + ROUGH_SHARE * (nominal.statistic - rough[0].statistic)
+        leaders = sum(number < ALWAYS_REFINED or one.statistic <= limit for number, one in enumerate(rough))
+        refined = self._fit_all([(one.hypothesis, [one.theta]) for one in rough[:leaders]], MAX_ITERATIONS)
+        return refined + rough[leaders:]
 
     def seconds(self, leader: Sized, effects: Sequence[Effect]) -> list[Sized]:
         """The leader with each second effect that promises something, fitted together."""
@@ -114,11 +139,11 @@ class Fitter:
         sizing = Sizing(self.evidence, self.nominal, leader.hypothesis)
         spanned = linearise(sizing, leader.theta, base, leader.hypothesis.ranges()).slopes
         others = [effect for effect in effects if effect not in leader.hypothesis.effects]
-        with ThreadPoolExecutor(self._workers) as pool:
-            promises = list(pool.map(lambda effect: self._promise(leader, base, spanned, effect), others))
+        promises = self._each(lambda effect: self._promise(leader, base, spanned, effect), others)
         ranked = sorted(zip(promises, others, strict=True), key=lambda item: -item[0].gain)
         worthwhile = [item for item in ranked if item[0].gain > WORTH_FITTING][:MOST_SECONDS]
-        return self.fit_all([(leader.hypothesis.with_effect(e), promise.starts) for promise, e in worthwhile])
+        tasks = [(leader.hypothesis.with_effect(e), promise.starts) for promise, e in worthwhile]
+        return self._fit_all(tasks, MAX_ITERATIONS)
 
     def _promise(
         self, leader: Sized, base: Residuals, spanned: NDArray[np.float64], effect: Effect

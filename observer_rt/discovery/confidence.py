@@ -23,7 +23,7 @@ def confidence_of(found: Found) -> float:
     others = [
         one
         for one in found.fitted
-        if one is not found.winner and len(one.hypothesis.effects) == size and one.beyond_dead_zone
+        if one is not found.winner and len(one.hypothesis.effects) == size and one.plausible
     ]
     handicap = 0.0 if found.winner.hypothesis.effects else found.threshold  # of those who would be accepted
     return HIGHEST * _share(found.winner, [*others, found.nominal], handicap)

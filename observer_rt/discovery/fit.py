@@ -112,7 +112,12 @@ class Fit:
         return np.sqrt(np.maximum(np.diag(_inverse(self.at.information)), 0.0))
 
 
-def fit(problem: Problem, start: NDArray[np.float64], ranges: Sequence[Range]) -> Fit | None:
+def fit(
+    problem: Problem,
+    start: NDArray[np.float64],
+    ranges: Sequence[Range],
+    max_iterations: int = MAX_ITERATIONS,
+) -> Fit | None:
     """Minimise -2 log L from `start` (p,); None when the model has no solution there."""
     theta = np.clip(start, [r.lowest for r in ranges], [r.highest for r in ranges])
     residuals = problem.residuals(theta)
@@ -120,7 +125,7 @@ def fit(problem: Problem, start: NDArray[np.float64], ranges: Sequence[Range]) -
         return None
     here = linearise(problem, theta, residuals, ranges)
     damping = FIRST_DAMPING
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(max_iterations):
         lower, damping = _lower(problem, here, ranges, damping)
         if lower is None:
             return Fit(here, converged=True)

@@ -7,13 +7,14 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.fit import Fit, Range, Residuals, fit
+from observer_rt.discovery.fit import MAX_ITERATIONS, Fit, Range, Residuals, fit
 from observer_rt.discovery.likelihood import Evidence
 from observer_rt.model.effect import Effect, EffectParameter
 from observer_rt.model.effective import EffectiveModel
 
 _STEP = 0.01  # of the dead zone, for finite differences
 _SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
+MOST_STARTS = 2  # from which a search begins
 _EXPLAINED = 1.1  # variance of the residuals below which no second start is tried
 
 
@@ -63,11 +64,12 @@ class Hypothesis:
         grids = product(*(p.starts for p in self.effects[-1].parameters))
         return [np.array([*before, *values]) for values in grids]
 
-    def is_beyond_dead_zone(self, theta: NDArray[np.float64]) -> bool:
-        """Whether every effect has a size that matters."""
+    def is_plausible(self, theta: NDArray[np.float64]) -> bool:
+        """Whether every effect has a size that matters and that no bound holds back: the sizes, not the shapes."""
         return all(
-            abs(value - p.off) > p.dead_zone or p.dead_zone == 0.0
+            abs(value - p.off) > p.dead_zone and p.lowest < value < p.highest
             for p, value in zip(self.parameters, theta, strict=True)
+            if p.dead_zone > 0.0
         )
 
 
@@ -84,18 +86,22 @@ class Sizing:
         return self._evidence.residuals(self.hypothesis.model(self._nominal, theta))
 
 
-def sized_from(sizing: Sizing, starts: Sequence[NDArray[np.float64]]) -> Fit | None:
+def sized_from(
+    sizing: Sizing, starts: Sequence[NDArray[np.float64]], max_iterations: int = MAX_ITERATIONS
+) -> Fit | None:
     """Best fit from the most promising start, or two; None when the model has no solution at any of them."""
     tried = []
     for start in starts:
         residuals = sizing.residuals(start)
         if residuals is not None:
             tried.append((residuals.statistic, start))
-    if not tried:
-        return None
     tried.sort(key=lambda item: item[0])
-    best = fit(sizing, tried[0][1], sizing.hypothesis.ranges())
-    if best is None or len(tried) == 1 or np.mean(best.at.residuals.z**2) < _EXPLAINED:
-        return best
-    other = fit(sizing, tried[1][1], sizing.hypothesis.ranges())
-    return best if other is None or best.statistic <= other.statistic else other
+    ranges = sizing.hypothesis.ranges()
+    best: Fit | None = None
+    for _, start in tried[:MOST_STARTS]:
+        found = fit(sizing, start, ranges, max_iterations)
+        if found is not None and (best is None or found.statistic < best.statistic):
+            best = found
+        if best is not None and np.mean(best.at.residuals.z**2) < _EXPLAINED:
+            break
+    return best

@@ -30,7 +30,7 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.effective import EffectiveModel
 
 RANKED = 8  # candidates listed
-_EXPECTED_PAIRS = 4  # fitted in a usual search, for the progress shown
+_EXPECTED_MORE = 10  # fits of a usual search after the first of every effect, for the progress shown
 
 Progress = Callable[[float], None]
 """Called with the share done, 0 to 1."""
@@ -62,7 +62,7 @@ def name_effects(
         nonlocal done
         done += 1
         if options.progress is not None:
-            options.progress(min(1.0, done / (len(effects) + _EXPECTED_PAIRS)))
+            options.progress(min(1.0, done / (len(effects) + _EXPECTED_MORE)))
 
     if evidence.judge(nominal) is None:
         raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
@@ -198,7 +198,7 @@ class _Verdict:
                 one.statistic,
                 self._held_out(one, fitted, held) if second else math.nan,
                 float(samples),
-                one.beyond_dead_zone,
+                one.plausible,
             )
             for one in sorted(chosen, key=lambda one: one.statistic)
         )

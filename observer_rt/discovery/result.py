@@ -53,7 +53,7 @@ class Candidate:
 
     parameters: of every effect, in order; statistic: -2 log L, constants left out; held_out: the same, fitted on
     every second operating point and judged on the others, nan where that was not done; samples: independent
-    innovations it rests on; beyond_dead_zone: every effect is.
+    innovations it rests on; plausible: every effect is beyond its dead zone and not at a bound.
     """
 
     ids: tuple[str, ...]
@@ -61,7 +61,7 @@ class Candidate:
     statistic: float
     held_out: float
     samples: float
-    beyond_dead_zone: bool
+    plausible: bool
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,7 @@ class Search:
     def run(self) -> Found:
         """Fit candidates until nothing more is worth adding; see `Found`."""
         nominal = self._fitter.nothing()
-        singles = sorted(self._fitter.singles(self._effects), key=_price)
+        singles = sorted(self._fitter.singles(self._effects, nominal), key=_price)
         best, threshold, ratio = nominal, ACCEPT * self._variance(nominal), self._ratio(nominal)
         single = self._best(singles, nominal, best, ratio)
         if single is not None:
@@ -105,7 +105,7 @@ class Search:
         ratio: float,
         parts: Sequence[Sized] = (),
     ) -> Sized | None:
-        """The best candidate whose every effect is beyond its dead zone and pays for itself; None: no better one.
+        """The best candidate whose every effect is plausible and pays for itself; None: no better one.
 
         parts: fitted singles, of which a pair must beat each of its own.
         """
@@ -115,7 +115,7 @@ class Search:
                 threshold = max(threshold, RELATIVE_GAIN * (nominal.statistic - smaller.statistic))
             own = [part for part in parts if set(part.hypothesis.ids) < set(candidate.hypothesis.ids)]
             gain = min(part.statistic for part in (smaller, *own)) - candidate.statistic
-            if gain > threshold and candidate.beyond_dead_zone:
+            if gain > threshold and candidate.plausible:
                 return candidate
         return None
 
@@ -127,7 +127,7 @@ class Search:
             if other is not winner
             and len(other.hypothesis.effects) == size
             and other.statistic < winner.statistic + TIE
-            and other.beyond_dead_zone
+            and other.plausible
         )
 
     def _variance(self, sized: Sized) -> float:

@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 
 from observer_rt import __version__
+from observer_rt.cli_discover import discover
 from observer_rt.cli_options import BenchOption, JsonOption, ModelOption, StateOption
 from observer_rt.cli_reproduce import reproduce
 from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR
@@ -286,6 +287,9 @@ def check(
         raise typer.Exit(1)
 
 
+app.command(
+    epilog="Example: observer-rt discover --model injector.toml --out found worn_1.csv worn_2.csv"
+)(discover)
 app.command(epilog="Example: observer-rt reproduce --out reproduced")(reproduce)
 
 

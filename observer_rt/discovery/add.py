@@ -1,0 +1,113 @@
+"""The amended injector file: the file given, with the effects found added."""
+
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from observer_rt.config import load_injector
+from observer_rt.discovery.printed import printed
+from observer_rt.discovery.result import Discovery, FittedEffect
+from observer_rt.errors import RunError, UserError
+from observer_rt.model.parameters import EffectInForce, EffectValue
+
+ORIGIN = "observer-rt discover"
+_HEADER = re.compile(r"^\s*\[")
+_EFFECT_HEADER = re.compile(r"^\s*\[\[?\s*effects\b")
+_SHOWN_HASH = 12  # digits of a recording's hash
+
+
+class InjectorText:
+    """An injector file as text: all of it but its effects, so that comments and layout stay."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises `UserError` for effects written in another way than as [[effects]] tables."""
+        text = path.read_text(encoding="utf-8")
+        self.without_effects = "".join(_other_lines(text.splitlines(keepends=True)))
+        expected = {key: value for key, value in tomllib.loads(text).items() if key != "effects"}
+        if _parsed(self.without_effects) != expected:
+            raise UserError(
+                f"{path}: effects",
+                "are not written as [[effects]] tables, so that no effect can be added",
+                'write each as [[effects]] with id = "..." and parameters = { ... } below it',
+            )
+
+    def with_effects(self, effects: Sequence[EffectInForce]) -> str:
+        """The file with these effects, and no others, at its end."""
+        return self.without_effects.rstrip("\n") + "\n" + "".join(f"\n{_table(one)}" for one in effects)
+
+
+def in_force(effect: FittedEffect, evidence: str, day: date) -> EffectInForce:
+    """A fitted effect as the injector file has it."""
+    values = [printed(effect.id, parameter) for parameter in effect.parameters]
+    return EffectInForce(
+        id=effect.id,
+        parameters={v.name: EffectValue(value=v.value, ci95=v.ci95, unit=v.unit) for v in values},
+        origin=ORIGIN,
+        evidence=evidence,
+        date=day.isoformat(),
+    )
+
+
+def evidence_of(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
+    """Why an effect is believed in, in a line. recordings: SHA-256 of each by file name."""
+    files = ", ".join(f"{name} sha256 {digest[:_SHOWN_HASH]}" for name, digest in recordings.items())
+    or_else = ", ".join(effect.indistinguishable_from)
+    doubt = f"; cannot be told from {or_else}" if or_else else ""
+    return (
+        f"verdict {found.verdict.value}, confidence {effect.confidence:.2f}{doubt}; "
+        f"-2 log L falls by {effect.gain:.0f} (threshold {found.threshold:.0f}); {files}"
+    )
+
+
+def write_amended(path: Path, source: InjectorText, effects: Sequence[EffectInForce]) -> None:
+    """Write the amended file and see that it loads. Raises `RunError` when it would not be taken back."""
+    path.write_text(source.with_effects(effects), encoding="utf-8")
+    try:
+        load_injector(path)
+    except UserError as error:
+        raise RunError(f"{path}: the amended model would not load: {error.problem}") from None
+
+
+def _parsed(text: str) -> dict[str, Any] | None:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return None
+
+
+def _other_lines(lines: Sequence[str]) -> list[str]:
+    """Lines outside [[effects]] tables and their sub-tables."""
+    kept = []
+    inside = False
+    for line in lines:
+        if _HEADER.match(line):
+            inside = bool(_EFFECT_HEADER.match(line))
+        if not inside:
+            kept.append(line)
+    return kept
+
+
+def _table(effect: EffectInForce) -> str:
+    lines = ["[[effects]]", f"id = {_quoted(effect.id)}"]
+    if effect.parameters:
+        values = ", ".join(f"{name} = {_value(value)}" for name, value in effect.parameters.items())
+        lines.append(f"parameters = {{ {values} }}")
+    for key in ("origin", "evidence", "date"):
+        text = getattr(effect, key)
+        if text:
+            lines.append(f"{key} = {_quoted(text)}")
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: EffectValue) -> str:
+    interval = "" if value.ci95 is None else f"ci95 = [{value.ci95[0]!r}, {value.ci95[1]!r}], "
+    return f"{{ value = {value.value!r}, {interval}unit = {_quoted(value.unit)} }}"
+
+
+def _quoted(text: str) -> str:
+    """A basic string of TOML."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", escaped) + '"'

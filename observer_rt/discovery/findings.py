@@ -1,0 +1,152 @@
+"""What `discover` answers, as the document findings.json (schema 1)."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from observer_rt.discovery.find import PHASE_NAMES, Disagreement
+from observer_rt.discovery.printed import printed
+from observer_rt.discovery.result import Candidate, Discovery, FittedEffect, FittedParameter, Signal
+from observer_rt.discovery.show import Gap, Gaps
+from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Findings:
+    """The answer with what it rests on.
+
+    amended_model: name of the file beside the document, None when no effect is added; recordings, fitted_on,
+    held_out: file names; seconds: it took.
+    """
+
+    discovery: Discovery
+    where: tuple[Disagreement, ...]
+    gaps: Gaps
+    amended_model: str | None
+    recordings: tuple[str, ...]
+    fitted_on: tuple[str, ...]
+    held_out: tuple[str, ...]
+    seconds: float
+
+
+def as_json(findings: Findings) -> dict[str, Any]:
+    """The document, in printed units."""
+    found = findings.discovery
+    unknown = found.unexplained
+    return {
+        "schema": SCHEMA,
+        "verdict": found.verdict.value,
+        "confidence": found.confidence,
+        "confidence_method": found.confidence_method,
+        "effects": [_effect(effect, gap_share(found, effect)) for effect in found.effects],
+        "ranking": [_candidate(candidate) for candidate in found.ranking],
+        "detection": {"gain": _finite(found.gain), "threshold": _finite(found.threshold)},
+        "where": [_where(item, findings.recordings) for item in findings.where],
+        "unknown": None
+        if unknown is None
+        else {
+            "equation": unknown.equation.value,
+            "phase": PHASE_NAMES[unknown.phase],
+            "signal": unknown.signal.value,
+            "depends_on": list(unknown.depends_on),
+            "term": unknown.term,
+        },
+        "decide_by": [
+            {"measurement": item.measurement, "separates": list(item.separates)} for item in found.decide_by
+        ],
+        "gap": _gaps(findings.gaps),
+        "amended_model": findings.amended_model,
+        "fitted_on": list(findings.fitted_on),
+        "held_out": list(findings.held_out),
+        "seconds": round(findings.seconds, 3),
+    }
+
+
+def gap_share(found: Discovery, effect: FittedEffect) -> float:
+    """Share of the disagreement an effect explains: of what -2 log L has above that of an adequate model."""
+    left = sum(cell.samples * (cell.variance - 1.0) for cell in found.after)
+    return max(0.0, min(1.0, effect.gain / (found.gain + max(0.0, left))))
+
+
+def _effect(effect: FittedEffect, share: float) -> dict[str, Any]:
+    return {
+        "id": effect.id,
+        "parameters": _parameters(effect.id, effect.parameters),
+        "confidence": effect.confidence,
+        "indistinguishable_from": list(effect.indistinguishable_from),
+        "gap_share": share,
+    }
+
+
+def _parameters(effect_id: str, parameters: tuple[FittedParameter, ...]) -> dict[str, Any]:
+    result = {}
+    for parameter in parameters:
+        shown = printed(effect_id, parameter)
+        result[shown.name] = {"value": shown.value, "ci95": list(shown.ci95), "unit": shown.unit}
+    return result
+
+
+def _candidate(candidate: Candidate) -> dict[str, Any]:
+    return {
+        "ids": list(candidate.ids),
+        "held_out_chi2": _finite(candidate.held_out),
+        "chi2": _finite(candidate.statistic),
+        "n_effective": candidate.samples,
+        "parameters": [
+            _parameters(effect_id, parameters)
+            for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=False)
+        ],
+    }
+
+
+def _where(item: Disagreement, recordings: tuple[str, ...]) -> dict[str, Any]:
+    unit, name = (
+        (MEGAPASCAL, "rms_MPa")
+        if item.before.signal is Signal.LINE_PRESSURE
+        else (MM3_PER_MS, "rms_mm3_per_ms")
+    )
+    return {
+        "signal": item.before.signal.value,
+        "phase": PHASE_NAMES[item.before.phase],
+        "equation": None if item.equation is None else item.equation.value,
+        "rail_pressure_MPa": item.before.rail_pressure / MEGAPASCAL,
+        "open_ms": item.before.duration / MILLISECOND,
+        "recording": recordings[item.before.recording],
+        "nrmse": math.sqrt(item.before.variance),
+        "significance": item.before.excess,
+        name: item.before.rms / unit,
+        "after": {
+            "nrmse": math.sqrt(item.after.variance),
+            "significance": item.after.excess,
+            name: item.after.rms / unit,
+        },
+    }
+
+
+def _gaps(gaps: Gaps) -> dict[str, Any]:
+    return {
+        "line_pressure": _gap(gaps.line_pressure, "MPa", MEGAPASCAL),
+        "injection_rate": None
+        if gaps.injection_rate is None
+        else _gap(gaps.injection_rate, "mm3_per_ms", MM3_PER_MS),
+        "injected_mass": {
+            "before_mg": _finite(gaps.mass.before / MILLIGRAM),
+            "after_mg": _finite(gaps.mass.after / MILLIGRAM),
+            "measured": gaps.injection_rate is not None,
+        },
+    }
+
+
+def _gap(gap: Gap, unit: str, si: float) -> dict[str, float | None]:
+    return {
+        f"before_{unit}": _finite(gap.before / si),
+        f"after_{unit}": _finite(gap.after / si),
+        f"noise_floor_{unit}": _finite(gap.noise_floor / si),
+    }
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no infinity."""
+    return value if math.isfinite(value) else None

@@ -33,9 +33,9 @@ class Blocked:
 sys.meta_path.insert(0, Blocked())
 from tools.benchmarks.discovery import generator, oracle, rivals
 sys.stdin = io.StringIO(sys.argv[2])
-generator._main(["seal", sys.argv[1]])
+generator.main(["seal", sys.argv[1]])
 label = json.loads(open(sys.argv[1] + "/labels.json").read())[0]
-generator._main(["record", sys.argv[1], label])
+generator.main(["record", sys.argv[1], label])
 assert not [name for name in sys.modules if name.startswith("observer_rt")]
 """
 
@@ -125,6 +125,7 @@ def test_given_and_further_recordings_share_the_injector_and_nothing_else() -> N
     case = make_case("seat_area", False, 1, 0)
     given, further = benches(case, GIVEN), benches(case, FURTHER)
     assert {b.events[0].faults for b in given + further} == {case.faults}
+    assert len({(b.injector, b.needle) for b in given + further}) == 1
     assert len({b.seed for b in given + further}) == len(given) + len(further)
     assert not {b.events[0].rail_pressure for b in given} & {b.events[0].rail_pressure for b in further}
 

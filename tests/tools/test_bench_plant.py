@@ -240,7 +240,8 @@ def test_all_faults_are_tested() -> None:
 def test_late_channel_records_an_earlier_pressure(skew: float) -> None:
     truth, late = once().truth, once(Faults(channel_skew=skew)).measured
     expected = np.interp(late.time - skew, late.time, truth.line_pressure)
-    assert np.max(np.abs(late.line_pressure - expected)[1:]) < 0.04e6
+    inside = slice(1, -3)  # beyond, what is recorded lies outside the recording
+    assert np.max(np.abs(late.line_pressure - expected)[inside]) < 0.02e6
     assert np.max(np.abs(late.line_pressure - truth.line_pressure)) > 1e6
 
 

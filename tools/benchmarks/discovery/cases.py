@@ -68,8 +68,9 @@ def benches(
     case: HiddenCase, points: tuple[tuple[float, float], ...], noise: float = 1.0
 ) -> tuple[Bench, ...]:
     """One bench a recording: one operating point, its injections anywhere on the grid of samples."""
-    rng = np.random.default_rng([case.seed, len(points)])
+    rng = np.random.default_rng(case.seed)
     needle = Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
+    rng = np.random.default_rng([case.seed, *(round(pressure) for pressure, _ in points)])
     made = []
     for rail_pressure, duration in points:
         shots = [Shot(rng.uniform(0.0, 10e-6), duration) for _ in range(INJECTIONS)]

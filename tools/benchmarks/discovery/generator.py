@@ -6,6 +6,7 @@ python -m tools.benchmarks.discovery.generator record FOLDER LABEL    writes a c
 
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -74,7 +75,8 @@ def _write(path: Path, bench: Bench, with_rate: bool) -> None:
     path.write_text("\n".join([header, *lines]) + "\n")
 
 
-def _main(arguments: list[str]) -> None:
+def main(arguments: Sequence[str]) -> None:
+    """Entry point."""
     verb, folder = arguments[0], Path(arguments[1])
     if verb == "seal":
         entry = json.load(sys.stdin)
@@ -87,4 +89,4 @@ def _main(arguments: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    _main(sys.argv[1:])
+    main(sys.argv[1:])

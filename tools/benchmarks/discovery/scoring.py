@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from observer_rt.recording.recording import Recording
 from observer_rt.units import MEGAPASCAL, MILLIGRAM
 from tools.benchmarks.discovery.answers import Answer, Claim
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, HiddenCase, benches, without_noise
-from tools.benchmarks.discovery.hidden import HIDDEN, same_effect
+from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, same_effect
 from tools.benchmarks.discovery.oracle import Recorded, record_all, simulated, statistic
 from tools.benchmarks.discovery.product_model import open_loop
 from tools.benchmarks.discovery.result import AMBIGUOUS, CaseResult, Gap, Interval, Visibility
@@ -36,7 +37,7 @@ def score_case(case: HiddenCase, answer: Answer) -> CaseResult:
         verdict=answer.verdict,
         claims=tuple((claim.id, claim.confidence) for claim in answer.claims),
         listed=answer.listed,
-        visibility=visibility(case) if case.values or case.effect in HIDDEN else None,
+        visibility=None if case.effect == HEALTHY else visibility(case),
         rivalry=rivalry(case, answer),
         intervals=(),
         line_pressure=None,
@@ -44,13 +45,12 @@ def score_case(case: HiddenCase, answer: Answer) -> CaseResult:
         seconds=answer.seconds,
         core_seconds=answer.core_seconds,
     )
-    fields = vars(result)
     if result.named_right:
-        fields = fields | {"intervals": intervals(case, answer.claims[0])}
+        result = replace(result, intervals=intervals(case, answer.claims[0]))
     if result.above_noise:
         line_pressure, injected_mass = gaps(case, answer.amended_model)
-        fields = fields | {"line_pressure": line_pressure, "injected_mass": injected_mass}
-    return CaseResult(**fields)
+        result = replace(result, line_pressure=line_pressure, injected_mass=injected_mass)
+    return result
 
 
 def visibility(case: HiddenCase) -> Visibility:

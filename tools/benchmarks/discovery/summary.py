@@ -100,14 +100,17 @@ def calibration_error(results: Sequence[CaseResult]) -> float | None:
 
 
 def confidences_at_twice_the_limit(results: Sequence[CaseResult]) -> list[float]:
-    """Confidence in the right name, 0 where it was not given, of cases about twice their detection limit."""
+    """Confidence in the right name, 0 where it was not given, of cases about twice their detection limit.
+
+    Where two effects cannot be told apart, the confidence is not the answer's to raise: these do not count.
+    """
     found = []
     for cases in by_effect(results).values():
         limit = detection_limit(cases)
         if limit is None or not cases[0].values:
             continue
         for r in cases:
-            if TWICE[0] <= r.size / limit <= TWICE[1]:
+            if TWICE[0] <= r.size / limit <= TWICE[1] and not r.ambiguous_right:
                 found.append(max((c for c, right in r.confidences if right), default=0.0))
     return found
 

@@ -27,9 +27,19 @@ def discover(
             show_default=False,
         ),
     ] = NOMINAL_INJECTOR,
+    healthy: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--healthy",
+            help="Recording of a healthy injector to judge the model by; repeatable.",
+            metavar="RECORDING",
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.discovery.command import DiscoverOptions, discover_files
+    from observer_rt.evaluation.second_opinion import second_opinion
 
-    discover_files(recordings, DiscoverOptions(model, out, as_json), Console(stderr=True))
+    options = DiscoverOptions(model, out, tuple(healthy or ()), as_json)
+    discover_files(recordings, options, second_opinion, Console(stderr=True))

@@ -51,7 +51,7 @@ def in_force(effect: FittedEffect, evidence: str, day: date) -> EffectInForce:
     )
 
 
-def evidence_of(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
+def reason_for(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
     """Why an effect is believed in, in a line. recordings: SHA-256 of each by file name."""
     files = ", ".join(f"{name} sha256 {digest[:_SHOWN_HASH]}" for name, digest in recordings.items())
     or_else = ", ".join(effect.indistinguishable_from)

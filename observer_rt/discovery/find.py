@@ -1,12 +1,18 @@
 """Where model and measurement disagree: signal by phase by operating point, before and after."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from observer_rt.discovery.result import Cell, Discovery, Verdict
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.discovery.cells import cells_of
+from observer_rt.discovery.hypothesis import Hypothesis
+from observer_rt.discovery.likelihood import Evidence
+from observer_rt.discovery.result import Cell, Discovery, Signal, Verdict
+from observer_rt.discovery.show import winner_of
 from observer_rt.estimation.phases import Phase
 from observer_rt.model.effect import Equation
-from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.effective import EffectiveModel
 
 SIGNIFICANT = 5.0  # standard deviations
 PHASE_NAMES = {
@@ -17,12 +23,14 @@ PHASE_NAMES = {
     Phase.AFTER: "after",
 }
 
+_Key = tuple[Signal, Phase, int]
+
 
 @dataclass(frozen=True)
 class Disagreement:
     """One signal in one phase of one recording, with the nominal model and with the winner of the search.
 
-    equation: which is violated; None where the nominal model does not disagree significantly.
+    equation: which is violated; None where the nominal model does not disagree significantly, or nobody knows.
     """
 
     before: Cell
@@ -30,22 +38,42 @@ class Disagreement:
     equation: Equation | None
 
 
-def disagreements(found: Discovery) -> tuple[Disagreement, ...]:
+def disagreements(found: Discovery, evidence: Evidence, nominal: EffectiveModel) -> tuple[Disagreement, ...]:
     """The map of disagreement, in the order of the recordings."""
-    after = {(cell.signal, cell.phase, cell.recording): cell for cell in found.after}
-    return tuple(
-        Disagreement(
-            cell,
-            after.get((cell.signal, cell.phase, cell.recording), cell),
-            _equation(found) if cell.excess > SIGNIFICANT else None,
-        )
-        for cell in found.before
-    )
+    after = {_key(cell): cell for cell in found.after}
+    equations = _equations(found, evidence, nominal)
+    result = []
+    for cell in found.before:
+        equation = equations.get(_key(cell)) if cell.excess > SIGNIFICANT else None
+        result.append(Disagreement(cell, after.get(_key(cell), cell), equation))
+    return tuple(result)
 
 
-def _equation(found: Discovery) -> Equation | None:
-    """The equation the search holds responsible."""
-    if found.verdict is Verdict.UNKNOWN:
-        return found.unexplained.equation if found.unexplained is not None else None
-    strongest: Sequence[str] = [effect.id for effect in sorted(found.effects, key=lambda e: -e.gain)]
-    return VOCABULARY[strongest[0]].equation if strongest else None
+def _equations(found: Discovery, evidence: Evidence, nominal: EffectiveModel) -> dict[_Key, Equation]:
+    """Of every cell: the equation of that effect without which it is explained worst."""
+    if found.verdict is Verdict.UNKNOWN and found.unexplained is not None:
+        return {_key(cell): found.unexplained.equation for cell in found.before}
+    winner, theta = winner_of(found)
+    worst: dict[_Key, tuple[float, Equation]] = {}
+    for number, effect in enumerate(winner.effects):
+        others = _without(winner, theta, number, nominal)
+        judged = evidence.judge(others)
+        for cell in found.before if judged is None else cells_of(evidence, judged, others):
+            key, loss = _key(cell), cell.variance
+            if key not in worst or loss > worst[key][0]:
+                worst[key] = loss, effect.equation
+    return {key: equation for key, (_, equation) in worst.items()}
+
+
+def _without(
+    winner: Hypothesis, theta: NDArray[np.float64], number: int, nominal: EffectiveModel
+) -> EffectiveModel:
+    """The winner's model without one of its effects, the others at their sizes."""
+    parts = list(winner.split(theta))
+    rest = Hypothesis(winner.effects[:number] + winner.effects[number + 1 :])
+    del parts[number]
+    return rest.model(nominal, np.concatenate(parts) if parts else np.zeros(0))
+
+
+def _key(cell: Cell) -> _Key:
+    return cell.signal, cell.phase, cell.recording

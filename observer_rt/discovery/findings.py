@@ -4,10 +4,13 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from observer_rt.discovery.check import Check
 from observer_rt.discovery.find import PHASE_NAMES, Disagreement
+from observer_rt.discovery.opinion import Opinion, contradictions
 from observer_rt.discovery.printed import printed
 from observer_rt.discovery.result import Candidate, Discovery, FittedEffect, FittedParameter, Signal
 from observer_rt.discovery.show import Gap, Gaps
+from observer_rt.model.effects import VOCABULARY
 from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 SCHEMA = 1
@@ -18,17 +21,26 @@ class Findings:
     """The answer with what it rests on.
 
     amended_model: name of the file beside the document, None when no effect is added; recordings, fitted_on,
-    held_out: file names; seconds: it took.
+    held_out: file names; opinion: of the learning observer, None where it could not be run; healthy_warning: what
+    healthy recordings say against the model, empty when nothing; seconds: it took.
     """
 
     discovery: Discovery
     where: tuple[Disagreement, ...]
     gaps: Gaps
+    checks: tuple[Check, ...]
+    opinion: Opinion | None
+    healthy_warning: str
     amended_model: str | None
     recordings: tuple[str, ...]
     fitted_on: tuple[str, ...]
     held_out: tuple[str, ...]
-    seconds: float
+    seconds: float = 0.0
+
+    @property
+    def contradictions(self) -> tuple[str, ...]:
+        """Where the learning observer says otherwise."""
+        return () if self.opinion is None else contradictions(self.discovery, self.opinion)
 
 
 def as_json(findings: Findings) -> dict[str, Any]:
@@ -57,6 +69,9 @@ def as_json(findings: Findings) -> dict[str, Any]:
             {"measurement": item.measurement, "separates": list(item.separates)} for item in found.decide_by
         ],
         "gap": _gaps(findings.gaps),
+        "checks": [_check(check, findings.recordings) for check in findings.checks],
+        "observer": None if findings.opinion is None else _opinion(findings.opinion, findings.contradictions),
+        "healthy_warning": findings.healthy_warning,
         "amended_model": findings.amended_model,
         "fitted_on": list(findings.fitted_on),
         "held_out": list(findings.held_out),
@@ -122,6 +137,35 @@ def _where(item: Disagreement, recordings: tuple[str, ...]) -> dict[str, Any]:
             "significance": item.after.excess,
             name: item.after.rms / unit,
         },
+    }
+
+
+def _check(check: Check, recordings: tuple[str, ...]) -> dict[str, Any]:
+    return {
+        "id": check.id,
+        "recording": None if check.recording is None else recordings[check.recording],
+        "value": check.value,
+        "sigma": _finite(check.sigma),
+        "unit": check.unit,
+        "passed": check.passed,
+    }
+
+
+def _opinion(opinion: Opinion, against: tuple[str, ...]) -> dict[str, Any]:
+    indicators = {}
+    for indicator in opinion.indicators:
+        parameter = VOCABULARY[indicator.effect_id].parameters[0]
+        indicators[indicator.effect_id] = {
+            "value": indicator.value / parameter.si,
+            "sigma": _finite(indicator.sigma / parameter.si),
+            "unit": parameter.unit,
+        }
+    return {
+        "valid": opinion.valid,
+        "injections": opinion.injections,
+        "reasons": dict(opinion.reasons),
+        "indicators": indicators,
+        "contradictions": list(against),
     }
 
 

@@ -19,13 +19,28 @@ class Printed:
     unit: str
 
     @property
+    def value_text(self) -> str:
+        """Such as `v_H = 0.301`, with the unit, digits as the interval deserves."""
+        return f"{self.name} = {shown(self.value, self._step)}{self._unit}"
+
+    @property
+    def interval_text(self) -> str:
+        """Such as `0.295 to 0.307`, with the unit."""
+        low, high = (shown(bound, self._step) for bound in self.ci95)
+        return f"{low} to {high}{self._unit}"
+
+    @property
     def text(self) -> str:
-        """Such as `v_H = 0.301 (0.295 to 0.307)`, with the unit, digits as the interval deserves."""
-        half = max(self.ci95[1] - self.value, self.value - self.ci95[0])
-        digits = significant(half)
-        unit = "" if self.unit == "-" else f" {self.unit}"
-        low, high = (shown(bound, digits) for bound in self.ci95)
-        return f"{self.name} = {shown(self.value, digits)}{unit} (95 %: {low} to {high}{unit})"
+        """Such as `v_H = 0.301 (95 %: 0.295 to 0.307)`."""
+        return f"{self.value_text} (95 %: {self.interval_text})"
+
+    @property
+    def _unit(self) -> str:
+        return "" if self.unit == "-" else f" {self.unit}"
+
+    @property
+    def _step(self) -> float:
+        return significant(max(self.ci95[1] - self.value, self.value - self.ci95[0]))
 
 
 def printed(effect_id: str, parameter: FittedParameter) -> Printed:

@@ -43,6 +43,7 @@ class PointGap:
     line_pressure: Gap
     injection_rate: Gap | None
     mass: Gap
+    injected: float  # kg, mean of an event
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,8 @@ class Gaps:
     line_pressure: Gap
     injection_rate: Gap | None
     mass: Gap
+    injected: float  # kg, mean of an event
+    refitted: EffectiveModel  # the winner, fitted to `fitted_on`
     points: tuple[PointGap, ...]
     fitted_on: tuple[int, ...]
     held_out: tuple[int, ...]
@@ -83,6 +86,8 @@ def gaps_of(found: Discovery, measured: Sequence[Measurement], nominal: Effectiv
         _together([point.line_pressure for point in points]),
         _together(rates) if rates else None,
         _together([point.mass for point in points]),
+        float(np.mean([point.injected for point in points])),
+        refitted,
         points,
         fitted_on,
         held_out,
@@ -112,12 +117,9 @@ def _point(
         _rms([one.line_pressure - line[one.samples] for one in after]),
         math.hypot(_rms(_moves(noisy, after, "line_pressure")), noise),
     )
-    return PointGap(
-        number,
-        pressure,
-        _rate_gap(measurement, before, after, noisy),
-        _mass_gap(measurement, nominal, refitted, amended, before, after, reference, noisy),
-    )
+    models = nominal, refitted, amended
+    mass_gap, injected = _mass_gap(measurement, models, (before, after, reference), noisy)
+    return PointGap(number, pressure, _rate_gap(measurement, before, after, noisy), mass_gap, injected)
 
 
 def _rate_gap(
@@ -150,14 +152,14 @@ def _rate_gap(
 
 def _mass_gap(
     measurement: Measurement,
-    nominal: EffectiveModel,
-    refitted: EffectiveModel,
-    amended: EffectiveModel,
-    before: Sequence[Simulated],
-    after: Sequence[Simulated],
-    reference: Sequence[Simulated],
+    models: tuple[EffectiveModel, EffectiveModel, EffectiveModel],
+    runs: tuple[Sequence[Simulated], Sequence[Simulated], Sequence[Simulated]],
     noisy: Sequence[Sequence[Simulated]],
-) -> Gap:
+) -> tuple[Gap, float]:
+    """The gap in mass, and the mean mass it belongs to [kg]. models, runs: nominal, refitted, reference."""
+    nominal, refitted, amended = models
+    before, after, reference = runs
+
     def masses(model: EffectiveModel, ones: Sequence[Simulated]) -> NDArray[np.float64]:
         return np.array([mass(measurement, one, model.coefficients.density) for one in ones])
 
@@ -169,11 +171,12 @@ def _mass_gap(
         truth = np.array([measured_mass(measurement, one, density) for one in before])
         gain_error = GAIN_ERROR * float(np.mean(truth))
     moves = [masses(refitted, ones) - of_after for ones in noisy]
-    return Gap(
+    gap = Gap(
         _rms([masses(nominal, before) - truth]),
         _rms([of_after - truth]),
         math.hypot(_rms(moves), gain_error),
     )
+    return gap, float(np.mean(truth))
 
 
 def _moves(

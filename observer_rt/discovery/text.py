@@ -1,11 +1,28 @@
 """The answer in words: for the screen, and the first lines of the report."""
 
-from observer_rt.discovery.find import PHASE_NAMES
 from observer_rt.discovery.findings import Findings, gap_share
 from observer_rt.discovery.printed import printed
 from observer_rt.discovery.result import Discovery, FittedEffect, Verdict
+from observer_rt.estimation.phases import Phase
+from observer_rt.model.effect import Equation
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
+
+EQUATION_WORDS = {
+    Equation.LINE_PRESSURE: "the balance of the line, p_L' = K_L/V_L (Q_L - Q_H), (20)",
+    Equation.LINE_FLOW: "the flow through the line, Q_L' = ..., (19)",
+    Equation.SAC_PRESSURE: "the balance of the sac, p_S' = K_C/V_S (Q_S - Q_H), with (21) and (23)",
+    Equation.INPUT: "an input: rail pressure, lift or chamber pressure is not what it is taken for",
+    Equation.OUTPUT: "the output: the line-pressure sensor does not show p_L",
+}
+
+PHASE_WORDS = {
+    Phase.STANDSTILL: "while the needle is shut",
+    Phase.OPENING: "while the needle opens",
+    Phase.OPEN: "while the needle is open",
+    Phase.CLOSING: "while the needle closes",
+    Phase.AFTER: "right after the needle has closed",
+}
 
 
 def as_text(findings: Findings) -> str:
@@ -27,19 +44,34 @@ def headline(found: Discovery) -> str:
     if found.verdict is Verdict.NONE:
         return f"none: the model explains the recordings; no effect is missing ({sure})"
     if found.verdict is Verdict.UNKNOWN:
-        place = found.unexplained
-        where = ""
-        if place is not None:
-            where = (
-                f"; it acts on the {place.equation.value.replace('_', ' ')} equation, most in phase "
-                f"'{PHASE_NAMES[place.phase]}'"
-            )
-        return f"unknown: something is missing that no known effect explains{where} ({sure})"
+        return f"unknown: something is missing that no known effect explains{where_words(found)} ({sure})"
     names = " and ".join(effect.id for effect in found.effects)
     if found.verdict is Verdict.AMBIGUOUS:
         others = ", or ".join(" and ".join(ids) for ids in found.rivals)
         return f"ambiguous: {names}" + (f", or {others}" if others else "") + f" ({sure})"
     return f"named: {names} ({sure})"
+
+
+def where_words(found: Discovery) -> str:
+    """Where something unknown acts, to be appended to a sentence."""
+    place = found.unexplained
+    if place is None:
+        return ""
+    equation = place.equation.value.replace("_", " ")
+    return f"; it shows most {PHASE_WORDS[place.phase]}, as if the {equation} equation were wrong"
+
+
+def effects_words(found: Discovery) -> str:
+    """The effects with their sizes and intervals, for a title."""
+    return " and ".join(
+        f"{effect.id.replace('_', ' ')}, "
+        + ", ".join(
+            f"{p.value_text} ({p.interval_text})" for p in (printed(effect.id, q) for q in effect.parameters)
+        )
+        if effect.parameters
+        else effect.id.replace("_", " ")
+        for effect in found.effects
+    )
 
 
 def effect_text(effect: FittedEffect) -> str:

@@ -1,0 +1,52 @@
+"""The learning observer on the recordings of a discovery: what its own indicators say."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from observer_rt.config import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.discovery.opinion import Indicator, Opinion
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.observer.indicators import Indicators
+from observer_rt.observer.state import Reason
+from observer_rt.recording.recording import Recording
+
+_OF_A_START = (Reason.STARTING, Reason.TOO_FEW_EVENTS, Reason.JUMPED)
+
+
+def second_opinion(parameters: InjectorParameters, recordings: Sequence[Recording]) -> Opinion | None:
+    """Let the observer learn from all recordings as one history; None when it saw no injection.
+
+    Raises `UserError` for recordings that do not fit on its bus, such as a pressure beyond its range.
+    """
+    bench: Bench = load_bench(EXAMPLE_BENCH).model_copy(update={"injector": parameters})
+    history = evaluate(bench, recordings)
+    reports = [report for one in history.evaluations for report in one.reports]
+    if not reports:
+        return None
+    reasons = Counter(
+        report.reason.name for report in reports if not report.valid and report.reason not in _OF_A_START
+    )
+    c = effective_model(parameters).coefficients
+    valid = sum(report.valid for report in reports)
+    return Opinion(_indicators(reports[-1].indicators, c), valid, len(reports), reasons)
+
+
+def _indicators(learned: Indicators, c: Coefficients) -> tuple[Indicator, ...]:
+    """By the effects they stand for, SI."""
+    terms = (
+        ("orifice_area", learned.nozzle, 1.0),
+        ("seat_area", learned.seat, 1.0),
+        ("line_friction", learned.line_friction, 1.0),
+        ("guide_leakage", learned.guide_leakage, c.flow_scale / c.pressure_scale),
+        ("bulk_modulus", learned.bulk_modulus, 1.0),
+        ("entrained_air", learned.entrained_air, c.compression),
+        ("line_pressure_sensor_offset", learned.line_pressure_offset, c.pressure_scale),
+        ("line_pressure_sensor_lag", learned.line_pressure_lag, 1.0),
+    )
+    return tuple(
+        Indicator(name, estimate.value * si, float("nan") if estimate.sigma is None else estimate.sigma * si)
+        for name, estimate, si in terms
+    )

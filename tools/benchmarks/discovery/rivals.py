@@ -12,9 +12,9 @@ from tools.benchmarks.discovery.hidden import HIDDEN, HiddenEffect
 from tools.benchmarks.discovery.oracle import Recorded, residuals, statistic
 
 STARTS = 6  # of either sign, from below detection to large
-WIDER = 1.5  # than what is drawn, a rival may be
+WIDER, WIDER_SHAPE = 1.5, 2.5  # than what is drawn, the size of a rival and its other parameters may be
 REFINED = 2  # of the starts
-SHAPE_STARTS = 2  # of a further parameter
+SHAPE_STARTS = 3  # of a further parameter
 
 
 def best_statistic(recordings: Sequence[Recorded], effect_id: str) -> float:
@@ -31,13 +31,16 @@ def _starts(effect: HiddenEffect) -> list[tuple[float, ...]]:
     sizes = list(np.geomspace(size.lowest, size.highest, STARTS))
     if size.most_negative < 0.0:
         sizes += [-value for value in np.geomspace(size.lowest, -size.most_negative, STARTS)]
-    return list(product(sizes, *(np.geomspace(p.lowest, p.highest, SHAPE_STARTS) for p in shapes)))
+    return list(
+        product(sizes, *(np.geomspace(p.lowest, WIDER_SHAPE * p.highest, SHAPE_STARTS) for p in shapes))
+    )
 
 
 def _refined(recordings: Sequence[Recorded], effect: HiddenEffect, start: tuple[float, ...]) -> float:
     scale = np.array([math.sqrt(p.lowest * p.highest) for p in effect.parameters])
-    lowest = [WIDER * p.most_negative if p is effect.parameters[0] else p.lowest for p in effect.parameters]
-    highest = [WIDER * p.highest for p in effect.parameters]
+    size, *shapes = effect.parameters
+    lowest = [WIDER * size.most_negative, *(p.lowest / WIDER_SHAPE for p in shapes)]
+    highest = [WIDER * size.highest, *(p.highest * WIDER_SHAPE for p in shapes)]
 
     def values_at(x: NDArray[np.float64]) -> tuple[float, ...]:
         return tuple(float(value) for value in x * scale)

@@ -10,6 +10,7 @@ from observer_rt.discovery.amend import amendment
 from observer_rt.discovery.candidates import FitMemory
 from observer_rt.discovery.cells import NO_BASELINE, HealthyBaseline
 from observer_rt.discovery.check import standstill_checks
+from observer_rt.discovery.consequences import of_candidates, of_effects
 from observer_rt.discovery.data import Measurement
 from observer_rt.discovery.figures import Overlay
 from observer_rt.discovery.find import disagreements
@@ -79,6 +80,8 @@ def answer(
         discovery=found,
         where=disagreements(found, evidence, nominal),
         gaps=gaps,
+        candidates=of_candidates(found, measured, nominal),
+        effects=of_effects(found, measured, nominal),
         checks=standstill_checks(evidence, nominal),
         opinion=_opinion(ask_observer, question),
         healthy_warning=warning,

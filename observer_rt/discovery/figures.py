@@ -143,18 +143,19 @@ def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
     series = [("model as given", [g.before for g in bars.gaps], NOMINAL, -0.2 if bars.amended else 0.0)]
     if bars.amended:
         series.append(("amended model", [g.after for g in bars.gaps], AMENDED, 0.2))
-    lowest = min(g.noise_floor for g in bars.gaps) / bars.si / 4.0
+    floors = np.array([g.noise_floor for g in bars.gaps]) / bars.si
+    lowest = floors.min() / 4.0 if bars.amended else 0.0
     for label, values, colour, shift in series:
         heights = np.maximum(np.array(values) / bars.si, lowest)
         axes.bar(places + shift, heights, width, color=colour, label=label)
         for place, height, value in zip(places + shift, heights, values, strict=True):
             axes.annotate(f"{value / bars.si:.2g}", (place, height), ha="center", va="bottom", fontsize=8)
-    floors = np.array([g.noise_floor for g in bars.gaps]) / bars.si
     axes.hlines(floors, places - 0.45, places + 0.45, color=MEASURED, lw=1.4, label="noise alone")
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    if bars.amended:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
     axes.margins(y=0.15)
     axes.set_ylim(bottom=lowest)
     axes.grid(axis="x", visible=False)

@@ -2,11 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from observer_rt.discovery.cells import cells_of
-from observer_rt.discovery.hypothesis import Hypothesis
+from observer_rt.discovery.consequences import without
 from observer_rt.discovery.likelihood import Evidence
 from observer_rt.discovery.result import Cell, Discovery, Signal, Verdict
 from observer_rt.discovery.show import winner_of
@@ -56,23 +53,13 @@ def _equations(found: Discovery, evidence: Evidence, nominal: EffectiveModel) ->
     winner, theta = winner_of(found)
     worst: dict[_Key, tuple[float, Equation]] = {}
     for number, effect in enumerate(winner.effects):
-        others = _without(winner, theta, number, nominal)
+        others = without(winner, theta, number, nominal)
         judged = evidence.judge(others)
         for cell in found.before if judged is None else cells_of(evidence, judged, others):
             key, loss = _key(cell), cell.variance
             if key not in worst or loss > worst[key][0]:
                 worst[key] = loss, effect.equation
     return {key: equation for key, (_, equation) in worst.items()}
-
-
-def _without(
-    winner: Hypothesis, theta: NDArray[np.float64], number: int, nominal: EffectiveModel
-) -> EffectiveModel:
-    """The winner's model without one of its effects, the others at their sizes."""
-    parts = list(winner.split(theta))
-    rest = Hypothesis(winner.effects[:number] + winner.effects[number + 1 :])
-    del parts[number]
-    return rest.model(nominal, np.concatenate(parts) if parts else np.zeros(0))
 
 
 def _key(cell: Cell) -> _Key:

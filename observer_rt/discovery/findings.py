@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from observer_rt.discovery.check import Check
+from observer_rt.discovery.consequences import Consequence
 from observer_rt.discovery.find import PHASE_NAMES, Disagreement
 from observer_rt.discovery.opinion import Opinion, contradictions
 from observer_rt.discovery.printed import printed
@@ -20,6 +21,7 @@ SCHEMA = 1
 class Findings:
     """The answer with what it rests on.
 
+    candidates, effects: what those of the ranking, and those found, do to pressure and mass;
     amended_model: name of the file beside the document, None when no effect is added; recordings, fitted_on,
     held_out: file names; opinion: of the learning observer, None where it could not be run; healthy_warning: what
     healthy recordings say against the model, empty when nothing; seconds: it took.
@@ -28,6 +30,8 @@ class Findings:
     discovery: Discovery
     where: tuple[Disagreement, ...]
     gaps: Gaps
+    candidates: tuple[Consequence, ...]
+    effects: tuple[Consequence, ...]
     checks: tuple[Check, ...]
     opinion: Opinion | None
     healthy_warning: str
@@ -52,8 +56,14 @@ def as_json(findings: Findings) -> dict[str, Any]:
         "verdict": found.verdict.value,
         "confidence": found.confidence,
         "confidence_method": found.confidence_method,
-        "effects": [_effect(effect, gap_share(found, effect)) for effect in found.effects],
-        "ranking": [_candidate(candidate) for candidate in found.ranking],
+        "effects": [
+            _effect(effect, gap_share(found, effect), moves)
+            for effect, moves in zip(found.effects, findings.effects, strict=True)
+        ],
+        "ranking": [
+            _candidate(candidate, moves)
+            for candidate, moves in zip(found.ranking, findings.candidates, strict=True)
+        ],
         "detection": {"gain": _finite(found.gain), "threshold": _finite(found.threshold)},
         "where": [_where(item, findings.recordings) for item in findings.where],
         "unknown": None
@@ -79,19 +89,25 @@ def as_json(findings: Findings) -> dict[str, Any]:
     }
 
 
-def gap_share(found: Discovery, effect: FittedEffect) -> float:
-    """Share of the disagreement an effect explains: of what -2 log L has above that of an adequate model."""
+def explained_share(found: Discovery) -> float:
+    """Share of the disagreement that is explained: of what -2 log L has above that of an adequate model."""
     left = sum(cell.samples * (cell.variance - 1.0) for cell in found.after)
-    return max(0.0, min(1.0, effect.gain / (found.gain + max(0.0, left))))
+    return found.gain / (found.gain + max(0.0, left)) if found.gain > 0.0 else 0.0
 
 
-def _effect(effect: FittedEffect, share: float) -> dict[str, Any]:
+def gap_share(found: Discovery, effect: FittedEffect) -> float:
+    """An effect's part of that share, by what is lost without it."""
+    return explained_share(found) * effect.gain / sum(one.gain for one in found.effects)
+
+
+def _effect(effect: FittedEffect, share: float, moves: Consequence) -> dict[str, Any]:
     return {
         "id": effect.id,
         "parameters": _parameters(effect.id, effect.parameters),
         "confidence": effect.confidence,
         "indistinguishable_from": list(effect.indistinguishable_from),
         "gap_share": share,
+        "moves": _moves(moves),
     }
 
 
@@ -103,7 +119,7 @@ def _parameters(effect_id: str, parameters: tuple[FittedParameter, ...]) -> dict
     return result
 
 
-def _candidate(candidate: Candidate) -> dict[str, Any]:
+def _candidate(candidate: Candidate, moves: Consequence) -> dict[str, Any]:
     return {
         "ids": list(candidate.ids),
         "held_out_chi2": _finite(candidate.held_out),
@@ -113,6 +129,15 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
             _parameters(effect_id, parameters)
             for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=False)
         ],
+        "plausible": candidate.plausible,
+        "moves": _moves(moves),
+    }
+
+
+def _moves(moves: Consequence) -> dict[str, float | None]:
+    return {
+        "line_pressure_rms_MPa": _finite(moves.line_pressure / MEGAPASCAL),
+        "injected_mass_mean_mg": _finite(moves.mass / MILLIGRAM),
     }
 
 

@@ -6,6 +6,8 @@ from observer_rt.discovery.result import FittedParameter
 from observer_rt.model.effect import EffectParameter
 from observer_rt.model.effects import VOCABULARY
 
+UNIT_SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
+"""How people write the units that are written otherwise in files."""
 _DIGITS = 8  # of printed values: far below any interval, free of conversion noise
 
 
@@ -36,7 +38,8 @@ class Printed:
 
     @property
     def _unit(self) -> str:
-        return "" if self.unit == "-" else f" {self.unit}"
+        sign = UNIT_SIGNS.get(self.unit, self.unit)
+        return f" {sign}" if sign else ""
 
     @property
     def _step(self) -> float:

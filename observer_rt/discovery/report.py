@@ -6,18 +6,19 @@ from datetime import datetime
 from html import escape
 
 from observer_rt import __version__
-from observer_rt.discovery.figures import Bars, Overlay, gap_figure, overlay_figure
-from observer_rt.discovery.findings import Findings, gap_share
-from observer_rt.discovery.page import callout, code, document, figure, paragraph, section, table
-from observer_rt.discovery.printed import printed
-from observer_rt.discovery.report_map import legend, map_table, point_name
-from observer_rt.discovery.report_tables import checks_table, opinion_parts, ranking_table
-from observer_rt.discovery.result import Discovery, FittedEffect, Verdict
+from observer_rt.discovery.figures import Overlay
+from observer_rt.discovery.findings import Findings, explained_share
+from observer_rt.discovery.page import callout, code, document, paragraph, section, table
+from observer_rt.discovery.report_gap import held_out, maps, typical_injections
+from observer_rt.discovery.report_opinion import opinion_parts
+from observer_rt.discovery.report_tables import checks_table, effects_table, ranking_table, undecided
+from observer_rt.discovery.result import Discovery, Verdict
 from observer_rt.discovery.show import Gap
-from observer_rt.discovery.text import EQUATION_WORDS, effects_words, where_words
+from observer_rt.discovery.text import effects_words, where_words
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_PER_MS
 
+LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a gap is not worth a number
 _SHOWN_HASH = 16  # digits
 
 
@@ -38,12 +39,12 @@ def report(findings: Findings, overlays: Sequence[Overlay], sources: Sources) ->
     parts = [
         _header(sources),
         *_answer(findings),
-        section("Where model and measurement disagree", *_maps(findings)),
-        section("A typical injection", *_overlay(found, overlays)),
-        section("On operating points the model was not fitted to", *_held_out(findings)),
-        section("The effects, and how sure they are", *_effects(found)),
-        section("Candidates and their evidence", *ranking_table(found)),
-        section("What could not be told apart, and what would decide", *_undecided(found)),
+        section("Where model and measurement disagree", *maps(findings)),
+        section("A typical injection", *typical_injections(found, overlays)),
+        section("On operating points the model was not fitted to", *held_out(findings)),
+        section("The effects, and how sure they are", *effects_table(findings)),
+        section("Candidates and their evidence", *ranking_table(found, findings.candidates)),
+        section("What could not be told apart, and what would decide", *undecided(found)),
         section("Sensors and line at standstill", *checks_table(findings.checks, findings.recordings)),
         section(
             "What the learning observer says of the same recordings", *opinion_parts(found, findings.opinion)
@@ -91,16 +92,23 @@ def _consequence(findings: Findings) -> str:
     pressure = gaps.line_pressure
     before = f"<b>{pressure.before / MEGAPASCAL:.2g} MPa</b> off in line pressure"
     if gaps.injection_rate is not None or found.effects:
-        share = gaps.mass.before / gaps.injected
-        before += f" and <b>{gaps.mass.before / MILLIGRAM:.2g} mg</b> ({share:.1%}) in injected mass"
+        before += f" and <b>{_mass_words(gaps.mass.before, gaps.injected)}</b> in injected mass"
     alone = f"noise alone makes {pressure.noise_floor / MEGAPASCAL:.2g} MPa"
     if not found.effects:
         return f"The model as given is {before} (rms); {alone}."
+    it = "it" if len(found.effects) == 1 else "them"
+    left = f"{pressure.after / MEGAPASCAL:.2g} MPa are left, of which {alone}"
     return (
-        f"Without it the model is {before} (rms). With it {pressure.after / MEGAPASCAL:.2g} MPa are left, of which "
-        f"{alone}. The amended model stands in {code(findings.amended_model or '')}; every command and the daemon "
-        "load it as it is."
+        f"Without {it} the model is {before} (rms). With {it} {left}. The amended model stands in "
+        f"{code(findings.amended_model or '')}; every command and the daemon load it as it is."
     )
+
+
+def _mass_words(gap: float, injected: float) -> str:
+    """A gap in mass [kg], absolute and as a share, where it is one to speak of."""
+    if gap < LEAST_MASS:
+        return f"less than {LEAST_MASS / MILLIGRAM:g} mg"
+    return f"{gap / MILLIGRAM:.2g} mg ({gap / injected:.1%})"
 
 
 def _tiles(findings: Findings) -> str:
@@ -121,29 +129,26 @@ def _tiles(findings: Findings) -> str:
     elif found.effects:
         tiles.append(
             (
-                f"{gaps.mass.before / MILLIGRAM:.2g} <small>mg</small>",
+                f"{_least(gaps.mass.before)} <small>mg</small>",
                 "injected mass, what the model given is wrong",
             )
         )
     if found.effects and len(tiles) < 4:
-        share = sum(gap_share(found, effect) for effect in found.effects)
-        tiles.append((f"{min(share, 1.0):.0%}", "of the disagreement explained"))
+        tiles.append((f"{explained_share(found):.0%}", "of the disagreement explained"))
     inner = "".join(f'<div class="tile"><b>{value}</b><span>{text}</span></div>' for value, text in tiles)
     return f'<div class="tiles">{inner}</div>'
 
 
+def _least(gap: float) -> str:
+    """A gap in mass [kg], in mg."""
+    return f"{gap / MILLIGRAM:.2g}" if gap >= LEAST_MASS else f"< {LEAST_MASS / MILLIGRAM:g}"
+
+
 def _warning(findings: Findings) -> list[str]:
     result = []
-    if findings.discovery.unexplained is not None:
-        result.append(
-            callout(
-                escape(
-                    findings.discovery.unexplained.term[:1].upper() + findings.discovery.unexplained.term[1:]
-                )
-                + ".",
-                "bad",
-            )
-        )
+    unexplained = findings.discovery.unexplained
+    if unexplained is not None:
+        result.append(callout(f"{escape(unexplained.term[:1].upper() + unexplained.term[1:])}.", "bad"))
     if findings.contradictions:
         said = "; ".join(escape(line) for line in findings.contradictions)
         result.append(
@@ -152,115 +157,6 @@ def _warning(findings: Findings) -> list[str]:
     if findings.healthy_warning:
         result.append(callout(escape(findings.healthy_warning)))
     return result
-
-
-def _maps(findings: Findings) -> list[str]:
-    after = (
-        "With the amended model"
-        if findings.discovery.effects
-        else "With the best candidate, which is not enough"
-    )
-    before = map_table(
-        "Model as given", [(item.before, item) for item in findings.where], findings.recordings
-    )
-    if findings.discovery.verdict is Verdict.NONE:
-        return [before, legend()]
-    amended = map_table(after, [(item.after, item) for item in findings.where], findings.recordings)
-    equations = dict.fromkeys(
-        EQUATION_WORDS[item.equation] for item in findings.where if item.equation is not None
-    )
-    violated = f"Violated: {' and '.join(equations)}." if equations else ""
-    return [f'<div class="maps">{before}{amended}</div>', legend(), paragraph(violated)]
-
-
-def _overlay(found: Discovery, overlays: Sequence[Overlay]) -> list[str]:
-    if not overlays:
-        return []
-    caption = (
-        "The models follow the measurement up to the opening of the needle and run on their own from there, fed with "
-        "the measured rail pressure and lift. Grey band: 95 % of what measurement noise alone leaves."
-    )
-    if found.effects:
-        caption += " The amended model was fitted to other operating points than these."
-    return [figure(overlay_figure(overlays), caption)]
-
-
-def _held_out(findings: Findings) -> list[str]:
-    gaps = findings.gaps
-    first = {item.before.recording: item.before for item in findings.where}
-    labels = [point_name(first[point.recording]).replace(", ", "\n") for point in gaps.points]
-    amended = bool(findings.discovery.effects)
-    pressures = tuple(point.line_pressure for point in gaps.points)
-    groups = [Bars("line pressure", "MPa", MEGAPASCAL, pressures, amended)]
-    rates = tuple(point.injection_rate for point in gaps.points if point.injection_rate is not None)
-    masses = tuple(point.mass for point in gaps.points)
-    if rates:
-        groups.append(Bars("injection rate", "mm³/ms", MM3_PER_MS, rates, amended))
-        groups.append(Bars("injected mass", "mg", MILLIGRAM, masses, amended))
-    elif amended:
-        groups.append(
-            Bars("injected mass, against the amended model", "mg", MILLIGRAM, masses, amended=False)
-        )
-    held_out = set(findings.held_out) != set(findings.fitted_on)
-    how = (
-        "For this picture the amended model was fitted to every second operating point and judged on the others, "
-        "which are shown."
-        if held_out
-        else "There is one operating point only: nothing is held out, the model is judged where it was fitted."
-    )
-    if not amended:
-        how = "The model as given, on every second operating point."
-    return [figure(gap_figure(labels, groups), how)]
-
-
-def _effects(found: Discovery) -> list[str]:
-    rows = [row for effect in found.effects for row in _rows(effect)]
-    if not rows:
-        return []
-    headings = ("effect", "size", "95 % interval", "confidence", "signature")
-    return [
-        table(headings, rows),
-        paragraph(f"Confidence: {escape(found.confidence_method)}.", "note"),
-    ]
-
-
-def _rows(effect: FittedEffect) -> list[list[str]]:
-    definition = VOCABULARY[effect.id]
-    sizes = [printed(effect.id, parameter) for parameter in effect.parameters]
-    return [
-        [
-            code(effect.id),
-            "<br>".join(escape(size.value_text) for size in sizes) or "in force",
-            "<br>".join(escape(size.interval_text) for size in sizes),
-            f"{effect.confidence:.2f}",
-            escape(definition.signature),
-        ]
-    ]
-
-
-def _undecided(found: Discovery) -> list[str]:
-    rows = [
-        [" / ".join(code(one) for one in item.separates), escape(item.measurement)]
-        for item in found.decide_by
-    ]
-    parts = []
-    if found.rivals:
-        others = "; ".join(" with ".join(code(one) for one in ids) for ids in found.rivals)
-        parts.append(paragraph(f"These recordings are explained as well by: {others}."))
-    if rows:
-        parts.append(table(("to tell apart", "measure"), rows))
-    for effect in found.effects:
-        same = VOCABULARY[effect.id].indistinguishable
-        if same:
-            parts.append(
-                paragraph(
-                    f"{code(effect.id)} and {', '.join(code(one) for one in same)} have the same effect on every "
-                    "signal; either name is right for the model."
-                )
-            )
-    if not parts and found.effects:
-        parts.append(paragraph("Nothing: every other candidate explains the recordings significantly worse."))
-    return parts
 
 
 def _method(findings: Findings, sources: Sources) -> list[str]:

@@ -1,15 +1,17 @@
-"""Tables of the report: candidates, standstill checks, the observer's own indicators."""
+"""Tables of the report: effects, candidates, what is undecided, standstill checks."""
 
 import math
 from collections.abc import Sequence
 from html import escape
 
 from observer_rt.discovery.check import Check
-from observer_rt.discovery.opinion import Opinion, contradictions, remark
-from observer_rt.discovery.page import callout, code, paragraph, table
-from observer_rt.discovery.printed import printed, shown, significant
-from observer_rt.discovery.result import Candidate, Discovery
+from observer_rt.discovery.consequences import Consequence
+from observer_rt.discovery.findings import Findings
+from observer_rt.discovery.page import code, paragraph, table
+from observer_rt.discovery.printed import UNIT_SIGNS, printed, shown, significant
+from observer_rt.discovery.result import Candidate, Discovery, FittedEffect
 from observer_rt.model.effects import VOCABULARY
+from observer_rt.units import MEGAPASCAL, MILLIGRAM
 
 _LONGEST_BAR = 120  # px
 _CHECKS = (
@@ -20,10 +22,49 @@ _CHECKS = (
     ("needle_lift_noise", "noise, lift"),
     ("injection_rate_noise", "noise, rate"),
 )
-_UNIT_SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
 
 
-def ranking_table(found: Discovery) -> list[str]:
+def effects_table(findings: Findings) -> list[str]:
+    """The effects found: size, interval, confidence, what they do to pressure and mass."""
+    found = findings.discovery
+    rows = [_row(effect, moved) for effect, moved in zip(found.effects, findings.effects, strict=True)]
+    if not rows:
+        return []
+    headings = (
+        "effect",
+        "size",
+        "95&nbsp;%",
+        "confidence",
+        "moves p<sub>L</sub>",
+        "and mass",
+        "how it shows",
+    )
+    return [
+        table(headings, rows),
+        paragraph(f"Confidence: {escape(found.confidence_method)}.", "note"),
+    ]
+
+
+def _row(effect: FittedEffect, moved: Consequence) -> list[str]:
+    definition = VOCABULARY[effect.id]
+    sizes = [printed(effect.id, parameter) for parameter in effect.parameters]
+    return [
+        code(effect.id),
+        "<br>".join(_whole(size.value_text) for size in sizes) or "in force",
+        "<br>".join(_whole(size.interval_text) for size in sizes),
+        f"{effect.confidence:.2f}",
+        _whole(f"{moved_pressure(moved)} MPa"),
+        _whole(f"{moved_mass(moved)} mg"),
+        escape(definition.signature),
+    ]
+
+
+def _whole(text: str) -> str:
+    """Text that is not broken into lines."""
+    return escape(text).replace(" ", "&nbsp;")
+
+
+def ranking_table(found: Discovery, moves: Sequence[Consequence]) -> list[str]:
     """Candidates, best first, by what they explain."""
     nominal = next(candidate for candidate in found.ranking if not candidate.ids)
     best = found.ranking[0].statistic
@@ -31,33 +72,52 @@ def ranking_table(found: Discovery) -> list[str]:
     held_out = not math.isnan(nominal.held_out)
     winner = tuple(effect.id for effect in found.effects)
     rows = []
-    for candidate in found.ranking:
+    for candidate, moved in zip(found.ranking, moves, strict=True):
         gain = nominal.statistic - candidate.statistic
         width = max(1, round(_LONGEST_BAR * max(gain, 0.0) / most))
         row = [
             " + ".join(code(one) for one in candidate.ids) or "model as given",
-            "<br>".join(escape(size) for size in _sizes(candidate)),
+            "<br>".join(_whole(size) for size in _sizes(candidate)),
             f"{gain:.0f}" if candidate.ids else "0",
             f'<span class="bar" style="width:{width}px"></span>' if candidate.ids else "",
             f"{candidate.statistic - best:.0f}",
+            moved_pressure(moved) if candidate.ids else "",
+            moved_mass(moved) if candidate.ids else "",
         ]
         if held_out:
             gained = nominal.held_out - candidate.held_out
             row.append(f"{gained:.0f}" if math.isfinite(gained) else "no solution")
-        rows.append(
-            [*row, "" if candidate.plausible or not candidate.ids else "too small to matter, or at a bound"]
-        )
-    headings = ["candidate", "size", "gain", "", "behind best"]
-    headings += ["held-out gain"] * held_out + [""]
+        rows.append([*row, "" if candidate.plausible or not candidate.ids else "too small, or at a bound"])
+    headings = [
+        "candidate",
+        "size",
+        "gain",
+        "",
+        "behind<br>best",
+        "moves p<sub>L</sub><br>[MPa]",
+        "and mass<br>[mg]",
+    ]
+    headings += ["held-out<br>gain"] * held_out + [""]
     chosen = next((i for i, one in enumerate(found.ranking) if one.ids == winner), None)
     return [
-        table(headings, rows, numbers=(2, 4, 5) if held_out else (2, 4), chosen=chosen),
+        table(headings, rows, numbers=(2, 4, 5, 6, 7) if held_out else (2, 4, 5, 6), chosen=chosen),
         paragraph(
             "Gain: by how much -2 log L falls below that of the model as given; a difference of 16 and more between "
-            "two candidates decides. Held-out gain: the same on operating points the sizes were not fitted to.",
+            "two candidates decides. It moves: rms of the line pressure and mean of the mass, against the model as "
+            "given. Held-out gain: the same on operating points the sizes were not fitted to.",
             "note",
         ),
     ]
+
+
+def moved_pressure(moved: Consequence) -> str:
+    """By how much the line pressure moves, in MPa."""
+    return f"{moved.line_pressure / MEGAPASCAL:.2g}"
+
+
+def moved_mass(moved: Consequence) -> str:
+    """By how much the injected mass moves, in mg."""
+    return f"{moved.mass / MILLIGRAM:+.2g}"
 
 
 def _sizes(candidate: Candidate) -> list[str]:
@@ -72,7 +132,7 @@ def checks_table(checks: Sequence[Check], recordings: Sequence[str]) -> list[str
     """A row for each recording, and what the shut needle says of all together."""
     by_place = {(check.id, check.recording): check for check in checks}
     columns = [item for item in _CHECKS if any(check.id == item[0] for check in checks)]
-    units = {check.id: check.unit for check in checks}
+    units = {check.id: UNIT_SIGNS.get(check.unit, check.unit) for check in checks}
     headings = ["recording", *(f"{title}<br>[{units[name]}]" for name, title in columns)]
     rows = [
         [code(file), *(_figure(by_place.get((name, number))) for name, _ in columns)]
@@ -80,7 +140,7 @@ def checks_table(checks: Sequence[Check], recordings: Sequence[str]) -> list[str
     ]
     apparent = [check for check in checks if check.recording is None]
     lines = [
-        f"{code(check.id.removeprefix('apparent_'))} {_figure(check)} {_UNIT_SIGNS.get(check.unit, check.unit)}"
+        f"{code(check.id.removeprefix('apparent_'))} {_figure(check)} {UNIT_SIGNS.get(check.unit, check.unit)}"
         for check in apparent
     ]
     return [
@@ -96,46 +156,38 @@ def _figure(check: Check | None) -> str:
     if check is None:
         return "–"
     if math.isnan(check.sigma):
-        return f"{check.value:.3g}"
+        return f"{check.value:#.3g}"
     step = significant(check.sigma)
     text = f"{shown(check.value, step)} ± {shown(check.sigma, step)}"
     return text if check.passed else f'<span class="failed">{text}</span>'
 
 
-def opinion_parts(found: Discovery, opinion: Opinion | None) -> list[str]:
-    """The observer's indicators beside what discovery found."""
-    if opinion is None:
-        return [paragraph("The observer could not be run on these recordings.", "note")]
-    named = {effect.id: effect for effect in found.effects}
-    rows = []
-    for indicator in opinion.indicators:
-        definition = VOCABULARY[indicator.effect_id].parameters[0]
-        value, sigma = indicator.value / definition.si, indicator.sigma / definition.si
-        step = significant(sigma) if sigma > 0.0 else 0.0
-        unit = _UNIT_SIGNS.get(definition.unit, definition.unit)
-        text = (
-            shown(value, step) + ("" if math.isnan(sigma) else f" ± {shown(1.96 * sigma, step)}") + f" {unit}"
-        )
-        effect = named.get(indicator.effect_id)
-        ours = printed(effect.id, effect.parameters[0]).value_text if effect is not None else "–"
-        rows.append(
-            [code(indicator.effect_id), f"<b>{text}</b>" if indicator.stands_out else text, escape(ours)]
-        )
-    against = contradictions(found, opinion)
-    said = (
-        callout("They contradict each other: " + "; ".join(escape(line) for line in against) + ".", "bad")
-        if against
-        else callout("Nothing here contradicts the discovery.", "good")
-    )
-    reasons = ", ".join(f"{reason} ({count})" for reason, count in opinion.reasons.items())
-    judged = f"It declared {opinion.valid} of {opinion.injections} injections valid" + (
-        f"; not valid for {escape(reasons)}." if reasons else "."
-    )
-    return [
-        said,
-        paragraph(
-            "The observer of the daemon, started with the model as given, learned from all recordings one after "
-            f"another. {judged} {escape(remark(found, opinion))}"
-        ),
-        table(("indicator", "observer, 95 %", "discovery"), rows),
+def undecided(found: Discovery) -> list[str]:
+    """Rivals, and the measurements that would decide."""
+    rows = [
+        [" / ".join(code(one) for one in item.separates), escape(item.measurement)]
+        for item in found.decide_by
     ]
+    parts = []
+    if found.rivals:
+        others = "; ".join(" with ".join(code(one) for one in ids) for ids in found.rivals)
+        parts.append(paragraph(f"These recordings are explained as well by: {others}."))
+    if rows:
+        parts.append(table(("to tell apart", "measure"), rows))
+    for effect in found.effects:
+        same = VOCABULARY[effect.id].indistinguishable
+        if same:
+            parts.append(
+                paragraph(
+                    f"{code(effect.id)} and {', '.join(code(one) for one in same)} have the same effect on every "
+                    "signal; either name is right for the model."
+                )
+            )
+    if not parts and found.effects:
+        parts.append(
+            paragraph(
+                "Nothing: whatever else has as many effects explains the recordings significantly worse, and one "
+                "effect more adds too little to be believed."
+            )
+        )
+    return parts

@@ -90,11 +90,11 @@ def gap_lines(findings: Findings) -> list[str]:
     if gaps.injection_rate is not None:
         parts.append(("injection rate", gaps.injection_rate, MM3_PER_MS, "mm3/ms"))
         parts.append(("injected mass", gaps.mass, MILLIGRAM, "mg"))
-    lines = [
-        f"  {name} {where}: {gap.before / si:.3g} {unit} off before, {gap.after / si:.3g} after "
-        f"(noise alone {gap.noise_floor / si:.2g})"
-        for name, gap, si, unit in parts
-    ]
+    lines = []
+    for name, gap, si, unit in parts:
+        after = f" before, {gap.after / si:.3g} after" if findings.discovery.effects else ""
+        alone = f"(noise alone {gap.noise_floor / si:.2g})"
+        lines.append(f"  {name} {where}: {gap.before / si:.3g} {unit} off{after} {alone}")
     if gaps.injection_rate is None and findings.discovery.effects:
         lines.append(
             f"  injected mass: the model given is {gaps.mass.before / MILLIGRAM:.2g} mg off, if this is right"

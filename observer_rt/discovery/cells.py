@@ -23,12 +23,14 @@ Pool = Mapping[Signal, PhaseStatistics]
 class HealthyBaseline:
     """Variance and colour that healthy recordings leave in each phase: what the model itself does not explain.
 
-    trusted: nothing is named on the healthy recordings.
+    trusted: nothing is named on the healthy recordings; gain: of what is named there, in -2 log L a sample: as much
+    is no evidence of anything else.
     """
 
     variance: Mapping[tuple[Signal, Phase], float]
     colour: Mapping[tuple[Signal, Phase], float]
     trusted: bool = True
+    gain: float = 0.0
 
 
 NO_BASELINE = HealthyBaseline({}, {})

@@ -122,13 +122,14 @@ def _events(recording: Recording, openings: list[Opening]) -> tuple[Event, ...]:
         else:
             groups.append([opening])
     margin = round(MARGIN * rate) + 1
-    limits = [group[0].first for group in groups[1:]] + [recording.samples - margin]
+    lead = round(COUNTED_LEAD * rate)
+    limits = [*(group[0].first - lead for group in groups), recording.samples - margin][1:]
     missing = np.isnan(recording.rail_pressure + recording.needle_lift + recording.line_pressure)
     events = []
     previous_end = 0
     for group, limit in zip(groups, limits, strict=True):
         start = group[0].first - round(LEAD * rate)
-        counted = group[0].first - round(COUNTED_LEAD * rate)
+        counted = group[0].first - lead
         end = min(group[-1].last + round(RING_DOWN * rate), limit)
         whole = end - group[-1].last >= 0.5 * EVENT_GAP * rate
         if start - margin >= previous_end and whole and not missing[start - margin : end + margin].any():

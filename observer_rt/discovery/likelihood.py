@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from observer_rt.discovery.data import Measurement
 from observer_rt.discovery.fit import Residuals
 from observer_rt.discovery.windows import Batch, Inputs, Rows, batch_of, latest, phases
+from observer_rt.errors import UserError
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.learned import Learned
 from observer_rt.estimation.predictor import Setting, Window, prediction
 from observer_rt.model.coefficients import Coefficients, LineTerms
 from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.network import constant_network
-from observer_rt.model.stability import substeps_needed
+from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
 _SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
@@ -63,7 +64,9 @@ class Trial:
         self.measurement = measurement
         self._rows = Rows(measurement)
         self._latest = latest(measurement)
-        self._substeps = substeps_needed(nominal.injector, 1.0 / measurement.interval) + _SPARE_SUBSTEPS
+        rate = measurement.recording.sample_rate
+        needed = substeps_needed(nominal.injector, rate, nominal.departures)
+        self._substeps = min(needed + _SPARE_SUBSTEPS, MAX_SUBSTEPS)
         self._gains: dict[tuple[float, float, float, float], GainSchedule] = {}
         self._nominal_key = _input_key(nominal)
         self._nominal_inputs = Inputs(measurement, nominal.inputs, nominal.coefficients)
@@ -71,17 +74,18 @@ class Trial:
         every = phases(measurement, batch)
         self.phases = every[self._rows.counted]
         """(n,): of the counted innovations."""
-        self.rate_phases = every[self._rows.rate_rows]
-        """(m,): of the judged samples of the measured rate."""
+        self.rate_phases = np.zeros(0, np.int8)
+        """(m,): of the judged samples of the measured rate; (0,) without one."""
         self._rate: NDArray[np.float64] | None = None
         if measurement.recording.injection_rate is not None:
+            self.rate_phases = every[self._rows.rate_rows]
             self._rate = measurement.recording.injection_rate[self._rows.rate_samples]
             self._rate_sigma = self._rate_noise(nominal)
 
     def judge(self, model: EffectiveModel) -> Judged | None:
-        """Compare with a model; None where its solution is not finite."""
+        """Compare with a model; None where its solution is not finite or cannot be had."""
         late = math.floor(model.sensor.delay / self.measurement.interval)
-        if abs(late) >= self._latest:
+        if abs(late) >= self._latest or self._substeps_of(model) > MAX_SUBSTEPS:
             return None
         schedule = self._schedule(model)
         innovation, rate = self._predicted(model, self._inputs_of(model), late, schedule)
@@ -108,13 +112,16 @@ class Trial:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
         c, sensor, interval = model.coefficients, model.sensor, self.measurement.interval
         batch = batch_of(self.measurement, self._rows, inputs, late, sensor.offset, c)
-        substeps = max(self._substeps, substeps_needed(model.injector, 1.0 / interval))
         share = sensor.delay / interval - late
-        setting = Setting(interval, substeps, c, schedule.gains[-1].copy(), share)
+        setting = Setting(interval, self._substeps_of(model), c, schedule.gains[-1].copy(), share)
         learned = Learned(constant_network(), _NO_LINE_TERMS, sensor.offset / c.pressure_scale, sensor.lag)
         innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
         predict(batch, setting, learned, innovation, rate)
         return innovation, rate
+
+    def _substeps_of(self, model: EffectiveModel) -> int:
+        rate = self.measurement.recording.sample_rate
+        return max(self._substeps, substeps_needed(model.injector, rate, model.departures))
 
     def _schedule(self, model: EffectiveModel) -> GainSchedule:
         c, sensor = model.coefficients, model.sensor
@@ -167,7 +174,19 @@ def _smoothing_error(rate: NDArray[np.float64], c: Coefficients) -> NDArray[np.f
 
 
 def evidence_of(found: Sequence[Measurement], nominal: EffectiveModel) -> "Evidence":
-    """Recordings, ready to be compared with models that depart from the nominal one."""
+    """Recordings, ready to be compared with models that depart from the nominal one.
+
+    Raises `UserError` where the nominal model needs too many integration steps a sample.
+    """
+    for measurement in found:
+        rate = measurement.recording.sample_rate
+        substeps = substeps_needed(nominal.injector, rate, nominal.departures)
+        if substeps > MAX_SUBSTEPS:
+            raise UserError(
+                str(measurement.recording.path or "recording"),
+                f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS})",
+                f"record with {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give the model a larger sac",
+            )
     return Evidence([Trial(measurement, nominal) for measurement in found])
 
 

@@ -83,7 +83,8 @@ def healthy_baseline(
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
     discovery = name_effects(nominal, found, Options(workers))
     baseline = baseline_of(pool_of(evidence, judged))
-    return replace(baseline, trusted=discovery.verdict is Verdict.NONE), discovery
+    gain = discovery.gain / discovery.ranking[0].samples
+    return replace(baseline, trusted=discovery.verdict is Verdict.NONE, gain=gain), discovery
 
 
 class _Verdict:
@@ -127,8 +128,13 @@ class _Verdict:
                     for name in ("rail_pressure", "line_pressure", "needle_lift")
                 )
             ),
-            rate_noise=float(np.mean([trial.measurement.rate_noise for trial in self._evidence.trials])),
+            rate_noise=self._rate_noise(),
         )
+
+    def _rate_noise(self) -> float | None:
+        """Mean over the recordings with a measured rate [m3/s]."""
+        levels = [trial.measurement.rate_noise for trial in self._evidence.trials if trial.rate_phases.size]
+        return float(np.mean(levels)) if levels else None
 
     def _verdict(self) -> Verdict:
         if not self._found.adequate:

@@ -126,4 +126,4 @@ class Discovery:
     before: tuple[Cell, ...]
     after: tuple[Cell, ...]
     noise: NoiseLevels
-    rate_noise: float  # m3/s, nan without measured rate
+    rate_noise: float | None  # m3/s, None without a measured rate

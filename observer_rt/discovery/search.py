@@ -11,6 +11,7 @@ from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY
 
 ACCEPT = 25.0  # of -2 log L that an effect must gain, times the variance of the innovations left
+HEALTHY_GAIN = 1.5  # times what is gained, in vain, on healthy recordings
 RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
 TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
 LEADERS = 3  # singles that a second effect is added to
@@ -71,16 +72,16 @@ class Search:
         """Fit candidates until nothing more is worth adding; see `Found`."""
         nominal = self._fitter.nothing()
         singles = sorted(self._fitter.singles(self._effects, nominal), key=_price)
-        best, threshold, ratio = nominal, ACCEPT * self._variance(nominal), self._ratio(nominal)
+        best, threshold, ratio = nominal, self._threshold(nominal), self._ratio(nominal)
         single = self._best(singles, nominal, best, ratio)
         if single is not None:
             best, ratio = single, self._ratio(single)
-            threshold = ACCEPT * self._variance(best)
+            threshold = self._threshold(best)
         pairs = self._pairs(nominal, singles, best, ratio)
         pair = self._best(pairs, nominal, best, ratio, singles)
         if pair is not None:
             best, ratio = pair, self._ratio(pair)
-            threshold = ACCEPT * self._variance(best)
+            threshold = self._threshold(best)
         fitted = (nominal, *singles, *pairs)
         return Found(nominal, best, self._rivals(best, fitted), fitted, threshold, ratio)
 
@@ -110,7 +111,7 @@ class Search:
         parts: fitted singles, of which a pair must beat each of its own.
         """
         for candidate in candidates:
-            threshold = ACCEPT * self._variance(candidate)
+            threshold = self._threshold(candidate)
             if ratio <= 1.0:
                 threshold = max(threshold, RELATIVE_GAIN * (nominal.statistic - smaller.statistic))
             own = [part for part in parts if set(part.hypothesis.ids) < set(candidate.hypothesis.ids)]
@@ -130,10 +131,13 @@ class Search:
             and other.plausible
         )
 
-    def _variance(self, sized: Sized) -> float:
-        """Variance of the normalised residuals a candidate leaves, at least 1."""
+    def _threshold(self, sized: Sized) -> float:
+        """What an effect must gain beside what a candidate leaves unexplained, and what healthy recordings gain."""
         residuals = self._fitter.evidence.residuals(sized.model(self._fitter.nominal))
-        return max(1.0, float(np.mean(residuals.z**2))) if residuals is not None else np.inf
+        if residuals is None:
+            return np.inf
+        variance = max(1.0, float(np.mean(residuals.z**2)))
+        return max(ACCEPT * variance, HEALTHY_GAIN * self._baseline.gain * residuals.z.size)
 
     def _ratio(self, sized: Sized) -> float:
         """Of a candidate's worst phase to its limit."""

@@ -1,0 +1,71 @@
+"""Recordings as discovery sees them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.discovery.data import COUNTED_LEAD, RING_DOWN, every_second_point, measurements
+from observer_rt.errors import UserError
+from observer_rt.simulation.measurement import NoiseLevels
+from tests.discovery.hidden import recordings
+
+POINT = ((100e6, 1.0e-3),)
+
+
+def test_noise_events_and_operating_point_are_found() -> None:
+    (found,) = measurements(recordings(points=POINT, measured_rate=True))
+    expected = NoiseLevels()
+    assert found.noise.rail_pressure == pytest.approx(expected.rail_pressure, rel=0.03)
+    assert found.noise.line_pressure == pytest.approx(expected.line_pressure, rel=0.03)
+    assert found.noise.needle_lift == pytest.approx(expected.needle_lift, rel=0.15)
+    assert found.rate_noise == pytest.approx(expected.injection_rate, rel=0.03)
+    assert found.rail_pressure == pytest.approx(100e6, rel=1e-3)
+    assert found.duration == pytest.approx(1.283e-3, rel=0.03)  # delays and flanks of the needle
+    assert len(found.events) == 2
+    for event in found.events:
+        opening = event.openings[0]
+        assert opening.first - event.counted == round(COUNTED_LEAD * 100e3)
+        assert event.end - opening.last == round(RING_DOWN * 100e3)
+
+
+def test_pilot_and_main_are_one_event() -> None:
+    (one,) = recordings(points=POINT)
+    lift = one.needle_lift.copy()
+    pilot = np.flatnonzero(lift > 10e-6)[0] - 400  # 4 ms before the first injection
+    lift[pilot : pilot + 30] = 40e-6
+    (found,) = measurements([replace(one, needle_lift=lift)])
+    assert [len(event.openings) for event in found.events] == [2, 1]
+
+
+def test_an_event_with_missing_samples_is_left_out() -> None:
+    (one,) = recordings(points=POINT)
+    line = one.line_pressure.copy()
+    line[np.flatnonzero(one.needle_lift > 10e-6)[-1] + 200] = np.nan  # rings down after the second
+    (found,) = measurements([replace(one, line_pressure=line)])
+    assert len(found.events) == 1
+
+
+def test_a_recording_without_injection_is_refused() -> None:
+    (one,) = recordings(points=POINT)
+    with pytest.raises(UserError, match="no complete injection"):
+        measurements([replace(one, needle_lift=np.zeros(one.samples))])
+
+
+def test_a_slow_recording_is_refused() -> None:
+    (one,) = recordings(points=POINT)
+    slow = {name: getattr(one, name)[::20] for name in ("time", *one.signals)}
+    with pytest.raises(UserError, match="ringing"):
+        measurements([replace(one, **slow)])
+
+
+def test_no_recording_is_refused() -> None:
+    with pytest.raises(UserError, match="no recordings"):
+        measurements([])
+
+
+def test_every_second_operating_point_by_pressure_then_duration() -> None:
+    points = ((140e6, 1.9e-3), (60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (60e6, 0.6e-3))
+    fitted, held_out = every_second_point(measurements(recordings(points=points)))
+    assert sorted(fitted) == [1, 3, 4]  # both recordings of the first point, and the third point
+    assert sorted(held_out) == [0, 2]

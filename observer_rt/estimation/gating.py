@@ -50,11 +50,19 @@ def _subsets(columns: Sequence[int]) -> list[tuple[int, ...]]:
     return [chosen for size in range(len(columns) + 1) for chosen in combinations(columns, size)]
 
 
-def conditional_covariance(
-    information: NDArray[np.float64], gate: Gate, active: frozenset[int]
+def gated_covariance(
+    information: NDArray[np.float64],
+    error_covariance: NDArray[np.float64],
+    gate: Gate,
+    active: frozenset[int],
 ) -> NDArray[np.float64]:
-    """Covariance (m, m) of the free and active parameters when the others are known to be 0."""
+    """Error covariance (m, m) of the free and active parameters as estimated by `best_subset`, the others being 0.
+
+    information (m, m) of the joint belief and error_covariance (m, m) of its mean. Where that is the inverse of the
+    information the result is the inverse of its part. Raises numpy.linalg.LinAlgError when singular.
+    """
     columns = [i for i in range(len(information)) if i not in gate.columns or i in active]
+    by_joint = np.linalg.solve(information[np.ix_(columns, columns)], information[columns])
     covariance = np.zeros_like(information)
-    covariance[np.ix_(columns, columns)] = np.linalg.inv(information[np.ix_(columns, columns)])
+    covariance[np.ix_(columns, columns)] = by_joint @ error_covariance @ by_joint.T
     return covariance

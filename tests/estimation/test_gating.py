@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gating import ENTER, STAY, Gate, best_subset, conditional_covariance
+from observer_rt.estimation.gating import ENTER, STAY, Gate, best_subset, gated_covariance
 
 SIZE = 6
 GATE = Gate(columns=(1, 3, 4), lowest=(-0.5, 0.0, 0.0))
@@ -113,18 +113,26 @@ def test_singular_information_is_refused() -> None:
         best_subset(np.zeros((SIZE, SIZE)), np.zeros(SIZE), GATE, frozenset())
 
 
-@given(st.integers(0, 10_000), st.frozensets(st.sampled_from(GATE.columns)))
-def test_conditional_covariance_is_what_remains_when_the_rest_is_known(
-    seed: int, active: frozenset[int]
+@given(st.integers(0, 10_000), st.floats(0.1, 1.0), st.frozensets(st.sampled_from(GATE.columns)))
+def test_gated_covariance_is_that_of_the_error_when_the_rest_is_known(
+    seed: int, share: float, active: frozenset[int]
 ) -> None:
-    """By the Schur complement of the joint covariance."""
+    """By regression of the used on the known within the joint belief; its error is independent of the belief."""
     information, _ = belief(seed, 1.0)
-    joint = np.linalg.inv(information)
+    joint = np.asarray(np.linalg.inv(information), np.float64)
+    error = np.asarray(share * np.linalg.inv(belief(seed + 1, 1.0)[0]), np.float64)
     known = [c for c in GATE.columns if c not in active]
     used = [c for c in range(SIZE) if c not in known]
-    expected = np.zeros((SIZE, SIZE))
-    expected[np.ix_(used, used)] = joint[np.ix_(used, used)]
+    regression = np.zeros((SIZE, SIZE))
+    regression[used, used] = 1.0
     if known:
-        cross = joint[np.ix_(used, known)]
-        expected[np.ix_(used, used)] -= cross @ np.linalg.inv(joint[np.ix_(known, known)]) @ cross.T
-    np.testing.assert_allclose(conditional_covariance(information, GATE, active), expected, atol=1e-6)
+        regression[np.ix_(used, known)] = -joint[np.ix_(used, known)] @ np.linalg.inv(
+            joint[np.ix_(known, known)]
+        )
+    for covariance in (error, joint):
+        np.testing.assert_allclose(
+            gated_covariance(information, covariance, GATE, active),
+            regression @ covariance @ regression.T,
+            rtol=1e-6,
+            atol=1e-6,
+        )

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
-from observer_rt.estimation.gating import best_subset, conditional_covariance
+from observer_rt.estimation.gating import best_subset, gated_covariance
+from observer_rt.estimation.input_noise import input_variance
 from observer_rt.estimation.learned import learned_of
-from observer_rt.estimation.open_loop import rate_with_sensitivity
+from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.phases import (
     AFTERGLOW,
     EDGE,
@@ -16,14 +17,15 @@ from observer_rt.estimation.phases import (
     phase_statistics,
     phases_of,
 )
-from observer_rt.estimation.posterior import Belief, belief_from_information
+from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.estimation.predictor import Setting, Window, open_loop_error
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.network import flow_changes
 from observer_rt.observer.adequacy import POOLING, Finding, Freezer, findings, looks_like_inertance, tempering
+from observer_rt.observer.interval import Resimulated
 from observer_rt.observer.knowledge import (
     DRIFT,
     GATE,
@@ -98,6 +100,7 @@ class Learner:
             if fit is None:
                 return self._outcome(Verdict.FAILED, window, in_force)
             statistics = self._event_statistics(window, fit.innovations)
+            carried = self._error_covariance(fit.prior) + _square(in_force - self._theta)
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
             return self._outcome(Verdict.FAILED, window, in_force)
@@ -110,7 +113,8 @@ class Learner:
         if self._freezer.is_frozen_after(self._statistics):
             return self._frozen(window, in_force)
         verdict = Verdict.ADOPTED if better else Verdict.REJECTED
-        return self._outcome(verdict, window, in_force, fit.contradicts)
+        outcome = self._outcome(verdict, window, in_force, fit.contradicts)
+        return replace(outcome, resimulated=self._resimulated(window, carried))
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
@@ -122,7 +126,7 @@ class Learner:
         mean[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
         self._theta = self._theta.copy()
         self._theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
-        return Belief(mean, self._belief.covariance)
+        return replace(self._belief, mean=mean)
 
     def _fit(self, window: Window, prior: Belief) -> _Fit | None:
         """Fit the event; after a sudden change from a wide prior, if that explains it much better."""
@@ -134,11 +138,11 @@ class Learner:
             return self._iterate(cost, first, prior, FIRST_ITERATIONS)
         score = _score(first, prior)
         if QUICKER_SCORE < score <= CHANGE_SCORE:
-            prior = prior.drifted(QUICKER * DRIFT.vector(self._scale))
+            prior = prior.widened(QUICKER * DRIFT.vector(self._scale))
         fit = self._iterate(cost, first, prior, ITERATIONS)
         if score <= CHANGE_SCORE:
             return fit
-        wide = prior.drifted(PRIOR.vector(self._scale))
+        wide = prior.widened(PRIOR.vector(self._scale))
         other = self._iterate(cost, fit.linearisation, wide, FIRST_ITERATIONS)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
@@ -173,12 +177,9 @@ class Learner:
 
     def _take_in(self, fit: _Fit, temper: float) -> None:
         """The fitted event into the belief, its information divided by `temper`."""
-        prior_information = fit.prior.information()
-        information = prior_information + fit.linearisation.information / temper
-        vector = prior_information @ fit.prior.mean + fit.linearisation.vector / temper
-        mean = np.linalg.solve(information, vector).astype(np.float64)
-        self._belief = belief_from_information(mean, information)
-        self._theta, self._active = fit.linearisation.theta, fit.active
+        here = fit.linearisation
+        self._belief = fit.prior.updated(here.information / temper, here.vector / temper)
+        self._theta, self._active = here.theta, fit.active
 
     def _event_statistics(self, window: Window, innovations: NDArray[np.float64]) -> PhaseStatistics:
         interval = self._constants.interval
@@ -219,9 +220,6 @@ class Learner:
         contradicts: bool = False,
     ) -> Outcome:
         """What to say of an event; `in_force` (m,) was carried during it."""
-        rate = np.zeros(window.output.shape[0])
-        slopes = np.zeros((window.output.shape[0], PARAMETERS))
-        rate_with_sensitivity(window, self._setting(), learned_of(self._theta), rate, slopes)
         return Outcome(
             verdict=verdict,
             knowledge=Knowledge(
@@ -235,10 +233,24 @@ class Learner:
             schedule=self._schedule,
             findings=self._findings(verdict, window, contradicts),
             estimate=self._theta.copy(),
-            covariance=conditional_covariance(self._belief.information(), GATE, self._active),
-            rate=rate,
-            rate_slopes=slopes,
+            covariance=self._error_covariance(self._belief),
         )
+
+    def _resimulated(self, window: Window, carried: NDArray[np.float64]) -> Resimulated:
+        """The event with the newest theta; carried (m, m): error covariance of the theta in force during it."""
+        setting = self._setting()
+        run = open_loop(window, setting, learned_of(self._theta))
+        return Resimulated(
+            run=run,
+            by_inputs=input_variance(window, run, setting, self._noise),
+            covariance=self._error_covariance(self._belief),
+            carried_covariance=carried,
+            interval=self._constants.interval,
+        )
+
+    def _error_covariance(self, belief: Belief) -> NDArray[np.float64]:
+        """Of the theta that follows from a belief with the gated scalars in use (m, m)."""
+        return gated_covariance(belief.information(), belief.error_covariance, GATE, self._active)
 
     def _findings(self, verdict: Verdict, window: Window, contradicts: bool) -> tuple[Finding, ...]:
         if verdict is Verdict.FAILED:
@@ -276,6 +288,10 @@ class Learner:
             self._coefficients,
             self._schedule.gains[-1].copy(),
         )
+
+
+def _square(difference: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.outer(difference, difference)
 
 
 def _score(linearisation: Linearisation, prior: Belief) -> float:

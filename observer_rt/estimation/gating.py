@@ -1,10 +1,9 @@
 """Scalars that must pay for themselves: the best subset of a joint Gaussian belief."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
@@ -30,24 +29,57 @@ def best_subset(
     information (m, m) and vector (m,) = information @ mean are those of the joint belief; columns left out are 0.
     All subsets of the gated columns are tried. Raises numpy.linalg.LinAlgError when singular.
     """
-    free = [i for i in range(len(vector)) if i not in gate.columns]
-    best_value, best_theta, best_active = -np.inf, np.zeros_like(vector), active
-    for chosen in _subsets(gate.columns):
-        columns = [*free, *chosen]
-        solution = np.linalg.solve(information[np.ix_(columns, columns)], vector[columns])
-        theta = np.zeros_like(vector)
-        theta[columns] = solution
-        if any(theta[c] < low for c, low in zip(gate.columns, gate.lowest, strict=True) if c in chosen):
+    free = np.array([i for i in range(len(vector)) if i not in gate.columns], np.int64)
+    prices = np.array([STAY if column in active else ENTER for column in gate.columns])
+    theta = np.zeros_like(vector)
+    subset = _search(
+        information, vector, free, np.array(gate.columns, np.int64), np.array(gate.lowest), prices, theta
+    )
+    return theta, frozenset(column for i, column in enumerate(gate.columns) if subset >> i & 1)
+
+
+@njit(cache=True, nogil=True)
+def _search(
+    information: NDArray[np.float64],
+    vector: NDArray[np.float64],
+    free: NDArray[np.int64],
+    gated: NDArray[np.int64],
+    lowest: NDArray[np.float64],
+    prices: NDArray[np.float64],
+    best: NDArray[np.float64],
+) -> int:
+    """The best subset as a bit mask over `gated`, its parameters into `best` (m,)."""
+    columns = np.empty(vector.shape[0], np.int64)
+    columns[: free.shape[0]] = free
+    best_value, best_subset = -np.inf, 0
+    for subset in range(1 << gated.shape[0]):
+        size, price = free.shape[0], 0.0
+        for i in range(gated.shape[0]):
+            if subset >> i & 1:
+                columns[size] = gated[i]
+                size += 1
+                price += prices[i]
+        matrix, target = np.empty((size, size)), np.empty(size)
+        for i in range(size):
+            target[i] = vector[columns[i]]
+            for j in range(size):
+                matrix[i, j] = information[columns[i], columns[j]]
+        solution = np.linalg.solve(matrix, target)
+        value = target @ solution - price
+        if not value > best_value:
             continue
-        price = sum(STAY if c in active else ENTER for c in chosen)
-        value = float(vector[columns] @ solution) - price
-        if value > best_value:
-            best_value, best_theta, best_active = value, theta, frozenset(chosen)
-    return best_theta, best_active
-
-
-def _subsets(columns: Sequence[int]) -> list[tuple[int, ...]]:
-    return [chosen for size in range(len(columns) + 1) for chosen in combinations(columns, size)]
+        admissible = True
+        place = free.shape[0]
+        for i in range(gated.shape[0]):
+            if subset >> i & 1:
+                admissible = admissible and solution[place] >= lowest[i]
+                place += 1
+        if admissible:
+            best_value, best_subset = value, subset
+            best[:] = 0.0
+            for i in range(size):
+                best[columns[i]] = solution[i]
+    return best_subset
 
 
 def gated_covariance(

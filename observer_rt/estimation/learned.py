@@ -16,6 +16,7 @@ _LEAKAGE = int(Parameter.GUIDE_LEAKAGE)
 _STIFFNESS = int(Parameter.BULK_MODULUS)
 _LAG = int(Parameter.SENSOR_LAG)
 _AIR = int(Parameter.ENTRAINED_AIR)
+_BACK_PRESSURE = int(Parameter.BACK_PRESSURE)
 
 
 class Learned(NamedTuple):
@@ -29,7 +30,7 @@ class Learned(NamedTuple):
 
 def learned_of(theta: NDArray[np.float64]) -> Learned:
     """Meaning of a parameter vector (PARAMETERS,)."""
-    network = zero_network()
+    network = zero_network()._replace(back_pressure=theta[_BACK_PRESSURE : _BACK_PRESSURE + 2].copy())
     network.output[0, :] = theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN]
     network.bias[:] = theta[[Parameter.NOZZLE_BIAS, Parameter.SEAT_BIAS]]
     line = LineTerms(

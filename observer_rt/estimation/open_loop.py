@@ -19,13 +19,14 @@ from observer_rt.estimation.sensor import lagged
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.laws import root, root_slope
 from observer_rt.model.network import activation, flow_changes
-from observer_rt.model.right_hand_side import is_at_rest
+from observer_rt.model.right_hand_side import is_at_rest, nozzle_difference
 
 DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 _COLUMNS = PARAMETERS + 3  # of the sensitivity: by theta, and by the state one sample before
 _NOZZLE_BIAS = int(Parameter.NOZZLE_BIAS)
 _NOZZLE_WEIGHT = int(Parameter.NOZZLE_WEIGHT)
 _SEAT_BIAS = int(Parameter.SEAT_BIAS)
+_BACK_PRESSURE = int(Parameter.BACK_PRESSURE)
 
 
 class OpenLoop(NamedTuple):
@@ -104,7 +105,8 @@ def _run(window: Window, setting: Setting, learned: Learned, result: OpenLoop) -
         result.transition[k] = sensitivity[:, PARAMETERS:]
         if is_at_rest(x, u):
             continue
-        flow = root(x[2], c.transition)
+        over_nozzle = nozzle_difference(x[2], u[1], network)
+        flow = root(over_nozzle, c.transition)
         change = network.bias[0]
         h_1, h_2, h_3, h_area = 0.0, 0.0, 0.0, 0.0
         for neuron in range(network.hidden.shape[0]):
@@ -118,7 +120,13 @@ def _run(window: Window, setting: Setting, learned: Learned, result: OpenLoop) -
             h_area += bent * network.hidden[neuron, 4]
             result.slopes[k, _NOZZLE_WEIGHT + neuron] = c.nozzle_flow * flow * sigma
         result.slopes[k, _NOZZLE_BIAS] = c.nozzle_flow * flow
-        h_3 += root_slope(x[2], c.transition) * (1.0 + change)
+        nozzle_slope = root_slope(over_nozzle, c.transition) * (1.0 + change)
+        h_3 += nozzle_slope
+        if u[1] > 0.0:
+            result.slopes[k, _BACK_PRESSURE] = -c.nozzle_flow * nozzle_slope
+            result.slopes[k, _BACK_PRESSURE + 1] = -c.nozzle_flow * nozzle_slope * min(u[1], 1.0)
+            if u[1] < 1.0:
+                h_area -= nozzle_slope * network.back_pressure[1]
         result.rate[k] = c.nozzle_flow * flow * (1.0 + change)
         for i, h in enumerate((h_1, h_2, h_3, h_area)):
             result.gradient[k, i] = c.nozzle_flow * h

@@ -86,6 +86,15 @@ class PhaseStatistics:
             factor * self.blocks + newer.blocks,
         )
 
+    def capped(self, deviate: float) -> "PhaseStatistics":
+        """These statistics, none further from white noise than `deviate` standard deviations (see `excess`)."""
+        return PhaseStatistics(
+            np.minimum(self.squares, _sum_at(deviate, self.samples)),
+            self.samples,
+            np.minimum(self.block_squares, _sum_at(deviate, self.blocks)),
+            self.blocks,
+        )
+
     def variance(self, phase: Phase) -> float:
         """Mean square of the normalised innovations, 1 without samples."""
         return _quotient(self.squares[phase], self.samples[phase])
@@ -158,6 +167,12 @@ def _gather(
 
 def _quotient(total: float, count: float) -> float:
     return float(total / count) if count > 0 else 1.0
+
+
+def _sum_at(deviate: float, count: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The sum of `count` squares whose `_deviate` is `deviate` (but for counts below 1)."""
+    variance = 2.0 / (9.0 * np.maximum(count, 1.0))
+    return np.asarray(count * (1.0 - variance + deviate * np.sqrt(variance)) ** 3, np.float64)
 
 
 def _deviate(total: float, count: float) -> float:

@@ -11,7 +11,7 @@ from observer_rt.model.coefficients import Coefficients, softening, softening_sl
 from observer_rt.model.integrator import along, between, emptied, step_end, steps_in
 from observer_rt.model.laws import root, root_slope
 from observer_rt.model.network import HIDDEN, Network, activation
-from observer_rt.model.right_hand_side import is_at_rest
+from observer_rt.model.right_hand_side import is_at_rest, nozzle_difference
 
 
 class Parameter(IntEnum):
@@ -26,9 +26,10 @@ class Parameter(IntEnum):
     BULK_MODULUS = 5 + HIDDEN  # r
     SENSOR_LAG = 6 + HIDDEN  # tau, in units of LAG_UNIT; acts in the sensor only
     ENTRAINED_AIR = 7 + HIDDEN  # K g / p_0
+    BACK_PRESSURE = 8 + HIDDEN  # rise of p_C while injecting, in units of p_0; with the seat area follows
 
 
-PARAMETERS = 8 + HIDDEN
+PARAMETERS = 10 + HIDDEN
 _NOZZLE_BIAS = int(Parameter.NOZZLE_BIAS)
 _NOZZLE_WEIGHT = int(Parameter.NOZZLE_WEIGHT)
 _SEAT_BIAS = int(Parameter.SEAT_BIAS)
@@ -36,6 +37,7 @@ _FRICTION = int(Parameter.LINE_FRICTION)
 _LEAKAGE = int(Parameter.GUIDE_LEAKAGE)
 _STIFFNESS = int(Parameter.BULK_MODULUS)
 _AIR = int(Parameter.ENTRAINED_AIR)
+_BACK_PRESSURE = int(Parameter.BACK_PRESSURE)
 
 
 @njit(cache=True, nogil=True)
@@ -73,7 +75,8 @@ def rate_and_tangent(
         rate[0, _AIR] += soft_air * inflow
         rate[1, _FRICTION] -= nominal.a4 * friction
         return soft * inflow, second, 0.0
-    nozzle_flow = root(x[2], c.transition)
+    over_nozzle = nozzle_difference(x[2], u[1], network)
+    nozzle_flow = root(over_nozzle, c.transition)
     seat_flow = u[1] * root(x[0] - x[2], c.transition)
     nozzle_change = network.bias[0]
     seat_change = network.bias[1]
@@ -94,7 +97,8 @@ def rate_and_tangent(
         s_2 += to_seat * network.hidden[neuron, 1]
         s_3 += to_seat * network.hidden[neuron, 2]
     seat_slope = u[1] * root_slope(x[0] - x[2], c.transition) * (1.0 + seat_change)
-    h_3 += root_slope(x[2], c.transition) * (1.0 + nozzle_change)
+    nozzle_slope = root_slope(over_nozzle, c.transition) * (1.0 + nozzle_change)
+    h_3 += nozzle_slope
     s_1 += seat_slope
     s_3 -= seat_slope
     q_h = nozzle_flow * (1.0 + nozzle_change)
@@ -117,6 +121,10 @@ def rate_and_tangent(
     for neuron in range(network.hidden.shape[0]):
         rate[0, _NOZZLE_WEIGHT + neuron] -= soft * c.a2_nozzle * nozzle_flow * sigmas[neuron]
         rate[2, _NOZZLE_WEIGHT + neuron] -= c.a6 * nozzle_flow * sigmas[neuron]
+    if u[1] > 0.0:
+        for j, share in enumerate((1.0, min(u[1], 1.0))):
+            rate[0, _BACK_PRESSURE + j] += soft * c.a2_nozzle * nozzle_slope * share
+            rate[2, _BACK_PRESSURE + j] += c.a6 * nozzle_slope * share
     rate[0, _SEAT_BIAS] -= soft * c.a2_seat * seat_flow
     rate[2, _SEAT_BIAS] += c.a5 * seat_flow
     rate[0, _LEAKAGE] -= soft * c.a1 * x[0]

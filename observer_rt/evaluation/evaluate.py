@@ -15,6 +15,7 @@ from observer_rt.observer.state import State
 from observer_rt.recording.framing import Framer, bench_for, whole
 from observer_rt.recording.recording import Recording
 from observer_rt.service.core import Core, Counters
+from observer_rt.service.learners import LearnerFactory, make_learner
 from observer_rt.service.output import OutputFrame
 from observer_rt.service.report import InjectionReport
 
@@ -68,6 +69,7 @@ def evaluate(
     knowledge: Knowledge | None = None,
     learning: bool = True,
     progress: Progress | None = None,
+    learner_of: LearnerFactory = make_learner,
 ) -> History:
     """Evaluate recordings as one history, learning in lockstep.
 
@@ -84,7 +86,7 @@ def evaluate(
                 f"{recordings[0].sample_rate:g} Hz",
                 "recordings of one history must have one sample rate",
             )
-    run = _Run(bench, map_bus(bench), knowledge, learning, progress)
+    run = _Run(bench, map_bus(bench), knowledge, learning, progress, learner_of)
     for recording in recordings:
         run.take(recording)
     run.finish()
@@ -145,10 +147,18 @@ class _Run:
         knowledge: Knowledge | None,
         learning: bool,
         progress: Progress | None,
+        learner_of: LearnerFactory,
     ) -> None:
         self._reports: list[InjectionReport] = []
         self._frames: list[OutputFrame] = []
-        self._core = Core(bench, bus, knowledge, learning=learning, on_report=self._reports.append)
+        self._core = Core(
+            bench,
+            bus,
+            knowledge,
+            learning=learning,
+            on_report=self._reports.append,
+            learner_of=learner_of,
+        )
         self._nominal = Core(bench, bus, learning=False)
         self._framer = Framer(bus)
         self._progress = progress or (lambda _: None)

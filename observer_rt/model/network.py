@@ -23,21 +23,27 @@ _HIDDEN_LAYER = (
 
 
 class Network(NamedTuple):
-    """Weights of (7): `hidden` V (q, 6), `output` W (2, q), `bias` b (2,)."""
+    """Weights of (7): `hidden` V (q, 6), `output` W (2, q), `bias` b (2,), and the back-pressure of the gate.
+
+    back_pressure (2,): rise of p_C seen by the nozzle, in units of p_0: while the needle is open, and what comes on
+    top as the seat opens to A_0. It bends the gate G(x, u) of the nozzle flow near p_S = p_C as no bounded network
+    of x can.
+    """
 
     hidden: NDArray[np.float64]
     output: NDArray[np.float64]
     bias: NDArray[np.float64]
+    back_pressure: NDArray[np.float64]
 
 
 def zero_network() -> Network:
     """The network at start: q = 5 hidden neurons, zero output."""
-    return Network(np.array(_HIDDEN_LAYER), np.zeros((OUTPUTS, HIDDEN)), np.zeros(OUTPUTS))
+    return Network(np.array(_HIDDEN_LAYER), np.zeros((OUTPUTS, HIDDEN)), np.zeros(OUTPUTS), np.zeros(2))
 
 
 def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
     """No hidden neurons: flows changed by the constant factors 1 + v_H and 1 + v_S of (27)."""
-    return Network(np.zeros((0, ARGUMENTS)), np.zeros((OUTPUTS, 0)), np.array([nozzle, seat]))
+    return Network(np.zeros((0, ARGUMENTS)), np.zeros((OUTPUTS, 0)), np.array([nozzle, seat]), np.zeros(2))
 
 
 @njit(cache=True, nogil=True)

@@ -18,6 +18,25 @@ def model_flows(
 
 
 @njit(cache=True, nogil=True)
+def changed_flows(
+    x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
+) -> tuple[float, float]:
+    """Normalised flows with phi: q_H through the nozzle, q_S through the seat."""
+    nozzle_change, seat_change = flow_changes(x, u, network)
+    q_h = root(nozzle_difference(x[2], u[1], network), c.transition) * (1.0 + nozzle_change)
+    q_s = u[1] * root(x[0] - x[2], c.transition) * (1.0 + seat_change)
+    return q_h, q_s
+
+
+@njit(cache=True, nogil=True)
+def nozzle_difference(x_3: float, area: float, network: Network) -> float:
+    """Pressure difference over the nozzle, in units of p_0: against the raised chamber while the needle is open."""
+    if area <= 0.0:
+        return x_3
+    return x_3 - network.back_pressure[0] - network.back_pressure[1] * min(area, 1.0)
+
+
+@njit(cache=True, nogil=True)
 def is_at_rest(x: tuple[float, float, float], u: tuple[float, float]) -> bool:
     """Needle shut and sac at chamber pressure: no flow, so phi vanishes whatever the network says."""
     return u[1] <= 0.0 and x[2] == 0.0
@@ -35,10 +54,7 @@ def right_hand_side(
     line_flow_rate = c.a3 * (u[0] - x[0]) - c.a4 * x[1] * math.fabs(x[1])
     if is_at_rest(x, u):
         return softening(x[0], c) * (c.a1 * x[1] - c.leak * x[0]), line_flow_rate, 0.0
-    nozzle_flow, seat_flow = model_flows(x, u, c)
-    nozzle_change, seat_change = flow_changes(x, u, network)
-    q_h = nozzle_flow * (1.0 + nozzle_change)
-    q_s = seat_flow * (1.0 + seat_change)
+    q_h, q_s = changed_flows(x, u, c, network)
     return (
         softening(x[0], c) * (c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0]),
         line_flow_rate,
@@ -54,9 +70,9 @@ def fault(
     if is_at_rest(x, u):
         return 0.0, 0.0, 0.0
     nozzle_flow, seat_flow = model_flows(x, u, c)
-    nozzle_change, seat_change = flow_changes(x, u, network)
-    d_q_h = nozzle_flow * nozzle_change
-    d_q_s = seat_flow * seat_change
+    q_h, q_s = changed_flows(x, u, c, network)
+    d_q_h = q_h - nozzle_flow
+    d_q_s = q_s - seat_flow
     return -c.a2_nozzle * d_q_h - c.a2_seat * d_q_s, 0.0, c.a5 * d_q_s - c.a6 * d_q_h
 
 
@@ -71,6 +87,5 @@ def injection_rate(
     """
     if is_at_rest(x, u):
         return 0.0
-    nozzle_flow, _ = model_flows(x, u, c)
-    nozzle_change, _ = flow_changes(x, u, network)
-    return float(c.nozzle_flow * nozzle_flow * (1.0 + nozzle_change))
+    nozzle_flow, _ = changed_flows(x, u, c, network)
+    return float(c.nozzle_flow * nozzle_flow)

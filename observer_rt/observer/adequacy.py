@@ -1,6 +1,7 @@
 """Whether an event can be believed: innovation statistics and plausibility against limits."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from observer_rt.estimation.phases import Phase, PhaseStatistics
@@ -15,9 +16,11 @@ RELEVANT_VARIANCE = 1.15
 # colour beyond which an event's information counts for less, and how significant it must be
 TEMPER_ABOVE = 1.6
 TEMPER_SIGNIFICANT = 2.5
-POOLING = 0.7  # weight of the statistics before this event
+POOLING = 0.85  # weight of the statistics before this event
+REMEMBERED = 6.0  # standard deviations up to which they count, so that a passing trouble is soon over
 LARGEST_OFFSET = 2e6  # Pa, between line and rail pressure
 FREEZE_AFTER = 2  # events
+SET_ASIDE_AFTER = 2  # events
 RELEASE_AFTER = 3
 LEAST_SCALE = 0.03  # of the logarithm of 1 + r
 LARGEST_LAG = 0.2e-3  # s
@@ -42,6 +45,11 @@ def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
         if relevant and excess > worst_excess:
             worst, worst_excess = phase, excess
     return worst
+
+
+def pooled(before: PhaseStatistics, event: PhaseStatistics) -> PhaseStatistics:
+    """Statistics over recent events, the newest in full."""
+    return before.capped(REMEMBERED).faded(POOLING, event)
 
 
 def tempering(statistics: PhaseStatistics) -> float:
@@ -70,6 +78,22 @@ def findings(statistics: PhaseStatistics, offset: float, lag: float) -> list[Fin
     if phase is not None:
         result.append(Finding(Reason.MODEL_INADEQUATE, phase))
     return result
+
+
+UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.AMBIGUOUS_SCALE)
+
+
+class Doubt:
+    """What was learned is not carried while one event after the other is not explained by it."""
+
+    def __init__(self) -> None:
+        self._events = 0
+
+    def is_too_much_after(self, found: Iterable[Finding]) -> bool:
+        """Take in what an event was found to be; whether to carry the nominal model from it on."""
+        unexplained = any(finding.reason in UNEXPLAINED for finding in found)
+        self._events = self._events + 1 if unexplained else 0
+        return self._events >= SET_ASIDE_AFTER
 
 
 class Freezer:

@@ -1,5 +1,6 @@
 """Wear of nozzle and seat, and line-side and sensor matters, as numbers with a standard deviation."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,10 @@ from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.laws import root
 from observer_rt.model.network import HIDDEN, activation, flow_changes
+from observer_rt.model.right_hand_side import nozzle_difference
 from observer_rt.paper.network import FreeNetwork, free_fault
+
+LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
 
 
 @dataclass(frozen=True)
@@ -54,14 +58,9 @@ def indicators_of(
     u: NDArray[np.float64],
 ) -> Indicators:
     """Indicators for theta (m,) at state x (3,) and inputs u (2,), sigmas from its covariance (m, m)."""
-    network = learned_of(theta).network
     state = (float(x[0]), float(x[1]), float(x[2]))
     inputs = (float(u[0]), float(u[1]))
-    nozzle, _ = flow_changes(state, inputs, network)
-    slopes = np.zeros(PARAMETERS)
-    slopes[Parameter.NOZZLE_BIAS] = 1.0
-    for neuron in range(HIDDEN):
-        slopes[Parameter.NOZZLE_WEIGHT + neuron] = activation(state, inputs, network.hidden, neuron)
+    nozzle, slopes = nozzle_change(theta, state, inputs)
 
     def scalar(parameter: Parameter, unit: float = 1.0) -> Estimate:
         value = float(theta[parameter]) * unit
@@ -79,6 +78,28 @@ def indicators_of(
         line_pressure_lag=scalar(Parameter.SENSOR_LAG, LAG_UNIT),
         entrained_air=scalar(Parameter.ENTRAINED_AIR),
     )
+
+
+def nozzle_change(
+    theta: NDArray[np.float64], x: tuple[float, float, float], u: tuple[float, float]
+) -> tuple[float, NDArray[np.float64]]:
+    """Relative change of the nozzle flow at a state with an open needle, and its derivatives (PARAMETERS,).
+
+    (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d together, the equivalent of v_H in (27).
+    """
+    network = learned_of(theta).network
+    factor = 1.0 + flow_changes(x, u, network)[0]
+    x_3 = max(x[2], LEAST_SAC_PRESSURE)
+    against_chamber = math.sqrt(max(nozzle_difference(x_3, u[1], network) / x_3, 0.0))
+    slopes = np.zeros(PARAMETERS)
+    slopes[Parameter.NOZZLE_BIAS] = against_chamber
+    for neuron in range(HIDDEN):
+        sigma = activation(x, u, network.hidden, neuron)
+        slopes[Parameter.NOZZLE_WEIGHT + neuron] = against_chamber * sigma
+    if against_chamber > 0.0:
+        slopes[Parameter.BACK_PRESSURE] = -0.5 * factor / (x_3 * against_chamber)
+        slopes[Parameter.BACK_PRESSURE + 1] = slopes[Parameter.BACK_PRESSURE] * min(u[1], 1.0)
+    return factor * against_chamber - 1.0, slopes
 
 
 def with_free_rows(

@@ -5,8 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.input_noise import InputVariance
-from observer_rt.estimation.open_loop import OpenLoop
+from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.estimation.input_noise import InputVariance, input_variance
+from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.open_loop import OpenLoop, open_loop
+from observer_rt.estimation.predictor import Setting, Window
 
 # Of the rate's change from sample to sample (one sigma): between samples the inputs are no straight lines, least of
 # all where the needle leaves its seat and comes back.
@@ -27,6 +30,20 @@ class Resimulated:
     covariance: NDArray[np.float64]
     carried_covariance: NDArray[np.float64]
     interval: float
+
+
+def resimulated(
+    window: Window,
+    setting: Setting,
+    noise: NoiseLevels,
+    theta: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    carried_covariance: NDArray[np.float64],
+) -> Resimulated:
+    """An event with what was learned from it, theta (m,); the covariances as in `Resimulated`."""
+    run = open_loop(window, setting, learned_of(theta))
+    by_inputs = input_variance(window, run, setting, noise)
+    return Resimulated(run, by_inputs, covariance, carried_covariance, setting.interval)
 
 
 def volume_interval(event: Resimulated, window: slice) -> tuple[float, float]:

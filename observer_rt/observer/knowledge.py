@@ -37,6 +37,7 @@ class Scales:
     stiffness: float  # -
     lag: float  # s
     air: float  # K g / p_0
+    back_pressure: float  # Pa
 
     def vector(self, pressure_scale: float) -> NDArray[np.float64]:
         """In the order of `Parameter`, (PARAMETERS,); pressure_scale p_0 [Pa]."""
@@ -50,13 +51,14 @@ class Scales:
         result[Parameter.BULK_MODULUS] = self.stiffness
         result[Parameter.SENSOR_LAG] = self.lag / LAG_UNIT
         result[Parameter.ENTRAINED_AIR] = self.air
+        result[Parameter.BACK_PRESSURE : Parameter.BACK_PRESSURE + 2] = self.back_pressure / pressure_scale
         return result
 
 
-PRIOR = Scales(0.45, 0.05, 0.4, 2.5e6, 1.75, 0.09, 0.18, 35e-6, 0.05)
-DRIFT = Scales(5e-4, 1e-3, 5e-4, 2e3, 2e-3, 3.3e-4, 2e-4, 0.1e-6, 1e-4)
-LOWEST = Scales(-0.8, -1.0, -0.8, -10e6, -0.95, 0.0, -0.6, 0.0, 0.0)
-HIGHEST = Scales(1.5, 1.0, 1.5, 10e6, 10.0, 1.0, 1.0, 0.5e-3, 0.5)
+PRIOR = Scales(0.45, 0.05, 0.4, 2.5e6, 1.75, 0.09, 0.18, 35e-6, 0.05, 5e6)
+DRIFT = Scales(5e-4, 3e-4, 5e-4, 2e3, 2e-3, 3.3e-4, 2e-4, 0.1e-6, 1e-4, 20e3)
+LOWEST = Scales(-0.8, -1.0, -0.8, -10e6, -0.95, 0.0, -0.6, 0.0, 0.0, -30e6)
+HIGHEST = Scales(1.5, 1.0, 1.5, 10e6, 10.0, 1.0, 1.0, 0.5e-3, 0.5, 30e6)
 GATE = Gate(
     columns=(
         int(Parameter.LINE_FRICTION),
@@ -64,9 +66,23 @@ GATE = Gate(
         int(Parameter.BULK_MODULUS),
         int(Parameter.SENSOR_LAG),
         int(Parameter.ENTRAINED_AIR),
+        int(Parameter.BACK_PRESSURE),
+        int(Parameter.BACK_PRESSURE) + 1,
     ),
-    lowest=(-0.95, 0.0, -0.6, 0.0, 0.0),
+    lowest=(-0.95, 0.0, -0.6, 0.0, 0.0, 0.0, 0.0),
 )
+
+
+@dataclass(frozen=True)
+class LearningRules:
+    """What the learner assumes: prior, drift from event to event (one sigma each), which scalars must pay."""
+
+    prior: Scales = PRIOR
+    drift: Scales = DRIFT
+    gate: Gate = GATE
+
+
+DEFAULT_RULES = LearningRules()
 
 
 class Verdict(StrEnum):
@@ -75,6 +91,7 @@ class Verdict(StrEnum):
     ADOPTED = "adopted"
     REJECTED = "rejected"  # the new theta does not lower the re-simulated output error
     FAILED = "failed"  # singular information, or no finite cost
+    SET_ASIDE = "set aside"  # events in a row are not explained: the nominal model is carried meanwhile
     FROZEN = "frozen"  # the standstill contradicts the model: nothing learned from it may be used
 
 
@@ -100,9 +117,11 @@ class Knowledge:
     statistics: PhaseStatistics = field(default_factory=no_statistics)
 
 
-def no_knowledge(noise: NoiseLevels, pressure_scale: float) -> Knowledge:
+def no_knowledge(
+    noise: NoiseLevels, pressure_scale: float, rules: LearningRules = DEFAULT_RULES
+) -> Knowledge:
     """Knowledge of a new part: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
-    prior = prior_belief(np.zeros(PARAMETERS), np.diag(PRIOR.vector(pressure_scale) ** 2))
+    prior = prior_belief(np.zeros(PARAMETERS), np.diag(rules.prior.vector(pressure_scale) ** 2))
     return Knowledge(prior, np.zeros(PARAMETERS), noise)
 
 

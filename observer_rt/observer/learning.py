@@ -7,9 +7,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.gating import best_subset, gated_covariance
-from observer_rt.estimation.input_noise import input_variance
 from observer_rt.estimation.learned import learned_of
-from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.phases import (
     AFTERGLOW,
     EDGE,
@@ -20,17 +18,24 @@ from observer_rt.estimation.phases import (
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.estimation.predictor import Setting, Window, open_loop_error
-from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import with_line_terms
-from observer_rt.model.network import flow_changes
-from observer_rt.observer.adequacy import POOLING, Finding, Freezer, findings, looks_like_inertance, tempering
-from observer_rt.observer.interval import Resimulated
+from observer_rt.observer.adequacy import (
+    Doubt,
+    Finding,
+    Freezer,
+    findings,
+    looks_like_inertance,
+    pooled,
+    tempering,
+)
+from observer_rt.observer.indicators import nozzle_change
+from observer_rt.observer.interval import resimulated
 from observer_rt.observer.knowledge import (
-    DRIFT,
-    GATE,
-    PRIOR,
+    DEFAULT_RULES,
     Knowledge,
+    LearningRules,
     Outcome,
     Verdict,
     no_knowledge,
@@ -66,8 +71,11 @@ class _Fit:
 class Learner:
     """Learns event after event. Pure: no clock, no thread; the caller decides where it runs."""
 
-    def __init__(self, constants: Constants, knowledge: Knowledge) -> None:
+    def __init__(
+        self, constants: Constants, knowledge: Knowledge, rules: LearningRules = DEFAULT_RULES
+    ) -> None:
         self._constants = constants
+        self._rules = rules
         self._coefficients = constants.coefficients
         self._scale = constants.coefficients.pressure_scale
         self._belief = knowledge.belief
@@ -79,6 +87,7 @@ class Learner:
         self._schedule = self._gains()
         self._previous: Window | None = None
         self._freezer = Freezer()
+        self._doubt = Doubt()
 
     @property
     def schedule(self) -> GainSchedule:
@@ -100,12 +109,12 @@ class Learner:
             if fit is None:
                 return self._outcome(Verdict.FAILED, window, in_force)
             statistics = self._event_statistics(window, fit.innovations)
-            carried = self._error_covariance(fit.prior) + _square(in_force - self._theta)
+            carried = self._error_covariance(in_force, fit.prior)
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
             return self._outcome(Verdict.FAILED, window, in_force)
         self._events += 1
-        self._statistics = self._statistics.faded(POOLING, statistics)
+        self._statistics = pooled(self._statistics, statistics)
         if fit.contradicts:
             self._previous = None  # it belongs to another injector
         better = self._is_better(window, in_force)
@@ -114,12 +123,17 @@ class Learner:
             return self._frozen(window, in_force)
         verdict = Verdict.ADOPTED if better else Verdict.REJECTED
         outcome = self._outcome(verdict, window, in_force, fit.contradicts)
-        return replace(outcome, resimulated=self._resimulated(window, carried))
+        if self._doubt.is_too_much_after(outcome.findings):
+            nominal = replace(outcome.knowledge, in_force=np.zeros(PARAMETERS))
+            return replace(outcome, verdict=Verdict.SET_ASIDE, knowledge=nominal)
+        now = self._error_covariance(self._theta, self._belief)
+        event = resimulated(window, self._setting(), self._noise, self._theta, now, carried)
+        return replace(outcome, resimulated=event)
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
         if self._events > 0:
-            return self._belief.drifted(DRIFT.vector(self._scale))
+            return self._belief.drifted(self._rules.drift.vector(self._scale))
         if standstill.samples < STANDSTILL_ENOUGH:
             return self._belief
         mean = self._belief.mean.copy()
@@ -136,13 +150,13 @@ class Learner:
             return None
         if self._events == 0:
             return self._iterate(cost, first, prior, FIRST_ITERATIONS)
-        score = _score(first, prior)
+        score = first.score(prior.covariance)
         if QUICKER_SCORE < score <= CHANGE_SCORE:
-            prior = prior.widened(QUICKER * DRIFT.vector(self._scale))
+            prior = prior.widened(QUICKER * self._rules.drift.vector(self._scale))
         fit = self._iterate(cost, first, prior, ITERATIONS)
         if score <= CHANGE_SCORE:
             return fit
-        wide = prior.widened(PRIOR.vector(self._scale))
+        wide = prior.widened(self._rules.prior.vector(self._scale))
         other = self._iterate(cost, fit.linearisation, wide, FIRST_ITERATIONS)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
@@ -161,7 +175,7 @@ class Learner:
         here_total = total(here.theta, here.value)
         for _ in range(iterations):
             target, active = best_subset(
-                prior_information + here.information, prior_vector + here.vector, GATE, active
+                prior_information + here.information, prior_vector + here.vector, self._rules.gate, active
             )
             target = np.clip(target, lowest, highest)
             there = cost.linearised(target)
@@ -205,7 +219,7 @@ class Learner:
     def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         """Fall back to phi = 0 and forget: what was learned belongs to another line."""
         outcome = self._outcome(Verdict.FROZEN, window, in_force)
-        fresh = no_knowledge(self._noise, self._scale)
+        fresh = no_knowledge(self._noise, self._scale, self._rules)
         self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
         self._events = 0
         self._previous = None
@@ -233,24 +247,14 @@ class Learner:
             schedule=self._schedule,
             findings=self._findings(verdict, window, contradicts),
             estimate=self._theta.copy(),
-            covariance=self._error_covariance(self._belief),
+            covariance=self._error_covariance(self._theta, self._belief),
         )
 
-    def _resimulated(self, window: Window, carried: NDArray[np.float64]) -> Resimulated:
-        """The event with the newest theta; carried (m, m): error covariance of the theta in force during it."""
-        setting = self._setting()
-        run = open_loop(window, setting, learned_of(self._theta))
-        return Resimulated(
-            run=run,
-            by_inputs=input_variance(window, run, setting, self._noise),
-            covariance=self._error_covariance(self._belief),
-            carried_covariance=carried,
-            interval=self._constants.interval,
-        )
-
-    def _error_covariance(self, belief: Belief) -> NDArray[np.float64]:
-        """Of the theta that follows from a belief with the gated scalars in use (m, m)."""
-        return gated_covariance(belief.information(), belief.error_covariance, GATE, self._active)
+    def _error_covariance(self, theta: NDArray[np.float64], belief: Belief) -> NDArray[np.float64]:
+        """Of a theta (m,), by the belief that `self._theta` follows from (m, m)."""
+        information, error = belief.information(), belief.error_covariance
+        known = gated_covariance(information, error, self._rules.gate, self._active)
+        return known + np.outer(theta - self._theta, theta - self._theta)
 
     def _findings(self, verdict: Verdict, window: Window, contradicts: bool) -> tuple[Finding, ...]:
         if verdict is Verdict.FAILED:
@@ -269,8 +273,7 @@ class Learner:
         widest = int(np.argmax(window.inputs[:, 1]))
         rail_pressure, area = (float(value) for value in window.inputs[widest])
         state = (rail_pressure, 0.0, 0.9 * rail_pressure)
-        nozzle, _ = flow_changes(state, (rail_pressure, area), learned_of(self._theta).network)
-        return float(nozzle)
+        return nozzle_change(self._theta, state, (rail_pressure, area))[0]
 
     def _cost(self, window: Window) -> EventCost:
         burn_in = round(BURN_IN / self._constants.interval)
@@ -288,14 +291,3 @@ class Learner:
             self._coefficients,
             self._schedule.gains[-1].copy(),
         )
-
-
-def _square(difference: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.outer(difference, difference)
-
-
-def _score(linearisation: Linearisation, prior: Belief) -> float:
-    """Score test of the prior belief: g' (G + G C G)^-1 g, chi2 with m degrees of freedom without change."""
-    g, information = linearisation.gradient, linearisation.information
-    spread = information + information @ prior.covariance @ information
-    return float(g @ np.linalg.solve(spread, g))

@@ -137,6 +137,7 @@ def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: fl
     memory["theta"] = theta
     memory["output"] = learned.network.output
     memory["bias"] = learned.network.bias
+    memory["back_pressure"] = learned.network.back_pressure
     memory["offset"] = learned.offset
     memory["lag"] = learned.lag
     memory["friction"], memory["leakage"], memory["stiffness"], memory["air"] = learned.line

@@ -21,7 +21,7 @@ _MASK = RING - 1
 def network_in_force(observer: Observer) -> Network:
     """The network whose weights lie in the observer's memory."""
     memory = observer.memory[0]
-    return Network(memory.hidden, memory.output, memory.bias)
+    return Network(memory.hidden, memory.output, memory.bias, memory.back_pressure)
 
 
 @njit(cache=True, nogil=True)

@@ -136,6 +136,7 @@ OBSERVER = np.dtype(
         ("leakage", np.float64),
         ("stiffness", np.float64),
         ("air", np.float64),
+        ("back_pressure", np.float64, (2,)),
         # the paper's network, which x^ carries instead of the one above where `training = "paper"`
         ("has_free_rows", np.bool_),
         ("free_hidden", np.float64, (HIDDEN, ARGUMENTS)),

@@ -29,7 +29,7 @@ from observer_rt.observer.observer import (
 from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import INJECTIONS, RING, Constants, Reason, State
 from observer_rt.paper.network import FreeNetwork
-from observer_rt.service.learners import make_learner
+from observer_rt.service.learners import LearnerFactory, make_learner
 from observer_rt.service.output import FrameWriter, OutputFrame, summary_values
 from observer_rt.service.pipeline import Pipeline, handle, make_receiver, proceed
 from observer_rt.service.publisher import flush, make_publisher
@@ -110,6 +110,7 @@ class Core:
         executor: Executor | None = None,
         learning: bool | None = None,
         on_report: Callable[[InjectionReport], None] | None = None,
+        learner_of: LearnerFactory = make_learner,
     ) -> None:
         """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep)."""
         config = bench.config
@@ -119,7 +120,7 @@ class Core:
         start = knowledge or no_knowledge(noise, self._pressure_scale)
         self._learning = config.learning.enabled if learning is None else learning
         self._injector_id = config.outputs.injector_id
-        learner = make_learner(bench, self._constants, start)
+        learner = learner_of(bench, self._constants, start)
         lockstep = executor is None or config.learning.lockstep
         self._training = Training(learner, executor or InlineExecutor(), lockstep)
         self._observer = make_observer(self._constants, start, learner)

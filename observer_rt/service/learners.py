@@ -1,5 +1,7 @@
 """Which training a bench uses, and what that asks of bench and injector."""
 
+from collections.abc import Callable
+
 from observer_rt.config import Bench, Training
 from observer_rt.errors import UserError
 from observer_rt.model.parameters import LineOutflow
@@ -8,6 +10,9 @@ from observer_rt.observer.learning import Learner
 from observer_rt.observer.state import Constants
 from observer_rt.paper.gain import check_gain
 from observer_rt.paper.learner import PaperLearner
+
+LearnerFactory = Callable[[Bench, Constants, Knowledge], EventLearner]
+"""What `Core` makes its learner by: `make_learner`, or another where learners are compared."""
 
 
 def make_learner(bench: Bench, constants: Constants, knowledge: Knowledge) -> EventLearner:

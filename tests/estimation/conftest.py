@@ -71,6 +71,7 @@ def worn_theta(seed: int = 1) -> NDArray[np.float64]:
     theta[Parameter.BULK_MODULUS] = -0.07
     theta[Parameter.SENSOR_LAG] = 25e-6 / LAG_UNIT
     theta[Parameter.ENTRAINED_AIR] = 0.02
+    theta[Parameter.BACK_PRESSURE : Parameter.BACK_PRESSURE + 2] = 0.03, 0.02
     return theta
 
 

@@ -11,7 +11,10 @@ from observer_rt.estimation.sensor import LAG_UNIT
 from tests.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
 
 HEALTHY = np.zeros(PARAMETERS)
-FLOW = range(Parameter.LINE_PRESSURE_OFFSET)  # nozzle and seat
+FLOW = [
+    *range(Parameter.LINE_PRESSURE_OFFSET),
+    *range(Parameter.BACK_PRESSURE, PARAMETERS),
+]  # nozzle and seat
 QUICK = worn_theta()
 QUICK[Parameter.SENSOR_LAG] = 5e-9 / LAG_UNIT  # far shorter than a sample: another branch of the sensor
 

@@ -15,12 +15,12 @@ from observer_rt.estimation.phases import (
 from observer_rt.observer.adequacy import (
     LARGEST_LAG,
     LARGEST_OFFSET,
-    POOLING,
     Finding,
     Freezer,
     findings,
     inadequate_phase,
     looks_like_inertance,
+    pooled,
     tempering,
 )
 from observer_rt.observer.state import Reason
@@ -30,11 +30,11 @@ PHASES_OF_EVENT = np.repeat([0, 1, 2, 3, 4, 0], LENGTHS).astype(np.int8)
 EVENTS = 3000
 
 
-def pooled(noise: NDArray[np.float64]) -> list[PhaseStatistics]:
+def pooled_over(noise: NDArray[np.float64]) -> list[PhaseStatistics]:
     """Statistics after every event, as the learner pools them; noise (events, samples) of variance 1."""
     statistics, result = no_statistics(), []
     for e in noise:
-        statistics = statistics.faded(POOLING, phase_statistics(e, 1.0, PHASES_OF_EVENT, 0))
+        statistics = pooled(statistics, phase_statistics(e, 1.0, PHASES_OF_EVENT, 0))
         result.append(statistics)
     return result
 
@@ -42,7 +42,7 @@ def pooled(noise: NDArray[np.float64]) -> list[PhaseStatistics]:
 def test_white_events_are_hardly_ever_refused() -> None:
     """At most one in a thousand; the limit is meant for one in ten thousand."""
     noise = np.random.default_rng(17).normal(size=(EVENTS, PHASES_OF_EVENT.size))
-    alarms = [statistics for statistics in pooled(noise) if inadequate_phase(statistics) is not None]
+    alarms = [statistics for statistics in pooled_over(noise) if inadequate_phase(statistics) is not None]
     assert len(alarms) <= EVENTS / 1000
     assert all(tempering(statistics) < 3.0 for statistics in alarms)
 
@@ -66,7 +66,7 @@ def test_a_coloured_phase_is_named(phase: Phase) -> None:
     inside = np.equal(PHASES_OF_EVENT, phase)
     for e in noise:
         e[inside] = lfilter([np.sqrt(1 - 0.9**2)], [1.0, -0.9], random.normal(size=int(inside.sum())))
-    found = [inadequate_phase(statistics) for statistics in pooled(noise)]
+    found = [inadequate_phase(statistics) for statistics in pooled_over(noise)]
     assert all(name in (phase, None) for name in found)
     assert np.mean([name is phase for name in found[5:]]) > 0.9
 
@@ -76,7 +76,7 @@ def test_a_phase_that_is_always_off_is_named(phase: Phase) -> None:
     """Two standard deviations, 0.3 MPa at the usual noise, from the second such event on."""
     noise = np.random.default_rng(20).normal(size=(100, PHASES_OF_EVENT.size))
     noise[:, np.equal(PHASES_OF_EVENT, phase)] += 2.0
-    found = [inadequate_phase(statistics) for statistics in pooled(noise)]
+    found = [inadequate_phase(statistics) for statistics in pooled_over(noise)]
     assert all(name is phase for name in found[1:])
 
 

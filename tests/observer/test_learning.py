@@ -1,14 +1,15 @@
 """Learning from simulated events: wear found, masses right, and nothing learned where there is nothing to learn."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.config import load_bench
+from observer_rt.config import Bench, load_bench
+from observer_rt.estimation.gating import Gate
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
@@ -16,10 +17,11 @@ from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import flow_changes
-from observer_rt.observer.knowledge import Knowledge, Verdict
+from observer_rt.observer.knowledge import DEFAULT_RULES, Knowledge, LearningRules, Verdict, no_knowledge
 from observer_rt.observer.learning import Learner
 from observer_rt.observer.observer import Durations, constants_for, in_force, judge, make_observer
 from observer_rt.observer.standstill import Standstill
+from observer_rt.observer.state import Constants
 from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.plant import Truth
@@ -62,11 +64,16 @@ class Run:
 
 
 @cache
-def run(name: str) -> Run:
+def run(name: str, rules: LearningRules = DEFAULT_RULES) -> Run:
     """Eight events at three pressures and two durations, 50 kHz, with noise; learning in lockstep."""
+
+    def learner_of(_: Bench, constants: Constants, knowledge: Knowledge) -> Learner:
+        scale = constants.coefficients.pressure_scale
+        return Learner(constants, no_knowledge(knowledge.noise, scale, rules), rules)
+
     schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
     made = simulate(NOMINAL, schedule, SAMPLE_RATE, CASES[name], NoiseLevels(), seed=len(name))
-    return Run(made.truth, evaluate(BENCH, [made.recording]))
+    return Run(made.truth, evaluate(BENCH, [made.recording], learner_of=learner_of))
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -111,6 +118,19 @@ def test_uncertainty_shrinks_with_every_event() -> None:
     known = [sigma for sigma in sigmas if sigma is not None]
     assert len(known) == EVENTS
     assert known[-1] < 0.7 * known[0]
+
+
+def test_a_learner_goes_by_the_rules_it_is_given() -> None:
+    """A prior that knows the seat is new: its wear is not found, while the line's terms, not gated, all are used."""
+    known_seat = replace(DEFAULT_RULES.prior, seat_bias=1e-6)
+    rules = LearningRules(
+        prior=known_seat, drift=replace(DEFAULT_RULES.drift, seat_bias=0.0), gate=Gate((), ())
+    )
+    last = run("worn seat", rules).history.evaluations[0].reports[-1].indicators
+    assert abs(last.seat.value) < 1e-4
+    assert last.line_friction.value != 0.0
+    assert last.guide_leakage.sigma is not None
+    assert last.guide_leakage.sigma > 0.0
 
 
 # One event at a time ----------------------------------------------------------------------------------------
@@ -242,4 +262,23 @@ def test_standstill_that_contradicts_the_model_freezes_learning() -> None:
     assert verdicts[:3] == [Verdict.ADOPTED, Verdict.FROZEN, Verdict.FROZEN]
     assert verdicts[5] is Verdict.FROZEN  # fewer than three good events since
     assert Verdict.FROZEN not in verdicts[-2:]
+    assert wear_of(carried) == pytest.approx(0.3, abs=0.02)
+
+
+def test_what_explains_nothing_is_not_carried() -> None:
+    """The open line swings as no model of it does: phi = 0 from the second such event on, and back afterwards."""
+    learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+    carried = nozzle_wear(0.0)
+    verdicts = []
+    for number in range(16):
+        window = event(0.3, seed=number)
+        if number in (2, 3, 4):
+            window.output[120:260] += 0.02 * np.sin(np.arange(140) / 6)
+        outcome = learner.learn(window, NO_STANDSTILL, carried)
+        carried = outcome.knowledge.in_force
+        verdicts.append(outcome.verdict)
+        assert carried.any() == (outcome.verdict is not Verdict.SET_ASIDE)
+    assert Verdict.SET_ASIDE not in verdicts[:3]  # one such event alone does not
+    assert verdicts[3:5] == [Verdict.SET_ASIDE, Verdict.SET_ASIDE]
+    assert Verdict.SET_ASIDE not in verdicts[-2:]
     assert wear_of(carried) == pytest.approx(0.3, abs=0.02)

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from tools.benchmarks.accuracy import Plan
 from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.figures import save_figures
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore
+from tools.benchmarks.paper_peer import score_paper
+from tools.benchmarks.runs import Plan
+from tools.benchmarks.score import NOMINAL, OBSERVER, PAPER, CaseScore
 from tools.benchmarks.scoring import score_case
 
 REPOSITORY = Path(__file__).parents[2]
@@ -57,6 +58,18 @@ def test_observer_is_scored_event_by_event(worn: CaseScore) -> None:
     assert min(worn.training_ms) > 0.0
 
 
+def test_the_papers_scheme_is_scored_on_the_same_recording(worn: CaseScore) -> None:
+    peer = score_paper(shortened("orifice_area"))
+    (paper,) = peer.estimators
+    assert paper.name == PAPER
+    assert peer.limits_mg == ()
+    joined = replace(worn, estimators=(*worn.estimators, paper))
+    nominal, trained = (abs(joined.event_errors_pct(name)) for name in (NOMINAL, PAPER))
+    assert trained[0] == pytest.approx(nominal[0])  # phi = 0 up to the first training
+    assert max(trained[1:]) < 0.8 * min(nominal[1:])
+    assert max(trained[1:]) > 1.0  # not ours under this name
+
+
 def test_figures_are_written_for_what_was_scored(worn: CaseScore, tmp_path: Path) -> None:
     four_times = replace(
         worn,
@@ -91,7 +104,10 @@ def test_a_run_resumes_and_prints_the_figures(tmp_path: Path) -> None:
     stored = (tmp_path / "observer.jsonl").read_text()
     assert len(stored.splitlines()) == 1
     again = bench(*arguments, "--out", str(tmp_path))
-    assert json.loads(again.stdout)["figures"] == figures
+    resumed = json.loads(again.stdout)["figures"]
+    measured_anew = {name for name in figures if name.startswith("sample_")}
+    assert measured_anew == {"sample_open_us", "sample_closed_us"}
+    assert all(resumed[name] == value for name, value in figures.items() if name not in measured_anew)
     assert (tmp_path / "observer.jsonl").read_text() == stored
 
 

@@ -1,21 +1,17 @@
 """The definitions of the accuracy figures, on recordings made by hand."""
 
-import json
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from tools.benchmarks.bars import recovered, useful_at_third, violations, x3_ratios
+from tests.tools.made_scores import factors, score
+from tools.benchmarks.bars import recovered, useful_at_third, x3_ratios
 from tools.benchmarks.plant import Measured, Outcome, Truth
-from tools.benchmarks.proportions import clopper_pearson
-from tools.benchmarks.score import NOMINAL, OBSERVER, UKF, CaseScore, EstimatorScore
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore
 from tools.benchmarks.store import Store
-from tools.benchmarks.tables import json_document
-from tools.benchmarks.windows import Windows, windows_of
+from tools.benchmarks.windows import Windows, covered_samples, windows_of
 
 RATE = 100e3
 DENSITY = 830.0
@@ -70,42 +66,6 @@ def test_rate_errors_count_every_sample_of_the_union_once(two_events: tuple[Outc
     assert squares[1] == 0.0
 
 
-def score(mass_factor: NDArray[np.float64] | float = 1.0, **changes: object) -> CaseScore:
-    """20 events of 50 mg, scored right unless told otherwise."""
-    true = np.full(20, 50.0)
-    made = CaseScore(
-        class_name="orifice_area",
-        master_seed=1,
-        number=0,
-        change_event=None,
-        nozzle_wear=0.3,
-        true_mass_mg=tuple(true),
-        window_samples=(200,) * 20,
-        estimators=(
-            EstimatorScore(OBSERVER, tuple(true * mass_factor), (0.01,) * 20, (1e-6,) * 20),
-            EstimatorScore(NOMINAL, tuple(true * 0.8), (100.0,) * 20, (1e-4,) * 20),
-        ),
-        valid=(False, False, *(True,) * 18),
-        reasons=("",) * 20,
-        mass_ci95_mg=((49.0, 51.0),) * 20,
-        opening_errors_pct=((0.0,),) * 20,
-        training_ms=(5.0,) * 20,
-        seconds=1.0,
-    )
-    return replace(made, **changes)  # type: ignore[arg-type]
-
-
-UKF_SCORE = EstimatorScore(UKF, (50.05,) * 20, (0.01,) * 20)
-
-
-def factors(**at: float) -> NDArray[np.float64]:
-    """1 for every event but those named event_N (from 1)."""
-    result = np.ones(20)
-    for name, value in at.items():
-        result[int(name.removeprefix("event_")) - 1] = value
-    return result
-
-
 def test_mass_error_is_that_of_events_11_to_20_together() -> None:
     assert score(factors(event_10=2.0)).mass_error_pct() == pytest.approx(0.0)
     assert score(factors(event_11=1.1)).mass_error_pct() == pytest.approx(1.0)
@@ -141,68 +101,23 @@ def test_coverage_and_half_width() -> None:
     assert score(mass_ci95_mg=(None,) * 20).covered(14) is None
 
 
+def test_interval_of_the_rate_is_judged_while_the_needle_is_open(two_events: tuple[Outcome, Windows]) -> None:
+    outcome, windows = two_events
+    error, sigma = np.zeros(outcome.truth.injection_rate.size), np.full(2000, 0.5)
+    error[[500, 549]] = 0.97, -0.99  # within 1.96 sigma, and beyond
+    error[[499, 550, 1400]] = 5.0  # shut
+    sigma[1500:1510] = np.nan  # not available
+    judged, covered = covered_samples(error, sigma, windows)
+    assert judged == (150, 90)
+    assert covered == (149, 90)
+
+
 def test_third_event_and_recovery() -> None:
     assert useful_at_third(score(factors(event_2=2.0)))
     assert not useful_at_third(score(factors(event_3=1.011)))
     jumped = score(factors(event_8=1.5, event_9=1.5, event_10=1.5), change_event=7)
     assert recovered(jumped)
     assert not recovered(score(factors(event_11=1.5), change_event=7))
-
-
-def test_bars() -> None:
-    assert violations([score()]) == []
-    assert len(violations([score(1.0045)])) == 1  # the class's 95th percentile
-    bad = violations([score(1.006)])
-    assert any("orifice_area 0: mass error" in line for line in bad)
-    # little information excuses a case, not its class
-    little_known = score(1.006, limits_mg=(0.1,) * 20)
-    excused = violations([replace(little_known, estimators=(*little_known.estimators, UKF_SCORE))])
-    assert not any("orifice_area 0: mass error" in line for line in excused)
-    assert any("wave" in line for line in violations([score(class_name="wave_healthy")]))
-    assert violations([score(class_name="lift_offset")]) == []
-    assert len(violations([score(factors(event_5=1.04), class_name="lift_offset")])) == 1
-
-
-def test_intervals_are_judged_by_class_and_all_together() -> None:
-    missed, held = ((50.1, 51.0),) * 20, ((49.0, 51.0),) * 20
-    some = [score(mass_ci95_mg=missed if n < 4 else held) for n in range(10)]
-    assert any("orifice_area: coverage" in line for line in violations(some))
-    assert violations([score(mass_ci95_mg=missed if n < 1 else held) for n in range(20)]) == []
-    many = [score(mass_ci95_mg=missed if n < 30 else held) for n in range(400)]
-    assert any(line.startswith("all: coverage") for line in violations(many))
-    wide = violations(
-        [score(mass_ci95_mg=held, limits_mg=(0.3,) * 20, estimators=(*score().estimators, UKF_SCORE))]
-    )
-    assert len(wide) == 1
-    assert "half-width" in wide[0]
-
-
-def test_slow_training_and_a_better_peer_are_named() -> None:
-    slow = violations([score(training_ms=(5.0,) * 19 + (30.0,))])
-    assert len(slow) == 1
-    assert "p99" in slow[0]
-    behind = score(1.002, limits_mg=(0.5,) * 20, estimators=(*score(1.002).estimators, UKF_SCORE))
-    assert sum("joint UKF" in line for line in violations([behind])) == 2
-
-
-def test_interval_of_a_share() -> None:
-    assert clopper_pearson(0, 10) == pytest.approx((0.0, 1.0 - 0.005**0.1))
-    assert clopper_pearson(10, 10) == pytest.approx((0.005**0.1, 1.0))
-    low, high = clopper_pearson(57, 60)
-    assert low < 0.95 < high
-
-
-def test_json_document_has_the_figures_asked_for() -> None:
-    document = json.loads(json.dumps(json_document([score(1.002), score(0.997)], ["crash"])))
-    figures = document["figures"]
-    assert figures["mass_error_max_pct"] == pytest.approx(0.3)
-    assert figures["rate_rmse_max_mm3_per_ms"] == pytest.approx(0.1)
-    assert figures["x3_mse_ratio_min"] == pytest.approx(100.0)
-    assert figures["coverage_95_share"] == 1.0
-    assert figures["valid_share_min"] == 1.0
-    assert figures["wrong_valid"] == 0
-    assert set(figures) >= {"interval_halfwidth_vs_limit_median"}
-    assert document["details"]["crashes"] == ["crash"]
 
 
 def test_interrupted_runs_go_on(tmp_path: Path) -> None:

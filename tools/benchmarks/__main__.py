@@ -12,18 +12,22 @@ from rich.markup import escape
 
 from observer_rt.errors import ObserverError, UserError
 from observer_rt.screen import progress_bar
-from tools.benchmarks.accuracy import Plan, print_results, run_accuracy
+from tools.benchmarks.ablation import CLASSES_TRIED, run_ablation
+from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
+from tools.benchmarks.accuracy import print_results, run_accuracy
 from tools.benchmarks.cases import CLASSES
 from tools.benchmarks.figures import save_figures
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
+from tools.benchmarks.runs import Plan
 from tools.benchmarks.tables import json_document
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 messages = Console(stderr=True)
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
+CASES, ABLATION_CASES = 60, 10  # per class
 INTERRUPTED = 130  # exit code
-TABLE_WIDTH = 190  # where stdout is no terminal
+TABLE_WIDTH = 210  # where stdout is no terminal
 
 
 @app.callback()
@@ -33,7 +37,9 @@ def bench() -> None:
 
 @app.command(epilog="Example: tools/bench accuracy --cases 10 --classes orifice_area,line_friction")
 def accuracy(
-    cases: Annotated[int, typer.Option(min=1, help="Cases per class.")] = 60,
+    cases: Annotated[
+        int | None, typer.Option(min=1, help=f"Cases per class ({CASES}; with --ablation {ABLATION_CASES}).")
+    ] = None,
     classes: Annotated[str, typer.Option(help="Classes, by commas (default: all).")] = "",
     seed: Annotated[int, typer.Option(help="Master seed.")] = 1,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
@@ -41,22 +47,22 @@ def accuracy(
         "build/accuracy"
     ),
     no_peers: Annotated[bool, typer.Option("--no-peers", help="Only our observer.")] = False,
+    ablation: Annotated[
+        bool, typer.Option("--ablation", help="Instead: our observer with one part changed each.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
-    plan = Plan(_chosen(classes), cases, seed, workers, out, not no_peers)
+    chosen = _chosen(classes, CLASSES_TRIED if ablation else tuple(CLASSES))
+    plan = Plan(chosen, cases or (ABLATION_CASES if ablation else CASES), seed, workers, out, not no_peers)
     try:
-        found = run_accuracy(plan, messages)
+        if ablation:
+            _ablation(plan, as_json)
+        else:
+            _accuracy(plan, as_json)
     except KeyboardInterrupt:
         messages.print("interrupted; what is scored is kept, the same command goes on")
         raise typer.Exit(INTERRUPTED) from None
-    for figure in save_figures(found.scores, out):
-        messages.print(f"figure: {figure}", highlight=False)
-    if as_json:
-        print(json.dumps(json_document(found.scores, [str(crash) for crash in found.crashes]), indent=2))
-    else:
-        console = Console()
-        print_results(found, console if console.is_terminal else Console(width=TABLE_WIDTH))
 
 
 @app.command(epilog="Example: tools/bench peer-tuning --peer ekf")
@@ -74,8 +80,36 @@ def peer_tuning(
     Console(width=TABLE_WIDTH).print(tuning_table(sorted(tried, key=lambda trial: trial.rmse)))
 
 
-def _chosen(classes: str) -> tuple[str, ...]:
-    names = tuple(name for name in classes.split(",") if name) or tuple(CLASSES)
+def _accuracy(plan: Plan, as_json: bool) -> None:
+    found = run_accuracy(plan, messages)
+    for figure in save_figures(found.scores, plan.out):
+        messages.print(f"figure: {figure}", highlight=False)
+    if as_json:
+        crashes = [str(crash) for crash in found.crashes]
+        print(json.dumps(json_document(found.scores, crashes, found.sample_time), indent=2))
+    else:
+        print_results(found, _console())
+
+
+def _ablation(plan: Plan, as_json: bool) -> None:
+    scores, crashes = run_ablation(plan, messages)
+    if as_json:
+        print(json.dumps(ablation_document(scores, [str(crash) for crash in crashes]), indent=2))
+        return
+    console = _console()
+    for table in ablation_tables(scores):
+        console.print(table)
+    for crash in crashes:
+        console.print(f"crash: {crash.task}: {crash.message}", highlight=False, markup=False)
+
+
+def _console() -> Console:
+    console = Console()
+    return console if console.is_terminal else Console(width=TABLE_WIDTH)
+
+
+def _chosen(classes: str, default: tuple[str, ...]) -> tuple[str, ...]:
+    names = tuple(name for name in classes.split(",") if name) or default
     for name in names:
         if name not in CLASSES:
             raise UserError("--classes", f"unknown class '{name}'", f"known: {', '.join(CLASSES)}")

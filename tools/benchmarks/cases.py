@@ -147,6 +147,7 @@ class FaultClass:
     jumps: bool = False  # healthy first, the faults appear at one event
     grows: float = 0.0  # share of the faults' size that comes only event by event
     missing: int = 0  # periods without an injection, among the others
+    windowed: bool = False  # only what lies round the injections is recorded
 
 
 _JUMPS: dict[str, Draw] = {
@@ -167,6 +168,7 @@ CLASSES: dict[str, FaultClass] = {
     **{name: FaultClass(Group.CHANGE, draw, jumps=True) for name, draw in _JUMPS.items()},
     "growing_wear": FaultClass(Group.CHANGE, _wear, grows=0.1),
     "missing_injections": FaultClass(Group.OPERATION, _wear, missing=3),
+    "windowed": FaultClass(Group.OPERATION, _one_of(_SIZES), windowed=True),
     "at_50_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=50e3),
     "at_20_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=20e3),
     "stability": FaultClass(Group.STABILITY, _two_of(_VOCABULARY)),

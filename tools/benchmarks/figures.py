@@ -35,12 +35,8 @@ def save_figures(scores: Sequence[CaseScore], folder: Path) -> tuple[Path, ...]:
 
 def _names(scores: Sequence[CaseScore]) -> list[str]:
     """Estimators that scored every one of the cases, ours last, so that it is drawn on top."""
-    everywhere = [e.name for e in scores[0].estimators if all(e.name in _names_of(s) for s in scores)]
+    everywhere = [e.name for e in scores[0].estimators if all(s.has(e.name) for s in scores)]
     return sorted(everywhere, key=lambda name: name == OBSERVER)
-
-
-def _names_of(score: CaseScore) -> list[str]:
-    return [e.name for e in score.estimators]
 
 
 def _style(name: str, names: Sequence[str]) -> dict[str, Any]:

@@ -1,13 +1,11 @@
 """The peers on one case, and the information limit beside them."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.units import MM3_PER_MS
 from tools.benchmarks.cases import CLASSES, Case, Group
 from tools.benchmarks.information_limit import mass_limits_mg
 from tools.benchmarks.joint_fit import joint_fit_rate
@@ -15,7 +13,7 @@ from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
 from tools.benchmarks.peer_inputs import PeerInputs, peer_inputs
 from tools.benchmarks.plant import record
 from tools.benchmarks.score import EKF, FIT, UKF, EstimatorScore
-from tools.benchmarks.windows import windows_of
+from tools.benchmarks.windows import score_rate, windows_of
 
 TUNING = Tuning(wear_walk=1e-5, model_noise=3e4, line_noise=2.0)  # see peer_tuning.py
 
@@ -24,30 +22,30 @@ PEERS: dict[str, Callable[[PeerInputs], NDArray[np.float64]]] = {
     EKF: lambda inputs: joint_ekf(inputs, TUNING).rate,
     FIT: joint_fit_rate,
 }
-"""Rate [m3/s] at every sample of a recording; the nominal model runs beside the observer."""
+"""Rate [m3/s] at every sample of a recording. The nominal model runs beside the observer; the paper's scheme has a
+module of its own, for it is the package's."""
 
 
 @dataclass(frozen=True)
 class PeerScore:
-    """The peers' part of a case; tuples are per event."""
+    """Peers' part of a case; tuples are per event."""
 
     class_name: str
     master_seed: int
     number: int
     estimators: tuple[EstimatorScore, ...]
     limits_mg: tuple[float, ...]
-    """The information limit: smallest standard deviation of the mass."""
-    seconds: float
+    """The information limit, smallest standard deviation of the mass; empty where it is not computed."""
 
 
 def has_peers(class_name: str) -> bool:
-    """Peers run on every class but the many cases of `stability`."""
-    return CLASSES[class_name].group is not Group.STABILITY
+    """Peers run on every class but the many cases of `stability`; a filter wants the whole recording."""
+    fault_class = CLASSES[class_name]
+    return fault_class.group is not Group.STABILITY and not fault_class.windowed
 
 
 def score_peers(case: Case) -> PeerScore:
     """Record a case and score every peer on the recording."""
-    begin = time.perf_counter()
     outcome = record(case.bench)
     inputs = peer_inputs(outcome.measured)
     windows = windows_of(outcome, case.bench.sample_rate)
@@ -55,14 +53,11 @@ def score_peers(case: Case) -> PeerScore:
     injected = tuple(event.faults for event in case.bench.events if event.shots)
     estimators = []
     for name, rate_of in PEERS.items():
-        rate = rate_of(inputs)
-        squares = windows.mean_squares((rate - outcome.truth.injection_rate) / MM3_PER_MS)
-        estimators.append(EstimatorScore(name, windows.event_masses_mg(rate, density), squares))
+        estimators.append(score_rate(name, rate_of(inputs), outcome.truth, windows, density))
     return PeerScore(
         case.class_name,
         case.master_seed,
         case.number,
         tuple(estimators),
         mass_limits_mg(inputs, windows, injected, density),
-        time.perf_counter() - begin,
     )

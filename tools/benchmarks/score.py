@@ -10,7 +10,7 @@ SCORED = slice(10, 20)  # events 11-20
 WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong
 WRONG_RATE = 3.0  # mm3/ms
 OBSERVER, NOMINAL = "observer", "nominal"
-UKF, EKF, FIT = "joint UKF", "joint EKF", "parametric fit"
+UKF, EKF, FIT, PAPER = "joint UKF", "joint EKF", "parametric fit", "paper"
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,14 @@ class EstimatorScore:
 
 
 @dataclass(frozen=True)
+class SampleTime:
+    """What a sample costs the observer [us], best of several blocks: needle open, and long shut."""
+
+    open_us: float
+    closed_us: float
+
+
+@dataclass(frozen=True)
 class CaseScore:
     """One case scored; tuples are per event."""
 
@@ -34,6 +42,8 @@ class CaseScore:
     number: int
     change_event: int | None
     nozzle_wear: float
+    varying: bool
+    """Whether the operating point changes from event to event."""
     true_mass_mg: tuple[float, ...]
     window_samples: tuple[int, ...]
     estimators: tuple[EstimatorScore, ...]
@@ -43,7 +53,10 @@ class CaseScore:
     opening_errors_pct: tuple[tuple[float, ...], ...]
     """Mass error of every opening of each event, for information."""
     training_ms: tuple[float, ...]
-    seconds: float
+    rate_judged: tuple[int, ...]
+    """Samples with an open needle and a standard deviation of the rate."""
+    rate_covered: tuple[int, ...]
+    """Of these, samples whose 95 % interval holds the true rate."""
     limits_mg: tuple[float, ...] = ()
     """Information limit of every event's mass (one sigma); empty without peers."""
 
@@ -53,6 +66,10 @@ class CaseScore:
             if estimator.name == name:
                 return estimator
         raise KeyError(name)
+
+    def has(self, name: str) -> bool:
+        """Whether an estimator ran on this case."""
+        return any(estimator.name == name for estimator in self.estimators)
 
     def mass_error_pct(self, name: str = OBSERVER) -> float:
         """Signed error of the mass of events 11-20 together."""
@@ -99,6 +116,12 @@ class CaseScore:
         """Whether the 95 % interval of an event's (from 0) mass holds the true mass; None without interval."""
         interval = self.mass_ci95_mg[event]
         return None if interval is None else bool(interval[0] <= self.true_mass_mg[event] <= interval[1])
+
+    @property
+    def rate_coverage(self) -> float | None:
+        """Share of the open samples of events 11-20 whose interval of the rate holds the truth; None without any."""
+        judged = sum(self.rate_judged[SCORED])
+        return sum(self.rate_covered[SCORED]) / judged if judged else None
 
     @property
     def limit_pct(self) -> float | None:

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 from observer_rt.config import Bench, SamplingConfig, load_bench
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.recording.recording import Recording
+from observer_rt.service.learners import LearnerFactory, make_learner
 from observer_rt.service.report import InjectionReport
 from observer_rt.service.training import InlineExecutor
-from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
-from tools.benchmarks.cases import Case, make_case
+from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore
-from tools.benchmarks.windows import Windows, windows_of
+from tools.benchmarks.windowed import evaluate_windowed
+from tools.benchmarks.windows import Windows, covered_samples, score_rate, windows_of
 
 WARM_UP_EVENTS = 3
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
@@ -28,11 +30,27 @@ PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 
 def score_case(case: Case) -> CaseScore:
     """Record a case and score our observer, and the nominal model beside it, on the recording."""
-    begin = time.perf_counter()
-    outcome = record(case.bench)
-    bench = bench_at(case.bench.sample_rate)
+    return score_outcome(case, record(case.bench), bench_at(case.bench.sample_rate))
+
+
+def score_outcome(
+    case: Case, outcome: Outcome, bench: Bench, learner_of: LearnerFactory = make_learner
+) -> CaseScore:
+    """Score an observer by its bench and learner, and the nominal model beside it, on what a case came to."""
+    recording = recording_of(outcome)
     with timed_training() as training:
-        evaluation = evaluate(bench, [recording_of(outcome)]).evaluations[0]
+        if CLASSES[case.class_name].windowed:
+            evaluation = evaluate_windowed(bench, recording, learner_of)
+        else:
+            evaluation = evaluate(bench, [recording], learner_of=learner_of).evaluations[0]
+    return score_evaluation(case, outcome, evaluation, training)
+
+
+def score_evaluation(
+    case: Case, outcome: Outcome, evaluation: Evaluation, training: Sequence[float]
+) -> CaseScore:
+    """Score what an observer made of a case; training: milliseconds of each event."""
+    bench = bench_at(case.bench.sample_rate)
     windows = windows_of(outcome, case.bench.sample_rate)
     truth, trace = outcome.truth, evaluation.trace
     density = case.bench.injector.density
@@ -44,13 +62,11 @@ def score_case(case: Case) -> CaseScore:
     true_masses = windows.masses(truth.injection_rate, density)
     errors = 100.0 * (windows.masses(rate, density) / true_masses - 1.0)
 
+    sigma = np.full(rate.size, np.nan)  # to become trace.injection_rate_sigma
+    judged, covered = covered_samples(rate - truth.injection_rate, sigma, windows)
+
     def scored(name: str, rate: NDArray[np.float64], x3: NDArray[np.float64]) -> EstimatorScore:
-        return EstimatorScore(
-            name,
-            windows.event_masses_mg(rate, density),
-            windows.mean_squares((rate - truth.injection_rate) / MM3_PER_MS),
-            windows.mean_squares(x3 - true_x3),
-        )
+        return score_rate(name, rate, truth, windows, density, x3 - true_x3)
 
     return CaseScore(
         class_name=case.class_name,
@@ -58,6 +74,7 @@ def score_case(case: Case) -> CaseScore:
         number=case.number,
         change_event=case.change_event,
         nozzle_wear=case.bench.events[-1].faults.orifice_area,
+        varying=len({event.rail_pressure for event in case.bench.events}) > 1,
         true_mass_mg=windows.event_masses_mg(truth.injection_rate, density),
         window_samples=tuple(windows.union(e).size for e in range(len(windows.of_event))),
         estimators=(scored(OBSERVER, rate, x3), scored(NOMINAL, trace.nominal_rate, nominal_x3)),
@@ -66,14 +83,20 @@ def score_case(case: Case) -> CaseScore:
         mass_ci95_mg=intervals,
         opening_errors_pct=tuple(tuple(float(errors[i]) for i in o) for o in windows.of_event),
         training_ms=tuple(training),
-        seconds=time.perf_counter() - begin,
+        rate_judged=judged,
+        rate_covered=covered,
     )
 
 
 def warm_up() -> None:
     """Compile, or load from the cache, so that no case's training time holds it."""
+    score_case(short_case())
+
+
+def short_case() -> Case:
+    """A case with so few events that its score is of no interest."""
     case = make_case("orifice_area", 0, 0)
-    score_case(replace(case, bench=replace(case.bench, events=case.bench.events[:WARM_UP_EVENTS])))
+    return replace(case, bench=replace(case.bench, events=case.bench.events[:WARM_UP_EVENTS]))
 
 
 def recording_of(outcome: Outcome) -> Recording:

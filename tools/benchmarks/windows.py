@@ -5,18 +5,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.units import MILLIGRAM, MILLISECOND
-from tools.benchmarks.plant import Outcome
+from observer_rt.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
+from tools.benchmarks.plant import Outcome, Truth
+from tools.benchmarks.score import EstimatorScore
 
 LEAD = 0.15 * MILLISECOND  # of a window, before the opening
 TAIL = 0.5 * MILLISECOND  # after the needle is shut
+Z_95 = 1.96  # sigmas
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Where to look in a recording: a range of samples for every opening, the openings of every event."""
+    """Where to look in a recording: a range of samples for every opening, and in it those with the needle open; the
+    openings of every event."""
 
     ranges: tuple[slice, ...]
+    opened: tuple[slice, ...]
     of_event: tuple[tuple[int, ...], ...]
     interval: float  # s
 
@@ -42,6 +46,41 @@ class Windows:
         return tuple(float(np.mean(error[self.union(i)] ** 2)) for i in range(len(self.of_event)))
 
 
+def covered_samples(
+    error: NDArray[np.float64], sigma: NDArray[np.float64], windows: Windows
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Samples with an open needle and a standard deviation, and of these those within 1.96 of it, event by event.
+
+    error, sigma: of the rate at every sample, in one unit; sigma is nan where it is not available.
+    """
+    available = np.isfinite(sigma)
+    covered = available & (np.abs(error) <= Z_95 * np.where(available, sigma, 0.0))
+
+    def counted(marked: NDArray[np.bool_]) -> tuple[int, ...]:
+        return tuple(
+            sum(int(np.sum(marked[windows.opened[i]])) for i in openings) for openings in windows.of_event
+        )
+
+    return counted(available), counted(covered)
+
+
+def score_rate(
+    name: str,
+    rate: NDArray[np.float64],
+    truth: Truth,
+    windows: Windows,
+    density: float,
+    x3_error: NDArray[np.float64] | None = None,
+) -> EstimatorScore:
+    """Score of an estimator's rate [m3/s] at every sample, and of its normalised sac pressure if it has one."""
+    return EstimatorScore(
+        name,
+        windows.event_masses_mg(rate, density),
+        windows.mean_squares((rate - truth.injection_rate) / MM3_PER_MS),
+        () if x3_error is None else windows.mean_squares(x3_error),
+    )
+
+
 def windows_of(outcome: Outcome, sample_rate: float) -> Windows:
     """Windows of the true openings, ending where the next opening begins."""
     lead, tail = round(LEAD * sample_rate), round(TAIL * sample_rate)
@@ -55,4 +94,5 @@ def windows_of(outcome: Outcome, sample_rate: float) -> Windows:
     members = tuple(
         tuple(int(i) for i in np.flatnonzero(outcome.event_of == e)) for e in np.unique(outcome.event_of)
     )
-    return Windows(ranges, members, 1.0 / sample_rate)
+    opened = tuple(slice(int(begin), int(shut) + 1) for begin, shut in outcome.openings)
+    return Windows(ranges, opened, members, 1.0 / sample_rate)

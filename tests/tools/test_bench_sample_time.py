@@ -1,0 +1,35 @@
+"""The time of a sample is that of an observer at work."""
+
+import numpy as np
+
+from observer_rt.observer.state import RING
+from tools.benchmarks.sample_time import (
+    BLOCK,
+    OPEN_LIFT,
+    OPEN_PRESSURE,
+    RAIL_PRESSURE,
+    loaded_observer,
+    measure_sample_time,
+    run_samples,
+)
+
+
+def test_the_observer_timed_injects_with_all_it_can_have_learned() -> None:
+    observer = loaded_observer()
+    shut = np.tile([RAIL_PRESSURE, 0.0, RAIL_PRESSURE], (BLOCK, 1))
+    opened = np.tile([RAIL_PRESSURE, OPEN_LIFT, OPEN_PRESSURE], (BLOCK, 1))
+    run_samples(observer, shut, 0)
+    run_samples(observer, opened, BLOCK)
+    memory, row = observer.memory[0], observer.ring[(2 * BLOCK - 100) % RING]
+    assert memory["processed"] > 2 * BLOCK - 10
+    assert memory["needle_open"]
+    assert row["injection_rate"] > 30e-6
+    assert abs(row["phi"][0]) > 0.0
+    assert observer.ring[BLOCK - 100]["injection_rate"] == 0.0
+    terms = ("lag", "friction", "leakage", "stiffness", "air", "offset")
+    assert all(memory[name] != 0.0 for name in terms)
+
+
+def test_an_open_needle_costs_more_than_a_shut_one() -> None:
+    took = measure_sample_time()
+    assert 0.0 < took.closed_us < took.open_us

@@ -1,0 +1,62 @@
+"""A windowed source: what is not recorded is not known, what is recorded is estimated as ever."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.service.learners import make_learner
+from tools.benchmarks.cases import Case, make_case
+from tools.benchmarks.peers import has_peers
+from tools.benchmarks.plant import record
+from tools.benchmarks.plant_parameters import Faults
+from tools.benchmarks.score import NOMINAL, CaseScore
+from tools.benchmarks.scoring import bench_at, recording_of, score_case
+from tools.benchmarks.windowed import evaluate_windowed
+
+EVENTS = 6
+
+
+def worn(class_name: str) -> Case:
+    case = make_case("windowed", 1, 0)
+    events = tuple(replace(e, faults=Faults(orifice_area=0.3)) for e in case.bench.events[:EVENTS])
+    return replace(case, class_name=class_name, bench=replace(case.bench, events=events))
+
+
+@pytest.fixture(scope="module")
+def score() -> CaseScore:
+    return score_case(worn("windowed"))
+
+
+def test_wear_is_learned_from_windows(score: CaseScore) -> None:
+    assert abs(score.event_errors_pct(NOMINAL)[1:]).min() > 10.0
+    assert abs(score.event_errors_pct()[2:]).max() < 2.0
+    assert score.valid == (False, False, *(True,) * (EVENTS - 2))
+
+
+def test_the_first_injection_is_not_known_behind_too_short_a_standstill(score: CaseScore) -> None:
+    assert np.isnan(score.event_errors_pct()[0])
+    assert not np.isnan(score_case(worn("healthy")).event_errors_pct()[0])
+
+
+def test_samples_and_reports_are_those_of_the_whole_recording() -> None:
+    case = worn("windowed")
+    outcome = record(case.bench)
+    recording = recording_of(outcome)
+    evaluation = evaluate_windowed(bench_at(100e3), recording, make_learner)
+    known = ~np.isnan(evaluation.trace.injection_rate)
+    shut = np.ones(recording.samples, np.bool_)
+    for opening, closing in outcome.openings:
+        if recording.time[opening] > 0.2:  # the first event is not known
+            assert known[opening - 100 : closing + 300].all()
+        shut[opening - 250 : closing + 450] = False
+    assert not known[shut].any()
+    assert evaluation.counters.jumps == EVENTS - 1
+    starts = [r.start_index for r in evaluation.reports]
+    lead = 15
+    np.testing.assert_allclose(np.array(starts) + lead, outcome.openings[:, 0], atol=4)
+
+
+def test_peers_that_want_a_whole_recording_stay_out() -> None:
+    assert has_peers("missing_injections")
+    assert not has_peers("windowed")

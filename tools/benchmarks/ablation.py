@@ -1,0 +1,199 @@
+"""`tools/bench accuracy --ablation`: the observer with one part changed each, so that each part earns its place."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from rich.console import Console
+
+from observer_rt.config import Bench
+from observer_rt.estimation.gating import Gate
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.observer.knowledge import Knowledge, LearningRules, Scales, no_knowledge
+from observer_rt.observer.learning import Learner
+from observer_rt.observer.state import Constants
+from observer_rt.service.core import bench_constants, configured_noise
+from observer_rt.service.learners import LearnerFactory, make_learner
+from tools.benchmarks.batch_learning import (
+    BatchResult,
+    Listener,
+    Model,
+    Search,
+    SeenEvent,
+    bfgs,
+    gauss_newton,
+    learn_events,
+)
+from tools.benchmarks.batch_models import KNOWN, shipped_model, tied_rows_model, trained_hidden_model
+from tools.benchmarks.cases import Case, make_case
+from tools.benchmarks.paper_peer import paper_bench
+from tools.benchmarks.plant import Outcome, record
+from tools.benchmarks.pool import Crash, Task
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, scored
+from tools.benchmarks.score import OBSERVER, CaseScore
+from tools.benchmarks.scoring import (
+    bench_at,
+    recording_of,
+    score_evaluation,
+    score_outcome,
+    short_case,
+    timed_training,
+)
+from tools.benchmarks.store import Store, digest_of
+from tools.benchmarks.windows import score_rate, windows_of
+
+CLASSES_TRIED = (
+    "healthy",
+    "orifice_area",
+    "orifice_and_seat_area",
+    "line_friction",
+    "guide_leakage",
+    "chamber_pressure_rise",
+    "orifice_cavitation",
+    "bulk_modulus",
+    "line_pressure_sensor_lag",
+)
+SHIPPED, FREE_ROWS = "as shipped", "free rows: the paper's scheme"
+_LINE_AND_SENSOR = ("offset", "friction", "leakage", "stiffness", "lag", "air")
+_ALWAYS = Gate(columns=(), lowest=())
+
+
+@dataclass(frozen=True)
+class VariantScore:
+    """A variant on a case: what `CaseScore` says of ours. Nothing judges a batch: its validity is None."""
+
+    name: str
+    mass_error_pct: float
+    rate_rmse: float
+    valid_share: float | None
+    wrong_valid: int | None
+    training_ms: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class AblationScore:
+    """All variants on one case."""
+
+    class_name: str
+    master_seed: int
+    number: int
+    variants: tuple[VariantScore, ...]
+
+
+def without(*groups: str) -> LearningRules:
+    """Rules by which some groups of parameters are known beforehand.
+
+    An offset is then what the first standstill shows.
+    """
+    rules = LearningRules()
+
+    def changed(scales: Scales, share: float) -> Scales:
+        return replace(scales, **{group: share * getattr(scales, group) for group in groups})
+
+    return replace(rules, prior=changed(rules.prior, KNOWN), drift=changed(rules.drift, 0.0))
+
+
+RULES = {
+    "scalars always active": replace(LearningRules(), gate=_ALWAYS),
+    "no line or sensor terms": without(*_LINE_AND_SENSOR),
+    "no seat term": without("seat_bias"),
+    "no network, bias only": without("nozzle_weight"),
+}
+BATCHES: dict[str, tuple[Callable[[float], Model], Search]] = {
+    "batch: as shipped": (shipped_model, gauss_newton),
+    "batch: BFGS + Armijo": (shipped_model, bfgs),
+    "batch: V trained": (trained_hidden_model, gauss_newton),
+    "batch: rows tied 1:12, no structure": (tied_rows_model, gauss_newton),
+}
+VARIANTS = (SHIPPED, *RULES, FREE_ROWS, *BATCHES)
+
+
+def run_ablation(plan: Plan, console: Console) -> tuple[tuple[AblationScore, ...], tuple[Crash, ...]]:
+    """Score the cases not yet scored by this state of the code; progress goes to `console`."""
+    crashes: list[Crash] = []
+    store = Store(plan.out / "ablation.jsonl", AblationScore, digest_of((PACKAGE, BENCHMARKS)))
+    scores = scored("ablation", store, ablation_task, warm_up, plan.tasks, plan, console, crashes)
+    return tuple(scores[task] for task in plan.tasks if task in scores), tuple(crashes)
+
+
+def ablation_task(task: Task) -> AblationScore:
+    """Work of one process: every variant on a case."""
+    return score_variants(make_case(task.class_name, task.master_seed, task.number))
+
+
+def warm_up() -> None:
+    """Compile, or load from the cache, what the variants use, so that no training time holds it."""
+    case = short_case()
+    outcome = record(case.bench)
+    score_outcome(case, outcome, paper_bench(case.bench.sample_rate))
+    _, events = listened(case, outcome)
+    for name in BATCHES:
+        _learned(name, outcome, events)
+
+
+def score_variants(case: Case) -> AblationScore:
+    """Record a case and score every variant on the recording."""
+    outcome = record(case.bench)
+    bench = bench_at(case.bench.sample_rate)
+    shipped, events = listened(case, outcome)
+    variants = [
+        _of_observer(SHIPPED, shipped),
+        *(_of_observer(n, score_outcome(case, outcome, bench, _learner_by(r))) for n, r in RULES.items()),
+        _of_observer(FREE_ROWS, score_outcome(case, outcome, paper_bench(case.bench.sample_rate))),
+    ]
+    windows = windows_of(outcome, case.bench.sample_rate)
+    for name in BATCHES:
+        learned = _learned(name, outcome, events)
+        estimator = score_rate(OBSERVER, learned.rate, outcome.truth, windows, case.bench.injector.density)
+        score = replace(shipped, estimators=(estimator,))
+        variants.append(
+            VariantScore(name, score.mass_error_pct(), score.rate_rmse(), None, None, learned.training_ms)
+        )
+    return AblationScore(case.class_name, case.master_seed, case.number, tuple(variants))
+
+
+def _of_observer(name: str, score: CaseScore) -> VariantScore:
+    return VariantScore(
+        name,
+        score.mass_error_pct(),
+        score.rate_rmse(),
+        score.valid_share,
+        score.wrong_valid,
+        score.training_ms,
+    )
+
+
+def _learner_by(rules: LearningRules) -> LearnerFactory:
+    def learner_of(_: Bench, constants: Constants, knowledge: Knowledge) -> Learner:
+        scale = constants.coefficients.pressure_scale
+        return Learner(constants, no_knowledge(knowledge.noise, scale, rules), rules)
+
+    return learner_of
+
+
+def listened(case: Case, outcome: Outcome) -> tuple[CaseScore, tuple[SeenEvent, ...]]:
+    """The observer as shipped, and the events its learner was given."""
+    listeners = []
+
+    def learner_of(bench: Bench, constants: Constants, knowledge: Knowledge) -> Listener:
+        listeners.append(Listener(make_learner(bench, constants, knowledge)))
+        return listeners[-1]
+
+    bench = bench_at(case.bench.sample_rate)
+    with timed_training() as training:
+        evaluation = evaluate(bench, [recording_of(outcome)], learner_of=learner_of).evaluations[0]
+    lead = bench_constants(bench).timing.window_lead
+    openings = {r.event: r.start + lead for r in reversed(evaluation.reports)}
+    heard = listeners[0].heard  # the second one is the nominal model's
+    events = tuple(
+        SeenEvent(window, standstill, opening - window.opening)
+        for (window, standstill), (_, opening) in zip(heard, sorted(openings.items()), strict=True)
+    )
+    return score_evaluation(case, outcome, evaluation, training), events
+
+
+def _learned(name: str, outcome: Outcome, events: Sequence[SeenEvent]) -> BatchResult:
+    bench = bench_at(1.0 / float(outcome.measured.time[1] - outcome.measured.time[0]))
+    constants = bench_constants(bench)
+    model_of, search = BATCHES[name]
+    model = model_of(constants.coefficients.pressure_scale)
+    return learn_events(model, search, events, outcome.measured.time.size, constants, configured_noise(bench))

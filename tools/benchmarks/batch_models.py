@@ -1,0 +1,140 @@
+"""What is learned in a batch: the observer's phi, the same with V trained, tied rows without structure."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.learned import Learned, learned_of
+from observer_rt.estimation.open_loop import open_loop
+from observer_rt.estimation.prediction_error import HUBER, EventCost, Linearisation, robust_cost
+from observer_rt.estimation.predictor import Setting, Window, innovations
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.model.coefficients import with_line_terms
+from observer_rt.model.network import ARGUMENTS, HIDDEN, constant_network, zero_network
+from observer_rt.observer.knowledge import DRIFT, PRIOR, theta_bounds
+from observer_rt.paper.network import FreeNetwork
+from observer_rt.paper.systems import PaperSetting, design_vector
+from tools.benchmarks.batch_learning import Model
+from tools.benchmarks.tied_rows import Correction, sweep
+
+HIDDEN_PRIOR = 1.0  # of an element of V (one sigma), round where it starts
+HIDDEN_DRIFT = 1e-2  # an event
+DIFFERENCE = 1e-3  # of the prior sigma, for sensitivities
+KNOWN = 1e-6  # of its usual prior: a parameter that is not learned
+TIED_PRIOR = 0.45  # of weights and bias of the tied rows, in units of the nozzle flow at p_0
+_NOZZLE_WEIGHTS = slice(Parameter.NOZZLE_WEIGHT, Parameter.NOZZLE_WEIGHT + HIDDEN)
+
+Predict = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+class DifferencedCost:
+    """The learner's cost of an event, its sensitivities by finite differences."""
+
+    def __init__(self, predict: Predict, steps: NDArray[np.float64], sigma: float, burn_in: int) -> None:
+        """predict: innovations (n,) of theta (m,); steps: of the differences (m,)."""
+        self._predict = predict
+        self._steps = steps
+        self._sigma = sigma
+        self._burn_in = burn_in
+
+    def value(self, theta: NDArray[np.float64]) -> float:
+        """J(theta), inf where it is not finite."""
+        return self._cost(self._predict(theta))
+
+    def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
+        """J round theta (m,)."""
+        base = self._predict(theta)
+        slopes = np.empty((base.size, theta.size))
+        for i, step in enumerate(self._steps):
+            moved = theta.copy()
+            moved[i] += step
+            slopes[:, i] = (self._predict(moved) - base) / step
+        errors, slopes = base[self._burn_in :] / self._sigma, slopes[self._burn_in :] / self._sigma
+        weights = np.minimum(1.0, HUBER / np.maximum(np.abs(errors), 1e-12))
+        weighted = slopes * weights[:, np.newaxis]
+        return Linearisation(theta, self._cost(base), weighted.T @ errors, weighted.T @ slopes)
+
+    def _cost(self, errors: NDArray[np.float64]) -> float:
+        cost = robust_cost(errors, self._burn_in, self._sigma)
+        return cost if np.isfinite(cost) else np.inf
+
+
+def shipped_model(scale: float) -> Model:
+    """The observer's own: nozzle and seat factors with V fixed, line and sensor terms. scale: p_0 [Pa]."""
+    lowest, highest = theta_bounds(scale)
+    return Model(PRIOR.vector(scale), DRIFT.vector(scale), lowest, highest, EventCost, _structured_rate)
+
+
+def trained_hidden_model(scale: float) -> Model:
+    """The same with V (5, 6) learned, appended to theta as the change from where it starts."""
+    prior = np.append(PRIOR.vector(scale), np.full(HIDDEN * ARGUMENTS, HIDDEN_PRIOR))
+    drift = np.append(DRIFT.vector(scale), np.full(HIDDEN * ARGUMENTS, HIDDEN_DRIFT))
+    lowest, highest = theta_bounds(scale)
+    far = np.full(HIDDEN * ARGUMENTS, 10.0 * HIDDEN_PRIOR)
+
+    def cost(window: Window, setting: Setting, sigma: float, burn_in: int) -> DifferencedCost:
+        def predict(theta: NDArray[np.float64]) -> NDArray[np.float64]:
+            result = np.zeros(window.output.size)
+            innovations(window, setting, _with_hidden(theta), result)
+            return result
+
+        return DifferencedCost(predict, DIFFERENCE * prior, sigma, burn_in)
+
+    return Model(prior, drift, np.append(lowest, -far), np.append(highest, far), cost, _structured_rate)
+
+
+def tied_rows_model(scale: float) -> Model:
+    """phi = L (w tanh(V z) + b), L = [1 0 a6/a2], in place of nozzle and seat factors; line and sensor terms stay."""
+    prior, drift = PRIOR.vector(scale), DRIFT.vector(scale)
+    prior[_NOZZLE_WEIGHTS] = TIED_PRIOR
+    steps = DIFFERENCE * prior
+    prior[Parameter.SEAT_BIAS] *= KNOWN
+    drift[Parameter.SEAT_BIAS] = 0.0
+    lowest, highest = theta_bounds(scale)
+
+    def swept(
+        window: Window, setting: Setting, theta: NDArray[np.float64], corrected: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        learned = learned_of(theta)
+        c = with_line_terms(setting.coefficients, learned.line)
+        weights = np.append(theta[_NOZZLE_WEIGHTS], theta[Parameter.NOZZLE_BIAS])
+        rows = -np.outer(design_vector(c), weights)
+        network = FreeNetwork(
+            zero_network().hidden, np.ascontiguousarray(rows[:, :HIDDEN]), rows[:, HIDDEN].copy(), c.a2_nozzle
+        )
+        errors, rate = np.zeros((2, window.output.size))
+        sweep(
+            window,
+            PaperSetting(setting.interval, setting.substeps, c, constant_network(), c.a2_nozzle),
+            Correction(setting.gain, learned.offset, learned.lag),
+            network,
+            corrected,
+            errors,
+            rate,
+        )
+        return errors, rate
+
+    def cost(window: Window, setting: Setting, sigma: float, burn_in: int) -> DifferencedCost:
+        def predict(theta: NDArray[np.float64]) -> NDArray[np.float64]:
+            return swept(window, setting, theta, window.output.size)[0]
+
+        return DifferencedCost(predict, steps, sigma, burn_in)
+
+    def rate(window: Window, setting: Setting, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        return swept(window, setting, theta, window.opening)[1]
+
+    return Model(prior, drift, lowest, highest, cost, rate)
+
+
+def _with_hidden(theta: NDArray[np.float64]) -> Learned:
+    """theta (m,), with the change of V appended or without."""
+    learned = learned_of(theta)
+    if theta.size == PARAMETERS:
+        return learned
+    hidden = learned.network.hidden + theta[PARAMETERS:].reshape(HIDDEN, ARGUMENTS)
+    return learned._replace(network=learned.network._replace(hidden=hidden))
+
+
+def _structured_rate(window: Window, setting: Setting, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    return open_loop(window, setting, _with_hidden(theta)).rate

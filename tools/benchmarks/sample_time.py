@@ -1,0 +1,77 @@
+"""What one sample costs the compiled observer: x~ with its gain, x^ with phi, rate and statistics; no learning."""
+
+import time
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.continuity import Break
+from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.sensor import LAG_UNIT
+from observer_rt.observer.knowledge import no_knowledge
+from observer_rt.observer.learning import Learner
+from observer_rt.observer.observer import make_observer
+from observer_rt.observer.state import Observer
+from observer_rt.observer.step import advance_stream, push
+from observer_rt.service.core import bench_constants, configured_noise
+from observer_rt.units import MEGAPASCAL, MICROMETRE, MICROSECOND
+from tools.benchmarks.score import SampleTime
+from tools.benchmarks.scoring import bench_at
+
+SAMPLE_RATE = 100e3  # Hz
+RAIL_PRESSURE, OPEN_PRESSURE, OPEN_LIFT = 100 * MEGAPASCAL, 90 * MEGAPASCAL, 250 * MICROMETRE
+BLOCK = 2000  # samples timed together
+REPEATS = 6
+LEARNED = {
+    Parameter.NOZZLE_BIAS: 0.2,
+    Parameter.NOZZLE_WEIGHT: 0.05,
+    Parameter.SEAT_BIAS: -0.1,
+    Parameter.LINE_PRESSURE_OFFSET: 0.002,
+    Parameter.LINE_FRICTION: 0.5,
+    Parameter.GUIDE_LEAKAGE: 0.02,
+    Parameter.BULK_MODULUS: 0.05,
+    Parameter.SENSOR_LAG: 20e-6 / LAG_UNIT,
+    Parameter.ENTRAINED_AIR: 0.01,
+}
+"""In force while timed: everything the observer can have learned."""
+_START, _NONE = int(Break.START), int(Break.NONE)
+
+
+@njit(cache=True, nogil=True)
+def run_samples(observer: Observer, inputs: NDArray[np.float64], first_index: int) -> None:
+    """Samples (n, 3) of rail pressure [Pa], needle lift [m] and line pressure [Pa], one by one through the step."""
+    for k in range(inputs.shape[0]):
+        broken = _START if first_index + k == 0 else _NONE
+        push(observer, first_index + k, inputs[k, 0], inputs[k, 1], inputs[k, 2], False, broken)
+        advance_stream(observer)
+
+
+def loaded_observer() -> Observer:
+    """An observer at 100 kHz that carries everything it can have learned."""
+    bench = bench_at(SAMPLE_RATE)
+    constants = bench_constants(bench)
+    knowledge = no_knowledge(configured_noise(bench), constants.coefficients.pressure_scale)
+    for parameter, value in LEARNED.items():
+        knowledge.in_force[parameter] = value
+    return make_observer(constants, knowledge, Learner(constants, knowledge))
+
+
+def measure_sample_time() -> SampleTime:
+    """Time the step on a noisy standstill and on a needle held open."""
+    observer = loaded_observer()
+    closed = _best(observer, first_index=0, lift=0.0, line_pressure=RAIL_PRESSURE)
+    opened = _best(observer, (REPEATS + 1) * BLOCK, OPEN_LIFT, OPEN_PRESSURE)
+    return SampleTime(opened, closed)
+
+
+def _best(observer: Observer, first_index: int, lift: float, line_pressure: float) -> float:
+    """Microseconds of one core a sample, of the fastest block; the first settles and, the first time, compiles."""
+    noise = np.random.default_rng(1).normal(size=(BLOCK, 3)) * (0.1e6, 0.0, 0.15e6)
+    inputs = np.array([RAIL_PRESSURE, lift, line_pressure]) + noise
+    durations = []
+    for block in range(REPEATS + 1):
+        begin = time.thread_time()
+        run_samples(observer, inputs, first_index + block * BLOCK)
+        durations.append(time.thread_time() - begin)
+    return min(durations[1:]) / BLOCK / MICROSECOND

@@ -1,0 +1,56 @@
+"""A windowed source: only some 6 ms round each injection are recorded, the sample index jumps in between."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config import Bench
+from observer_rt.evaluation.evaluate import Evaluation, Trace, evaluate
+from observer_rt.observer.state import State
+from observer_rt.recording.framing import Span, windows
+from observer_rt.recording.recording import Recording
+from observer_rt.service.core import Counters
+from observer_rt.service.learners import LearnerFactory
+
+
+def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFactory) -> Evaluation:
+    """The observer on a recording of which a windowed source sends only what lies round the injections.
+
+    To the observer, recordings of one history are windows of a source: the index jumps with the needle closed, the
+    E2E counters go on. Where nothing was recorded nothing is available; samples and indices are those of the whole.
+    """
+    spans = windows(recording)
+    history = evaluate(bench, [_cut(recording, span) for span in spans], learner_of=learner_of)
+    samples = recording.samples
+    trace = Trace(
+        injection_rate=np.full(samples, np.nan),
+        injection_rate_sigma=np.full(samples, np.nan),
+        valid=np.zeros(samples, np.bool_),
+        state=np.full(samples, State.WAITING_FOR_DATA, np.int8),
+        x=np.full((samples, 3), np.nan),
+        phi=np.full((samples, 3), np.nan),
+        nominal_rate=np.full(samples, np.nan),
+    )
+    reports = []
+    for span, part in zip(spans, history.evaluations, strict=True):
+        for name, values in vars(part.trace).items():
+            whole: NDArray[np.generic] = getattr(trace, name)
+            whole[span.start : span.end] = values
+        moved = span.start - part.first_index
+        reports += [
+            replace(r, start_index=r.start_index + moved, end_index=r.end_index + moved) for r in part.reports
+        ]
+    counted = [vars(part.counters) for part in history.evaluations]
+    counters = Counters(**{name: sum(counts[name] for counts in counted) for name in counted[0]})
+    return Evaluation(recording, 0, trace, tuple(reports), counters, history.evaluations[-1].standstill)
+
+
+def _cut(recording: Recording, span: Span) -> Recording:
+    part = slice(span.start, span.end)
+    return Recording(
+        np.arange(span.end - span.start) / recording.sample_rate,
+        recording.rail_pressure[part],
+        recording.needle_lift[part],
+        recording.line_pressure[part],
+    )

@@ -1,6 +1,7 @@
 """The user's files `bench.toml` and `injector.toml`: read, validated, refused with file, key and remedy."""
 
 import tomllib
+from collections.abc import Mapping
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from observer_rt.effect_names import check_effects
 from observer_rt.errors import UserError
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.names import nearest
@@ -164,7 +166,9 @@ class Bench(_Section):
 
 def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     """Read `injector.toml`. Raises `UserError` naming file, key, problem and remedy."""
-    return _validated(InjectorParameters, _read_toml(path), path)
+    parameters = _validated(InjectorParameters, _read_toml(path), path)
+    check_effects(f"{path}: ", parameters.effects)
+    return parameters
 
 
 def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None) -> Bench:
@@ -238,10 +242,14 @@ def _explanation(model: type[BaseModel], location: tuple[Any, ...], error: Any) 
 
 def _keys_at(model: type[BaseModel], location: tuple[Any, ...]) -> list[str]:
     """Names of the keys a section may have; `location` leads to it through nested sections and lists."""
+    names_follow = False  # the next part is a name the user chose, not one of ours
     for part in location:
-        if isinstance(part, int):
+        if isinstance(part, int) or names_follow:
+            names_follow = False
             continue
-        model = _section_in(model.model_fields[part].annotation)
+        annotation = model.model_fields[part].annotation
+        names_follow = get_origin(annotation) is Mapping
+        model = _section_in(annotation)
     return list(model.model_fields)
 
 
@@ -250,4 +258,6 @@ def _section_in(annotation: Any) -> type[BaseModel]:
         return annotation
     if get_origin(annotation) in (tuple, Union):
         return _section_in(get_args(annotation)[0])
+    if get_origin(annotation) is Mapping:
+        return _section_in(get_args(annotation)[1])
     raise TypeError(f"not a section: {annotation}")

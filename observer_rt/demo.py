@@ -24,7 +24,7 @@ from observer_rt.config import Bench, LinkConfig, load_bench
 from observer_rt.destinations import FIGURE_SUFFIXES, check_destination
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.evaluation.figures import MassRow, RateCurves, plot_injections
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.files import file_errors
 from observer_rt.recording.framing import Framer, whole
 from observer_rt.recording.player import play
@@ -36,7 +36,6 @@ from observer_rt.service.report import InjectionReport
 from observer_rt.service.view import Reference, View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.signals import stop_on_signals
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
@@ -116,7 +115,7 @@ class Demo:
             self.bench.injector,
             schedule,
             self.bench.config.sampling.rate_hz,
-            PlantEffects(orifice_area=wear),
+            (sized("orifice_area", v_H=wear),),
             NoiseLevels(),
             seed=seed,
         )
@@ -125,7 +124,7 @@ class Demo:
         self._nominal_rate = (
             evaluate(self.bench, [self.recording], learning=False).evaluations[0].trace.nominal_rate
         )
-        self._density = coefficients(self.bench.injector).density
+        self._density = effective_model(self.bench.injector).coefficients.density
         self.reports: list[InjectionReport] = []
 
     def references(self, report: InjectionReport) -> Sequence[Reference]:

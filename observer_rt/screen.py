@@ -20,7 +20,7 @@ def progress_bar(console: Console, text: str, total: float | None) -> Iterator[C
 
 def say(console: Console, text: str) -> None:
     """A message as it is: no markup, no colours, wrapped on a terminal only."""
-    console.print(text, highlight=False, markup=False, soft_wrap=not console.is_terminal)
+    console.print(text, highlight=False, markup=False, emoji=False, soft_wrap=not console.is_terminal)
 
 
 def say_if_compiling(console: Console) -> None:

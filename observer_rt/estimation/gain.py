@@ -35,10 +35,13 @@ class GainSchedule:
     innovation_sigma: float
 
 
-def gain_schedule(c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float = 0.0) -> GainSchedule:
+def gain_schedule(
+    c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float = 0.0, late: float = 0.0
+) -> GainSchedule:
     """Gains for the line at rest (friction 0), rail-pressure noise driving it and line noise on y.
 
-    p_S gets no gain: it relaxes within microseconds. sample_rate in Hz, lag of the sensor in s.
+    p_S gets no gain: it relaxes within microseconds. sample_rate in Hz, lag of the sensor in s; late: by which share
+    of a sample interval (0..1) the indicated pressure is recorded late.
     """
     interval = 1.0 / sample_rate
     angle = math.sqrt(c.a1 * c.a3) * interval
@@ -53,13 +56,13 @@ def gain_schedule(c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: 
         ]
     )
     rail_effect = np.array([1.0 - cosine, sine / impedance, by_end * (1.0 - cosine)])
-    process = np.outer(rail_effect, rail_effect) * (noise.rail_pressure / c.pressure_scale) ** 2
     measurement = (noise.line_pressure / c.pressure_scale) ** 2
     covariance = np.zeros((3, 3))
     covariance[[0, 0, 2, 2], [0, 2, 0, 2]] = measurement
     covariance[1, 1] = (START_FLOW_SIGMA / c.flow_scale) ** 2
+    process = np.outer(rail_effect, rail_effect) * (noise.rail_pressure / c.pressure_scale) ** 2
     gains = np.zeros((max(2, round(START_DURATION * sample_rate)), 3))
-    variance = _riccati(transition, process, measurement, covariance, gains)
+    variance = _riccati(transition, process, measurement, late, covariance, gains)
     return GainSchedule(gains, math.sqrt(variance))
 
 
@@ -68,14 +71,23 @@ def _riccati(
     transition: NDArray[np.float64],
     process: NDArray[np.float64],
     measurement: float,
+    late: float,
     covariance: NDArray[np.float64],
     gains: NDArray[np.float64],
 ) -> float:
-    """Fill `gains` from a start `covariance` on; returns the last innovation variance."""
+    """Fill `gains` from a start `covariance` on; returns the last innovation variance.
+
+    Measured is (1 - late) times the indicated pressure and `late` times the one before.
+    """
     variance = measurement
+    newer = 1.0 - late
     for k in range(gains.shape[0]):
-        covariance = transition @ covariance @ transition.T + process
-        variance = covariance[2, 2] + measurement
-        gains[k] = covariance[:, 2] / variance
-        covariance = covariance - np.outer(gains[k], covariance[2])
+        moved = transition @ covariance  # of the state with the one before
+        earlier = newer * moved[2, 2] + late * covariance[2, 2]
+        covariance = moved @ transition.T + process
+        column = newer * covariance[:, 2] + late * moved[:, 2]
+        row = newer * covariance[2] + late * moved[:, 2]
+        variance = newer * column[2] + late * earlier + measurement
+        gains[k] = column / variance
+        covariance = covariance - np.outer(gains[k], row)
     return variance

@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.estimation.posterior import Belief
+
 ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
 STAY = 6.25  # and (2.5 sigma) that keeps it active
 
@@ -65,7 +67,7 @@ def _search(
             for j in range(size):
                 matrix[i, j] = information[columns[i], columns[j]]
         solution = np.linalg.solve(matrix, target)
-        value = target @ solution - price
+        value = float(target @ solution) - price
         if not value > best_value:
             continue
         admissible = True
@@ -82,19 +84,26 @@ def _search(
     return best_subset
 
 
-def gated_covariance(
-    information: NDArray[np.float64],
-    error_covariance: NDArray[np.float64],
-    gate: Gate,
-    active: frozenset[int],
-) -> NDArray[np.float64]:
-    """Error covariance (m, m) of the free and active parameters as estimated by `best_subset`, the others being 0.
+def gated_covariance(belief: Belief, gate: Gate, active: frozenset[int]) -> NDArray[np.float64]:
+    """Error covariance (m, m) of the free and active parameters as `best_subset` estimates them, the others being 0.
 
-    information (m, m) of the joint belief and error_covariance (m, m) of its mean. Where that is the inverse of the
-    information the result is the inverse of its part. Raises numpy.linalg.LinAlgError when singular.
+    Where the belief's error covariance is its covariance, the result is the inverse of that part of the information.
+    Raises numpy.linalg.LinAlgError when singular.
     """
+    information = belief.information()
     columns = [i for i in range(len(information)) if i not in gate.columns or i in active]
     by_joint = np.linalg.solve(information[np.ix_(columns, columns)], information[columns])
     covariance = np.zeros_like(information)
-    covariance[np.ix_(columns, columns)] = by_joint @ error_covariance @ by_joint.T
+    covariance[np.ix_(columns, columns)] = by_joint @ belief.error_covariance @ by_joint.T
     return covariance
+
+
+def carried_covariance(
+    theta: NDArray[np.float64], belief: Belief, gate: Gate, active: frozenset[int]
+) -> NDArray[np.float64]:
+    """Error covariance (m, m) of a theta (m,) carried under a belief, whose mean it need not be.
+
+    The mean knows of scalars that do not pay yet for being active, and of what was not adopted.
+    """
+    apart = theta - belief.mean
+    return gated_covariance(belief, gate, active) + np.outer(apart, apart)

@@ -15,11 +15,11 @@ from observer_rt.estimation.sensitivity import (
     advance_with_sensitivity,
     rate_and_tangent,
 )
-from observer_rt.estimation.sensor import lagged
+from observer_rt.estimation.sensor import lagged, recorded
 from observer_rt.model.coefficients import with_line_terms
-from observer_rt.model.laws import root, root_slope
-from observer_rt.model.network import activation, flow_changes
-from observer_rt.model.right_hand_side import is_at_rest, nozzle_difference
+from observer_rt.model.flows import nozzle_law, nozzle_law_slopes
+from observer_rt.model.network import activation, back_pressure_at, flow_changes
+from observer_rt.model.right_hand_side import is_at_rest
 
 DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 _COLUMNS = PARAMETERS + 3  # of the sensitivity: by theta, and by the state one sample before
@@ -65,6 +65,7 @@ def open_loop(window: Window, setting: Setting, learned: Learned) -> OpenLoop:
 def _run(window: Window, setting: Setting, learned: Learned, result: OpenLoop) -> None:
     """Fill `result`, which holds zeros."""
     c = with_line_terms(setting.coefficients, learned.line)
+    lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
     network = learned.network
     x = (window.start[0], window.start[1], window.start[2])
     indicated = window.start[3]
@@ -94,8 +95,9 @@ def _run(window: Window, setting: Setting, learned: Learned, result: OpenLoop) -
             work,
         )
         if k < window.opening:
-            indicated = lagged(indicated, before, x[0], setting.interval, learned.lag)
-            innovation = window.output[k] - learned.offset - indicated
+            indicated_before = indicated
+            indicated = lagged(indicated, before, x[0], setting.interval, lag)
+            innovation = window.output[k] - offset - recorded(indicated_before, indicated, setting.late)
             x = correct(x, innovation, setting.gain[0], setting.gain[1])
             indicated += setting.gain[2] * innovation
             sensitivity[:, :] = 0.0
@@ -105,8 +107,7 @@ def _run(window: Window, setting: Setting, learned: Learned, result: OpenLoop) -
         result.transition[k] = sensitivity[:, PARAMETERS:]
         if is_at_rest(x, u):
             continue
-        over_nozzle = nozzle_difference(x[2], u[1], network)
-        flow = root(over_nozzle, c.transition)
+        flow = nozzle_law(x[2], u[1], back_pressure_at(u[1], network), c)
         change = network.bias[0]
         h_1, h_2, h_3, h_area = 0.0, 0.0, 0.0, 0.0
         for neuron in range(network.hidden.shape[0]):
@@ -120,13 +121,13 @@ def _run(window: Window, setting: Setting, learned: Learned, result: OpenLoop) -
             h_area += bent * network.hidden[neuron, 4]
             result.slopes[k, _NOZZLE_WEIGHT + neuron] = c.nozzle_flow * flow * sigma
         result.slopes[k, _NOZZLE_BIAS] = c.nozzle_flow * flow
-        nozzle_slope = root_slope(over_nozzle, c.transition) * (1.0 + change)
-        h_3 += nozzle_slope
-        if u[1] > 0.0:
-            result.slopes[k, _BACK_PRESSURE] = -c.nozzle_flow * nozzle_slope
-            result.slopes[k, _BACK_PRESSURE + 1] = -c.nozzle_flow * nozzle_slope * min(u[1], 1.0)
-            if u[1] < 1.0:
-                h_area -= nozzle_slope * network.back_pressure[1]
+        by_sac, by_chamber = nozzle_law_slopes(x[2], u[1], back_pressure_at(u[1], network), c)
+        h_3 += by_sac * (1.0 + change)
+        by_chamber *= 1.0 + change
+        if u[1] < 1.0:
+            h_area += by_chamber * network.back_pressure[1]
+        result.slopes[k, _BACK_PRESSURE] = c.nozzle_flow * by_chamber
+        result.slopes[k, _BACK_PRESSURE + 1] = c.nozzle_flow * by_chamber * min(u[1], 1.0)
         result.rate[k] = c.nozzle_flow * flow * (1.0 + change)
         for i, h in enumerate((h_1, h_2, h_3, h_area)):
             result.gradient[k, i] = c.nozzle_flow * h

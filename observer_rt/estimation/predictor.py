@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter, advance_with_sensitivity
-from observer_rt.estimation.sensor import LAG_UNIT, lagged, lagged_slopes
+from observer_rt.estimation.sensor import LAG_UNIT, lagged, lagged_slopes, recorded
 from observer_rt.model.coefficients import Coefficients, with_line_terms
 from observer_rt.model.integrator import advance
+from observer_rt.model.right_hand_side import injection_rate
 
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 _LAG = int(Parameter.SENSOR_LAG)
@@ -19,9 +20,9 @@ _LAG = int(Parameter.SENSOR_LAG)
 class Window(NamedTuple):
     """Consecutive samples round one event, normalised by (24); n samples.
 
-    inputs: (n, 2) u = [p_R, A_S]; output: (n,) y; resting: (n,) needle shut so long that p_S = p_C;
-    start: (4,) x~ and the indicated pressure at the first sample; opening: index of the first sample with an open
-    needle.
+    inputs: (n, 2) u = [p_R, A_S]; output: (n,) y, moved by the whole samples it is recorded late; resting:
+    (n,) needle shut so long that p_S = p_C; start: (4,) x~ and the indicated pressure at the first sample; opening:
+    index of the first sample with an open needle.
     """
 
     inputs: NDArray[np.float64]
@@ -32,12 +33,19 @@ class Window(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What stays the same while parameters are sought: sample interval [s], substeps, model, gain (3,)."""
+    """What stays the same while parameters are sought: sample interval [s], substeps, model, gain (3,).
+
+    late: by which share of an interval (0..1) the indicated pressure is recorded late; lag [s] and offset (in units
+    of p_0): of the sensor of the model in force, what is learned comes on top.
+    """
 
     interval: float
     substeps: int
     coefficients: Coefficients
     gain: NDArray[np.float64]
+    late: float = 0.0
+    lag: float = 0.0
+    offset: float = 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -51,21 +59,40 @@ def correct(
 @njit(cache=True, nogil=True)
 def innovations(window: Window, setting: Setting, learned: Learned, result: NDArray[np.float64]) -> None:
     """Innovations e~ = y - o - (indicated pressure of x~) of every sample into `result` (n,); result[0] is 0."""
+    prediction(window, setting, learned, result, np.empty(0))
+
+
+@njit(cache=True, nogil=True)
+def prediction(
+    window: Window,
+    setting: Setting,
+    learned: Learned,
+    result: NDArray[np.float64],
+    rate: NDArray[np.float64],
+) -> None:
+    """`innovations`, and the rate of x~ before its correction [m3/s] into `rate`: (n,), or (0,) if not wanted."""
     c = with_line_terms(setting.coefficients, learned.line)
+    lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
     x = (window.start[0], window.start[1], window.start[2])
     indicated = window.start[3]
+    inputs, output, resting, network = window.inputs, window.output, window.resting, learned.network
+    gain = (setting.gain[0], setting.gain[1], setting.gain[2])
     result[0] = 0.0
-    for k in range(1, window.output.shape[0]):
-        u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
-        u_end = (window.inputs[k, 0], window.inputs[k, 1])
+    rate[:1] = 0.0
+    for k in range(1, output.shape[0]):
+        u_start = (inputs[k - 1, 0], inputs[k - 1, 1])
+        u_end = (inputs[k, 0], inputs[k, 1])
         before = x[0]
-        x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network)
-        indicated = lagged(indicated, before, x[0], setting.interval, learned.lag)
-        innovation = window.output[k] - learned.offset - indicated
+        x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, network)
+        if rate.shape[0] > 0:
+            rate[k] = injection_rate(x, (u_end[0], max(u_end[1], 0.0)), c, network)
+        indicated_before = indicated
+        indicated = lagged(indicated, before, x[0], setting.interval, lag)
+        innovation = output[k] - offset - recorded(indicated_before, indicated, setting.late)
         result[k] = innovation
-        x = correct(x, innovation, setting.gain[0], setting.gain[1])
-        indicated += setting.gain[2] * innovation
-        if window.resting[k]:
+        x = correct(x, innovation, gain[0], gain[1])
+        indicated += gain[2] * innovation
+        if resting[k]:
             x = (x[0], x[1], 0.0)
 
 
@@ -79,6 +106,7 @@ def innovations_with_sensitivity(
 ) -> None:
     """`innovations` and their derivatives de~/dtheta into `slopes` (n, PARAMETERS): the filtered gradient."""
     c = with_line_terms(setting.coefficients, learned.line)
+    lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
     x = (window.start[0], window.start[1], window.start[2])
     indicated = window.start[3]
     sensitivity = np.zeros((3, PARAMETERS))
@@ -104,11 +132,10 @@ def innovations_with_sensitivity(
             sensitivity,
             work,
         )
-        by_self, by_start, by_end, by_lag = lagged_slopes(
-            indicated, before, x[0], setting.interval, learned.lag
-        )
-        indicated = lagged(indicated, before, x[0], setting.interval, learned.lag)
-        innovation = window.output[k] - learned.offset - indicated
+        by_self, by_start, by_end, by_lag = lagged_slopes(indicated, before, x[0], setting.interval, lag)
+        indicated_before = indicated
+        indicated = lagged(indicated, before, x[0], setting.interval, lag)
+        innovation = window.output[k] - offset - recorded(indicated_before, indicated, setting.late)
         result[k] = innovation
         x = correct(x, innovation, setting.gain[0], setting.gain[1])
         indicated += setting.gain[2] * innovation
@@ -116,7 +143,9 @@ def innovations_with_sensitivity(
             predicted = by_self * indicated_slope[j] + by_start * before_slope[j] + by_end * sensitivity[0, j]
             if j == _LAG:
                 predicted += by_lag * LAG_UNIT
-            slope = -predicted - (1.0 if j == _OFFSET else 0.0)
+            slope = -recorded(indicated_slope[j], predicted, setting.late)
+            if j == _OFFSET:
+                slope -= 1.0
             slopes[k, j] = slope
             sensitivity[0, j] += setting.gain[0] * slope
             sensitivity[1, j] += setting.gain[1] * slope
@@ -133,6 +162,7 @@ def open_loop_error(window: Window, setting: Setting, learned: Learned) -> float
     x^ follows x~ up to the opening and runs open loop from there, as it does live.
     """
     c = with_line_terms(setting.coefficients, learned.line)
+    lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
     x = (window.start[0], window.start[1], window.start[2])
     indicated = window.start[3]
     total = 0.0
@@ -141,8 +171,9 @@ def open_loop_error(window: Window, setting: Setting, learned: Learned) -> float
         u_end = (window.inputs[k, 0], window.inputs[k, 1])
         before = x[0]
         x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network)
-        indicated = lagged(indicated, before, x[0], setting.interval, learned.lag)
-        error = window.output[k] - learned.offset - indicated
+        indicated_before = indicated
+        indicated = lagged(indicated, before, x[0], setting.interval, lag)
+        error = window.output[k] - offset - recorded(indicated_before, indicated, setting.late)
         if k < window.opening:
             x = correct(x, error, setting.gain[0], setting.gain[1])
             indicated += setting.gain[2] * error

@@ -7,11 +7,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.model.coefficients import Coefficients, softening, softening_slopes
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.flows import line_stiffness, line_stiffness_slopes, nozzle_law, nozzle_law_slopes
 from observer_rt.model.integrator import along, between, emptied, step_end, steps_in
 from observer_rt.model.laws import root, root_slope
-from observer_rt.model.network import HIDDEN, Network, activation
-from observer_rt.model.right_hand_side import is_at_rest, nozzle_difference
+from observer_rt.model.network import HIDDEN, Network, activation, back_pressure_at
+from observer_rt.model.right_hand_side import is_at_rest
 
 
 class Parameter(IntEnum):
@@ -61,8 +62,8 @@ def rate_and_tangent(
     friction = x[1] * math.fabs(x[1])
     second = c.a3 * (u[0] - x[0]) - c.a4 * x[1] * math.fabs(x[1])
     stiffer = c.a1 / nominal.a1
-    soft = softening(x[0], c)
-    soft_x, soft_air = softening_slopes(x[0], c)
+    soft = line_stiffness(x[0], c)
+    soft_x, soft_air = line_stiffness_slopes(x[0], c)
     if is_at_rest(x, u):
         inflow = c.a1 * x[1] - c.leak * x[0]
         by_pressure = soft_x * inflow - soft * c.leak
@@ -75,8 +76,7 @@ def rate_and_tangent(
         rate[0, _AIR] += soft_air * inflow
         rate[1, _FRICTION] -= nominal.a4 * friction
         return soft * inflow, second, 0.0
-    over_nozzle = nozzle_difference(x[2], u[1], network)
-    nozzle_flow = root(over_nozzle, c.transition)
+    nozzle_flow = nozzle_law(x[2], u[1], back_pressure_at(u[1], network), c)
     seat_flow = u[1] * root(x[0] - x[2], c.transition)
     nozzle_change = network.bias[0]
     seat_change = network.bias[1]
@@ -97,8 +97,8 @@ def rate_and_tangent(
         s_2 += to_seat * network.hidden[neuron, 1]
         s_3 += to_seat * network.hidden[neuron, 2]
     seat_slope = u[1] * root_slope(x[0] - x[2], c.transition) * (1.0 + seat_change)
-    nozzle_slope = root_slope(over_nozzle, c.transition) * (1.0 + nozzle_change)
-    h_3 += nozzle_slope
+    by_sac, by_chamber = nozzle_law_slopes(x[2], u[1], back_pressure_at(u[1], network), c)
+    h_3 += by_sac * (1.0 + nozzle_change)
     s_1 += seat_slope
     s_3 -= seat_slope
     q_h = nozzle_flow * (1.0 + nozzle_change)
@@ -121,10 +121,10 @@ def rate_and_tangent(
     for neuron in range(network.hidden.shape[0]):
         rate[0, _NOZZLE_WEIGHT + neuron] -= soft * c.a2_nozzle * nozzle_flow * sigmas[neuron]
         rate[2, _NOZZLE_WEIGHT + neuron] -= c.a6 * nozzle_flow * sigmas[neuron]
-    if u[1] > 0.0:
-        for j, share in enumerate((1.0, min(u[1], 1.0))):
-            rate[0, _BACK_PRESSURE + j] += soft * c.a2_nozzle * nozzle_slope * share
-            rate[2, _BACK_PRESSURE + j] += c.a6 * nozzle_slope * share
+    for j, share in enumerate((1.0, min(u[1], 1.0))):
+        by_back_pressure = by_chamber * (1.0 + nozzle_change) * share
+        rate[0, _BACK_PRESSURE + j] -= soft * c.a2_nozzle * by_back_pressure
+        rate[2, _BACK_PRESSURE + j] -= c.a6 * by_back_pressure
     rate[0, _SEAT_BIAS] -= soft * c.a2_seat * seat_flow
     rate[2, _SEAT_BIAS] += c.a5 * seat_flow
     rate[0, _LEAKAGE] -= soft * c.a1 * x[0]

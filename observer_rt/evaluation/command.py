@@ -15,7 +15,8 @@ from observer_rt.evaluation.evaluate import Evaluation, History, evaluate
 from observer_rt.evaluation.results import SCHEMA, injection_results, recording_json
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace_file import SUFFIX, write_trace
-from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effects import effective_model
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.recording.files import file_errors, read_recording
 from observer_rt.recording.framing import bench_for
@@ -55,7 +56,7 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
     knowledge = restored_knowledge(options.state, model, pressure_scale, console, set_aside=False)
     histories = _histories(bench, recordings, knowledge, options, console)
     evaluations = [evaluation for history in histories for evaluation in history.evaluations]
-    c = coefficients(bench.injector)
+    c = effective_model(bench.injector).coefficients
     if options.save_state is not None:
         save_knowledge(options.save_state, histories[-1].knowledge, model, pressure_scale)
     if options.output is not None:

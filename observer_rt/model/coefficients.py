@@ -8,8 +8,23 @@ from numba import njit
 from observer_rt.model.laws import seat_area
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
-LOWEST_PRESSURE = 0.01  # of p_0, at which entrained air is taken to soften the line no further
 TRANSITION_PRESSURE = 0.5e6  # Pa, below which the orifice laws turn linear
+STIFFNESS_PRESSURE = 100e6  # Pa, at which a pressure-dependent bulk modulus is K_L
+
+
+class Departures(NamedTuple):
+    """What an injector may do for which (19)-(23) have no parameter; SI, all off by default."""
+
+    leakage: float = 0.0  # c, m3/(s Pa): p_L' gets -K_L/V_L c (p_L - p_C)
+    air: float = 0.0  # g of 1/K_eff = 1/K + g/p, in the line
+    stiffness_slope: float = 0.0  # n of K = K_L + n (p_L - 100 MPa), in the line
+    critical_excess: float = 0.0  # N_crit - 1: the nozzle cavitates below the cavitation number N_crit
+    chamber_rise: float = 0.0  # Pa, of p_C in (23) while the needle is open
+    seat_loss: float = 0.0  # a of alpha_S (1 - a exp(-x_N/x_c))
+    seat_loss_lift: float = 50e-6  # x_c, m
+
+
+NO_DEPARTURES = Departures()
 
 
 class Coefficients(NamedTuple):
@@ -37,10 +52,20 @@ class Coefficients(NamedTuple):
     seat_diameter: float  # d_S, m
     half_cone_angle: float  # rad
     density: float  # rho_C, kg/m3, turns injected volume into mass
+    stiffness_slope: float  # n p_0/K_L: how K_L grows with the line pressure, 0 when it does not
+    stiffness_pressure: float  # where it is K_L, normalised as x_1
+    critical_excess: float  # N_crit - 1, 0 without cavitation
+    vapour_margin: float  # (p_C - p_v)/p_0
+    chamber_rise: float  # of p_C while the needle is open, in units of p_0
+    seat_loss: float  # a of alpha_S (1 - a exp(-x_N/x_c)), 0 for a constant coefficient
+    seat_loss_lift: float  # x_c, m
 
 
-def coefficients(parameters: InjectorParameters) -> Coefficients:
-    """Coefficients a1..a6 of (25) and the scalings of (24) for an injector."""
+def coefficients(parameters: InjectorParameters, departures: Departures = NO_DEPARTURES) -> Coefficients:
+    """Coefficients a1..a6 of (25) and the scalings of (24) for an injector.
+
+    Effects in force in `parameters` are not looked at: see `effects.effective_model`.
+    """
     fluid, line, seat, nozzle = parameters.fluid, parameters.line, parameters.seat, parameters.nozzle
     p_0, q_0, area_0 = parameters.scaling.pressure, parameters.scaling.flow, parameters.scaling.area
     line_stiffness = fluid.bulk_modulus_line / line.volume / p_0  # K_L/(V_L p_0), 1/m3
@@ -57,8 +82,8 @@ def coefficients(parameters: InjectorParameters) -> Coefficients:
         a4=line.loss_factor * q_0 / (2 * line.area * line.length),
         a5=sac_stiffness * seat_flow,
         a6=sac_stiffness * nozzle_flow,
-        leak=0.0,
-        air=0.0,
+        leak=line_stiffness * departures.leakage * p_0,
+        air=departures.air * fluid.bulk_modulus_line / p_0,
         compression=p_0 / fluid.bulk_modulus_line,
         transition=TRANSITION_PRESSURE / p_0,
         nozzle_flow=nozzle_flow,
@@ -69,6 +94,13 @@ def coefficients(parameters: InjectorParameters) -> Coefficients:
         seat_diameter=seat.diameter,
         half_cone_angle=math.radians(seat.cone_angle / 2),
         density=fluid.density_nozzle,
+        stiffness_slope=departures.stiffness_slope * p_0 / fluid.bulk_modulus_line,
+        stiffness_pressure=(STIFFNESS_PRESSURE - parameters.chamber.pressure) / p_0,
+        critical_excess=departures.critical_excess,
+        vapour_margin=(parameters.chamber.pressure - fluid.vapour_pressure) / p_0,
+        chamber_rise=departures.chamber_rise / p_0,
+        seat_loss=departures.seat_loss,
+        seat_loss_lift=departures.seat_loss_lift,
     )
 
 
@@ -79,7 +111,7 @@ def full_lift_area(parameters: InjectorParameters) -> float:
 
 
 class LineTerms(NamedTuple):
-    """Departures of line and guide from the nominal injector; all 0 when there are none.
+    """Learned departures of line and guide from the model in force; all 0 when there are none.
 
     friction k: loss factor times 1 + k; leakage: flow past the guide at p_0, in units of Q_0; stiffness r: bulk
     modulus of the line times 1 + r; air: K g / p_0 of 1/K_eff = 1/K + g/p.
@@ -103,7 +135,7 @@ def with_line_terms(c: Coefficients, terms: LineTerms) -> Coefficients:
         c.a4 * (1.0 + terms.friction),
         c.a5,
         c.a6,
-        c.leak + c.a1 * stiffer * terms.leakage,
+        c.leak * stiffer + c.a1 * stiffer * terms.leakage,
         c.air + terms.air,
         c.compression,
         c.transition,
@@ -115,21 +147,11 @@ def with_line_terms(c: Coefficients, terms: LineTerms) -> Coefficients:
         c.seat_diameter,
         c.half_cone_angle,
         c.density,
+        c.stiffness_slope,
+        c.stiffness_pressure,
+        c.critical_excess,
+        c.vapour_margin,
+        c.chamber_rise,
+        c.seat_loss,
+        c.seat_loss_lift,
     )
-
-
-@njit(cache=True, nogil=True)
-def softening(x_1: float, c: Coefficients) -> float:
-    """K_eff / K of a line with entrained air at the normalised pressure x_1; 1 without air."""
-    if c.air == 0.0:
-        return 1.0
-    pressure = max(x_1 + c.chamber_pressure / c.pressure_scale, LOWEST_PRESSURE)
-    return pressure / (pressure + c.air)
-
-
-@njit(cache=True, nogil=True)
-def softening_slopes(x_1: float, c: Coefficients) -> tuple[float, float]:
-    """Derivatives of `softening` with respect to x_1 and to the air term."""
-    pressure = max(x_1 + c.chamber_pressure / c.pressure_scale, LOWEST_PRESSURE)
-    square = (pressure + c.air) ** 2
-    return c.air / square, -pressure / square

@@ -1,4 +1,7 @@
-"""Classical Runge-Kutta of fourth order, with inputs linear between samples."""
+"""Classical Runge-Kutta of fourth order, with inputs linear between samples.
+
+What a step calls is inlined: passing coefficients and weights by value would cost more than the arithmetic.
+"""
 
 import math
 
@@ -12,7 +15,7 @@ EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure i
 LINE_STEP = 0.1  # radians of the line mode an RK4 step may span while nothing flows through the needle
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def between(u_start: tuple[float, float], u_end: tuple[float, float], share: float) -> tuple[float, float]:
     """Inputs at a share (0..1) of the way between two samples.
 
@@ -23,7 +26,7 @@ def between(u_start: tuple[float, float], u_end: tuple[float, float], share: flo
     return u_start[0] + share * (u_end[0] - u_start[0]), max(area, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def along(
     x: tuple[float, float, float], step: float, rate: tuple[float, float, float]
 ) -> tuple[float, float, float]:
@@ -31,7 +34,7 @@ def along(
     return x[0] + step * rate[0], x[1] + step * rate[1], x[2] + step * rate[2]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def step_end(
     x: tuple[float, float, float],
     step: float,
@@ -49,7 +52,7 @@ def step_end(
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def runge_kutta_step(
     x: tuple[float, float, float],
     u_start: tuple[float, float],
@@ -68,7 +71,7 @@ def runge_kutta_step(
     return end
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def steps_in(
     x: tuple[float, float, float],
     u_start: tuple[float, float],
@@ -109,7 +112,7 @@ def advance(
     return end
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def emptied(
     x: tuple[float, float, float], u_start: tuple[float, float], u_end: tuple[float, float]
 ) -> tuple[float, float, float]:

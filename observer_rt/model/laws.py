@@ -5,7 +5,7 @@ import math
 from numba import njit
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def root(difference: float, transition: float) -> float:
     """Signed square root of a pressure difference, smooth through zero.
 

@@ -46,7 +46,7 @@ def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
     return Network(np.zeros((0, ARGUMENTS)), np.zeros((OUTPUTS, 0)), np.array([nozzle, seat]), np.zeros(2))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def activation(
     x: tuple[float, float, float], u: tuple[float, float], hidden: NDArray[np.float64], neuron: int
 ) -> float:
@@ -61,7 +61,14 @@ def activation(
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
+def back_pressure_at(u_2: float, network: Network) -> float:
+    """Rise of p_C at a seat area, in units of p_0."""
+    rise: float = network.back_pressure[0] + network.back_pressure[1] * min(u_2, 1.0)
+    return rise
+
+
+@njit(cache=True, nogil=True, inline="always")
 def flow_changes(
     x: tuple[float, float, float], u: tuple[float, float], network: Network
 ) -> tuple[float, float]:

@@ -1,12 +1,14 @@
 """The parameters of an injector, as in `injector.toml`: SI units, validated, immutable."""
 
 import math
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
@@ -86,10 +88,29 @@ class Needle(_Section):
     closing_speed: Positive  # m/s at 100 MPa, ~ rail pressure ^ 0.3
 
 
+class EffectValue(_Section):
+    """A parameter of an effect, in the unit named; without an interval where nobody estimated it."""
+
+    value: Finite
+    ci95: tuple[Finite, Finite] | None = None
+    unit: str
+
+
+class EffectInForce(_Section):
+    """An effect added to the nominal model: what `discover` found, or somebody knows, of this injector."""
+
+    id: str
+    parameters: Mapping[str, EffectValue] = {}
+    origin: str = ""
+    evidence: str = ""
+    date: Annotated[str, BeforeValidator(str)] = ""  # TOML has dates of its own
+
+
 class InjectorParameters(_Section):
-    """Everything the model knows of one injector and its line (SI units)."""
+    """Everything the model knows of one injector and its line (SI units; effects in the units they name)."""
 
     line_outflow: LineOutflow = LineOutflow.NOZZLE
+    effects: tuple[EffectInForce, ...] = ()
     fluid: Fluid
     line: Line
     seat: Seat

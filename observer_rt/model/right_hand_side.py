@@ -4,45 +4,38 @@ import math
 
 from numba import njit
 
-from observer_rt.model.coefficients import Coefficients, softening
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.flows import line_stiffness, nozzle_law
 from observer_rt.model.laws import root
-from observer_rt.model.network import Network, flow_changes
+from observer_rt.model.network import Network, back_pressure_at, flow_changes
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def model_flows(
     x: tuple[float, float, float], u: tuple[float, float], c: Coefficients
 ) -> tuple[float, float]:
     """Normalised flows of the model alone: q_H of (23) through the nozzle, q_S of (21) through the seat."""
-    return root(x[2], c.transition), u[1] * root(x[0] - x[2], c.transition)
+    return nozzle_law(x[2], u[1], 0.0, c), u[1] * root(x[0] - x[2], c.transition)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def changed_flows(
     x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
 ) -> tuple[float, float]:
     """Normalised flows with phi: q_H through the nozzle, q_S through the seat."""
     nozzle_change, seat_change = flow_changes(x, u, network)
-    q_h = root(nozzle_difference(x[2], u[1], network), c.transition) * (1.0 + nozzle_change)
+    q_h = nozzle_law(x[2], u[1], back_pressure_at(u[1], network), c) * (1.0 + nozzle_change)
     q_s = u[1] * root(x[0] - x[2], c.transition) * (1.0 + seat_change)
     return q_h, q_s
 
 
-@njit(cache=True, nogil=True)
-def nozzle_difference(x_3: float, area: float, network: Network) -> float:
-    """Pressure difference over the nozzle, in units of p_0: against the raised chamber while the needle is open."""
-    if area <= 0.0:
-        return x_3
-    return x_3 - network.back_pressure[0] - network.back_pressure[1] * min(area, 1.0)
-
-
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def is_at_rest(x: tuple[float, float, float], u: tuple[float, float]) -> bool:
     """Needle shut and sac at chamber pressure: no flow, so phi vanishes whatever the network says."""
     return u[1] <= 0.0 and x[2] == 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def right_hand_side(
     x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
 ) -> tuple[float, float, float]:
@@ -53,10 +46,10 @@ def right_hand_side(
     """
     line_flow_rate = c.a3 * (u[0] - x[0]) - c.a4 * x[1] * math.fabs(x[1])
     if is_at_rest(x, u):
-        return softening(x[0], c) * (c.a1 * x[1] - c.leak * x[0]), line_flow_rate, 0.0
+        return line_stiffness(x[0], c) * (c.a1 * x[1] - c.leak * x[0]), line_flow_rate, 0.0
     q_h, q_s = changed_flows(x, u, c, network)
     return (
-        softening(x[0], c) * (c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0]),
+        line_stiffness(x[0], c) * (c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0]),
         line_flow_rate,
         c.a5 * q_s - c.a6 * q_h,
     )

@@ -2,28 +2,35 @@
 
 import math
 
-from observer_rt.model.coefficients import Coefficients, coefficients, full_lift_area
+from observer_rt.model.coefficients import (
+    NO_DEPARTURES,
+    Coefficients,
+    Departures,
+    coefficients,
+    full_lift_area,
+)
 from observer_rt.model.parameters import InjectorParameters
 
 RK4_LIMIT = 2.6  # step * fastest rate; RK4 is stable to 2.78 on the negative real axis
 MAX_SUBSTEPS = 64  # beyond this a sample costs more than it is worth: the sample rate is too low
 
 
-def fastest_rate(parameters: InjectorParameters) -> float:
-    """Upper bound of the healthy sac's relaxation rate [1/s], at full lift and any pressure.
+def fastest_rate(parameters: InjectorParameters, departures: Departures = NO_DEPARTURES) -> float:
+    """Upper bound of the sac's relaxation rate [1/s] in a model, at full lift and any pressure.
 
     The orifice laws are steepest, 1/sqrt(t), at zero pressure difference; seat and nozzle act in parallel.
     """
-    c: Coefficients = coefficients(parameters)
-    seat = (
-        (c.a5 + c.a2_seat) * full_lift_area(parameters) / c.area_scale
-    )  # a seat that drains the line is faster
+    c: Coefficients = coefficients(parameters, departures)
+    area = full_lift_area(parameters) / c.area_scale * (1.0 + max(-c.seat_loss, 0.0))
+    seat = (c.a5 + c.a2_seat) * area  # a seat that drains the line is faster
     return max((seat + c.a6) / math.sqrt(c.transition), math.sqrt(c.a1 * c.a3))
 
 
-def substeps_needed(parameters: InjectorParameters, sample_rate: float) -> int:
+def substeps_needed(
+    parameters: InjectorParameters, sample_rate: float, departures: Departures = NO_DEPARTURES
+) -> int:
     """RK4 steps per sample interval that keep the integration stable at `sample_rate` [Hz].
 
     The number may exceed `MAX_SUBSTEPS`; whether to refuse that is the caller's decision.
     """
-    return max(1, math.ceil(fastest_rate(parameters) / (RK4_LIMIT * sample_rate)))
+    return max(1, math.ceil(fastest_rate(parameters, departures) / (RK4_LIMIT * sample_rate)))

@@ -26,7 +26,6 @@ def begin_injection(observer: Observer, position: int) -> None:
         memory.event_number += 1
         memory.event_opening = position
         memory.event_learnable = memory.synchronised
-    _end_open_window(observer, position)
     if memory.injections_begun - memory.injections_reported == INJECTIONS:
         memory.injections_reported += 1
     injection = memory.injections[memory.injections_begun % INJECTIONS]
@@ -44,11 +43,14 @@ def follow_injection(observer: Observer, position: int) -> None:
     """At a processed sample: end the injection's window when its tail is over, the event when its gap is."""
     memory = observer.memory[0]
     timing = observer.constants.timing
-    if not memory.in_event or memory.needle_open:
+    if not memory.in_event:
+        return
+    if memory.needle_open:
+        _end_window(observer, memory.injections_begun - 2, position)  # if its tail reaches into this opening
         return
     shut_for = observer.ring[position & _MASK].index - memory.shut_since
     if shut_for >= timing.window_tail:
-        _end_open_window(observer, position)
+        _end_window(observer, memory.injections_begun - 1, position)
     if shut_for >= timing.event_gap:
         close_event(observer, position)
 
@@ -58,7 +60,7 @@ def close_event(observer: Observer, position: int) -> None:
     """The event ends; `position` is the last sample of its learning window. It waits to be judged."""
     memory = observer.memory[0]
     timing = observer.constants.timing
-    _end_open_window(observer, position)
+    _end_window(observer, memory.injections_begun - 1, position)
     memory.in_event = False
     event = memory.events[memory.events_closed % PENDING_EVENTS]
     memory.events_closed += 1
@@ -113,12 +115,12 @@ def judgement_due(observer: Observer, index: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _end_open_window(observer: Observer, position: int) -> None:
-    """Integrate the latest injection up to `position` if its window is still open: trapezoidal rule."""
+def _end_window(observer: Observer, injections_before: int, position: int) -> None:
+    """Integrate an injection up to the processed sample `position` if its window is still open: trapezoidal rule."""
     memory = observer.memory[0]
-    if memory.injections_begun == 0:
+    if injections_before < 0:
         return
-    injection = memory.injections[(memory.injections_begun - 1) % INJECTIONS]
+    injection = memory.injections[injections_before % INJECTIONS]
     if injection.end >= 0:
         return
     injection.end = position

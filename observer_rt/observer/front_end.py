@@ -1,8 +1,15 @@
-"""From measured lift to seat area: dead band with hysteresis, look-back to the foot of the ramp."""
+"""From measured lift to seat area: dead band with hysteresis, look-back to the foot of the ramp.
+
+A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
+extended to where the needle leaves or meets its seat.
+"""
+
+import math
 
 from numba import njit
 
-from observer_rt.model.laws import seat_area
+from observer_rt.model.effective import InputTerms
+from observer_rt.model.flows import normalised_area
 from observer_rt.observer.state import RING, Observer
 
 LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts
@@ -10,7 +17,10 @@ DEAD_BAND_SIGMAS = 5.0
 DEAD_BAND_FLOOR = 2.0e-6  # m
 CONFIRM = 2  # consecutive samples that decide
 FOOT = 0.3  # of the dead band, above which these samples are the foot of a ramp
-LOOKAHEAD = LOOK_BACK + CONFIRM - 1  # samples the front end must know beyond the one in hand
+LOOKAHEAD = LOOK_BACK + CONFIRM - 1  # samples the front end must know beyond the first recorded as open
+RAMP = 30e-6  # s of a ramp from which its slope is taken, behind its first sample
+LONGEST_RAMP = LOOKAHEAD - 1  # samples; so many are known when the slope is needed
+SLOWEST_OPENING = 0.3  # m/s
 _MASK = RING - 1
 
 
@@ -20,13 +30,23 @@ def dead_band(lift_noise: float) -> tuple[float, float]:
     return opens, 0.5 * opens
 
 
+def toe_samples(inputs: InputTerms, interval: float) -> int:
+    """Most samples of an opening ramp that the recorded lift does not show; sample interval [s]."""
+    return math.ceil(max(inputs.lift_shift, 0.0) / (SLOWEST_OPENING * interval))
+
+
+def ramp_samples(interval: float) -> int:
+    """Samples behind the first of a ramp from which its slope is taken; sample interval [s]."""
+    return min(max(round(RAMP / interval), 1), LONGEST_RAMP)
+
+
 @njit(cache=True, nogil=True)
 def known(observer: Observer, position: int) -> int:
-    """How many samples after `position` are received and follow it without a break (at most LOOKAHEAD)."""
+    """How many samples after `position` are received and follow it without a break (at most the look-ahead)."""
     count = 0
     received = observer.memory[0].received
     while (
-        count < LOOKAHEAD
+        count < observer.constants.timing.lookahead
         and position + count + 1 < received
         and observer.ring[(position + count + 1) & _MASK].broken == 0
     ):
@@ -36,13 +56,37 @@ def known(observer: Observer, position: int) -> int:
 
 @njit(cache=True, nogil=True)
 def opens_at(observer: Observer, position: int) -> bool:
-    """Whether the needle counts as open from `position` on: it crosses the dead band there, or soon after."""
-    return bool(opens_within(observer, position, known(observer, position)))
+    """Whether the needle counts as open from `position` on: it is recorded so, or its ramp begins before."""
+    foot: int = _foot_ahead(observer, position, 0)
+    if foot <= 0:
+        return foot == 0
+    return bool(_ramp_lift(observer, position, foot) > 0.0)
 
 
 @njit(cache=True, nogil=True)
-def opens_within(observer: Observer, position: int, samples: int) -> bool:
-    """`opens_at`, from what is known of the next `samples` samples.
+def open_from(observer: Observer, position: int) -> None:
+    """Note the ramp of a needle that opens at `position`: where it is first recorded, and how it gets there."""
+    memory = observer.memory[0]
+    foot = max(_foot_ahead(observer, position, 0), 0)
+    memory.foot = position + foot
+    memory.rise = _rise(observer, position + foot, known(observer, position) - foot)
+    memory.foot_lift = _lift_before_foot(observer, position + foot, memory.rise)
+    memory.fall = 0.0
+
+
+@njit(cache=True, nogil=True)
+def _foot_ahead(observer: Observer, position: int, nearest: int) -> int:
+    """Samples from `position` to the first recorded as open, from `nearest` to a toe beyond; -1 if there is none."""
+    ahead = known(observer, position)
+    for distance in range(nearest, min(nearest + observer.constants.timing.toe, ahead) + 1):
+        if _opens_within(observer, position + distance, min(ahead - distance, LOOKAHEAD)):
+            return distance
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _opens_within(observer: Observer, position: int, samples: int) -> bool:
+    """Whether `position` is recorded as open: it crosses the dead band there, or within the next `samples`.
 
     Up to LOOK_BACK samples before the crossing belong to the opening while they stand out of the noise.
     """
@@ -60,21 +104,88 @@ def opens_within(observer: Observer, position: int, samples: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def closes_at(observer: Observer, position: int) -> bool:
-    """Whether an open needle counts as closed from `position` on (not while the ramp is still to come)."""
+def _recorded_lift(observer: Observer, position: int) -> float:
+    """True lift [m] of an open needle, from the recorded one."""
+    inputs = observer.constants.inputs
+    return float(inputs.lift_factor * observer.ring[position & _MASK].needle_lift + inputs.lift_shift)
+
+
+@njit(cache=True, nogil=True)
+def _rise(observer: Observer, foot: int, ahead: int) -> float:
+    """Slope [m a sample] of the ramp whose first recorded sample is at `foot`; its first interval may be cut."""
+    length = min(observer.constants.timing.ramp, ahead)
+    first = 1 if length > 1 else 0
+    if length == 0:
+        return 0.0
+    rise = _recorded_lift(observer, foot + length) - _recorded_lift(observer, foot + first)
+    return float(max(rise / (length - first), 0.0))
+
+
+@njit(cache=True, nogil=True)
+def _lift_before_foot(observer: Observer, foot: int, rise: float) -> float:
+    """Lift [m] a sample before the first recorded one: above the shift of the lift it would have been recorded."""
+    return float(min(_recorded_lift(observer, foot) - rise, observer.constants.inputs.lift_shift))
+
+
+@njit(cache=True, nogil=True)
+def _ramp_lift(observer: Observer, position: int, foot: int) -> float:
+    """Lift [m] at `position`, `foot` samples before the first recorded as open (0: the recorded one)."""
+    if foot <= 0:
+        return float(_recorded_lift(observer, position))
+    rise = _rise(observer, position + foot, known(observer, position) - foot)
+    if rise == 0.0:
+        return 0.0
+    return float(_lift_before_foot(observer, position + foot, rise) - (foot - 1) * rise)
+
+
+@njit(cache=True, nogil=True)
+def is_recorded_shut(observer: Observer, position: int) -> bool:
+    """Whether an open needle is recorded as shut from `position` on (not while the ramp is still to come)."""
+    if position < observer.memory[0].foot:
+        return False
     threshold = observer.memory[0].lift_off
-    for ahead in range(min(known(observer, position) + 1, CONFIRM)):
-        if observer.ring[(position + ahead) & _MASK].needle_lift > threshold:
+    ahead = known(observer, position)
+    for distance in range(min(ahead + 1, CONFIRM)):
+        if observer.ring[(position + distance) & _MASK].needle_lift > threshold:
             return False
-    return not opens_at(observer, position)
+    return not _opens_within(observer, position, min(ahead, LOOKAHEAD))
+
+
+@njit(cache=True, nogil=True)
+def keep_sinking(observer: Observer, position: int) -> bool:
+    """Whether a needle recorded as shut has still to sink to its seat; moves it down its ramp by a sample."""
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    if timing.toe == 0:
+        return False
+    if memory.fall > 0.0:
+        memory.sinking_lift -= memory.fall
+    else:
+        last = position - 1  # its interval may be cut, as at the foot of the opening
+        length = min(timing.ramp, last - max(memory.event_opening, memory.foot))
+        final = 1 if length > 1 else 0
+        if length > 0:
+            fall = _recorded_lift(observer, last - length) - _recorded_lift(observer, last - final)
+            memory.fall = max(fall / (length - final), 0.0)
+        shift = observer.constants.inputs.lift_shift
+        memory.sinking_lift = min(_recorded_lift(observer, last) - memory.fall, shift)
+    if memory.fall == 0.0 or memory.sinking_lift <= 0.0:
+        memory.fall = 0.0
+        return False
+    return True
 
 
 @njit(cache=True, nogil=True)
 def area_at(observer: Observer, position: int) -> float:
-    """Normalised seat area of an open needle, from the raw lift."""
-    c = observer.constants.coefficients
-    lift = observer.ring[position & _MASK].needle_lift
-    return float(seat_area(lift, c.seat_diameter, c.half_cone_angle) / c.area_scale)
+    """Normalised seat area of an open needle."""
+    memory = observer.memory[0]
+    if position < memory.foot:
+        lift = memory.foot_lift - (memory.foot - 1 - position) * memory.rise
+    elif memory.fall > 0.0:
+        lift = memory.sinking_lift
+    else:
+        lift = _recorded_lift(observer, position)
+    return float(normalised_area(lift, observer.constants.coefficients))
 
 
 @njit(cache=True, nogil=True)
@@ -85,10 +196,13 @@ def shut_area(observer: Observer, position: int) -> float:
     needle leaves or meets its seat, and not at the sample before or after.
     """
     virtual = 0.0
-    ahead = known(observer, position)
-    if ahead >= 2 and opens_within(observer, position + 1, ahead - 1):
-        first = area_at(observer, position + 1)
-        virtual = 2.0 * first - area_at(observer, position + 2)
+    c = observer.constants.coefficients
+    foot = _foot_ahead(observer, position, 1) if known(observer, position) >= 2 else -1
+    if foot > 0:
+        first = _ramp_lift(observer, position + 1, foot - 1)
+        if first > 0.0 or foot == 1:
+            second = _ramp_lift(observer, position + 2, foot - 2)
+            virtual = 2.0 * normalised_area(first, c) - normalised_area(second, c)
     elif position >= observer.memory[0].segment_start + 2:
         last = observer.ring[(position - 1) & _MASK].seat_area
         before = observer.ring[(position - 2) & _MASK].seat_area

@@ -11,8 +11,7 @@ from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.laws import root
-from observer_rt.model.network import HIDDEN, activation, flow_changes
-from observer_rt.model.right_hand_side import nozzle_difference
+from observer_rt.model.network import HIDDEN, activation, back_pressure_at, flow_changes
 from observer_rt.paper.network import FreeNetwork, free_fault
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
@@ -90,7 +89,7 @@ def nozzle_change(
     network = learned_of(theta).network
     factor = 1.0 + flow_changes(x, u, network)[0]
     x_3 = max(x[2], LEAST_SAC_PRESSURE)
-    against_chamber = math.sqrt(max(nozzle_difference(x_3, u[1], network) / x_3, 0.0))
+    against_chamber = math.sqrt(max(1.0 - back_pressure_at(u[1], network) / x_3, 0.0))
     slopes = np.zeros(PARAMETERS)
     slopes[Parameter.NOZZLE_BIAS] = against_chamber
     for neuron in range(HIDDEN):

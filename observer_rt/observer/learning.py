@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
-from observer_rt.estimation.gating import best_subset, gated_covariance
+from observer_rt.estimation.gating import best_subset, carried_covariance, gated_covariance
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.phases import (
     AFTERGLOW,
@@ -109,7 +109,7 @@ class Learner:
             if fit is None:
                 return self._outcome(Verdict.FAILED, window, in_force)
             statistics = self._event_statistics(window, fit.innovations)
-            carried = self._error_covariance(in_force, fit.prior)
+            carried = carried_covariance(in_force, fit.prior, self._rules.gate, self._active)
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
             return self._outcome(Verdict.FAILED, window, in_force)
@@ -126,7 +126,7 @@ class Learner:
         if self._doubt.is_too_much_after(outcome.findings):
             nominal = replace(outcome.knowledge, in_force=np.zeros(PARAMETERS))
             return replace(outcome, verdict=Verdict.SET_ASIDE, knowledge=nominal)
-        now = self._error_covariance(self._theta, self._belief)
+        now = carried_covariance(self._theta, self._belief, self._rules.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried)
         return replace(outcome, resimulated=event)
 
@@ -247,14 +247,8 @@ class Learner:
             schedule=self._schedule,
             findings=self._findings(verdict, window, contradicts),
             estimate=self._theta.copy(),
-            covariance=self._error_covariance(self._theta, self._belief),
+            covariance=gated_covariance(self._belief, self._rules.gate, self._active),
         )
-
-    def _error_covariance(self, theta: NDArray[np.float64], belief: Belief) -> NDArray[np.float64]:
-        """Of a theta (m,), by the belief that `self._theta` follows from (m, m)."""
-        information, error = belief.information(), belief.error_covariance
-        known = gated_covariance(information, error, self._rules.gate, self._active)
-        return known + np.outer(theta - self._theta, theta - self._theta)
 
     def _findings(self, verdict: Verdict, window: Window, contradicts: bool) -> tuple[Finding, ...]:
         if verdict is Verdict.FAILED:
@@ -282,12 +276,18 @@ class Learner:
     def _gains(self) -> GainSchedule:
         learned = learned_of(self._theta)
         c = with_line_terms(self._coefficients, learned.line)
-        return gain_schedule(c, self._noise, 1.0 / self._constants.interval, learned.lag)
+        sensor = self._constants.sensor
+        lag = sensor.lag + learned.lag
+        return gain_schedule(c, self._noise, 1.0 / self._constants.interval, lag, sensor.fraction)
 
     def _setting(self) -> Setting:
+        sensor = self._constants.sensor
         return Setting(
-            self._constants.interval,
-            self._constants.substeps,
-            self._coefficients,
-            self._schedule.gains[-1].copy(),
+            interval=self._constants.interval,
+            substeps=self._constants.substeps,
+            coefficients=self._coefficients,
+            gain=self._schedule.gains[-1].copy(),
+            late=sensor.fraction,
+            lag=sensor.lag,
+            offset=sensor.offset,
         )

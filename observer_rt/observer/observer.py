@@ -7,11 +7,12 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Window
-from observer_rt.model.coefficients import coefficients
+from observer_rt.estimation.sensor import sensor_of
+from observer_rt.model.effects import effective_model
 from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
-from observer_rt.observer.front_end import dead_band
+from observer_rt.observer.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
 from observer_rt.observer.knowledge import EventLearner, Knowledge, Outcome, Verdict
 from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import (
@@ -45,15 +46,21 @@ class Durations:
 def constants_for(
     parameters: InjectorParameters, sample_rate: float, durations: Durations, events_required: int
 ) -> Constants:
-    """Everything fixed at start-up, for an injector and a sample rate [Hz]."""
+    """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz]."""
+    model = effective_model(parameters)
+    interval = 1.0 / sample_rate
+    sensor = sensor_of(model.sensor, model.coefficients.pressure_scale, interval)
+    toe = toe_samples(model.inputs, interval)
 
     def samples(duration: float) -> int:
         return round(duration * sample_rate)
 
     return Constants(
-        coefficients=coefficients(parameters),
-        interval=1.0 / sample_rate,
-        substeps=substeps_needed(parameters, sample_rate),
+        coefficients=model.coefficients,
+        inputs=model.inputs,
+        sensor=sensor,
+        interval=interval,
+        substeps=substeps_needed(model.injector, sample_rate, model.departures),
         timing=Timing(
             settle=samples(SETTLE),
             good=samples(GOOD),
@@ -62,6 +69,9 @@ def constants_for(
             window_lead=samples(WINDOW_LEAD),
             window_tail=samples(WINDOW_TAIL),
             learning_lead=samples(LEARNING_LEAD),
+            lookahead=max(LOOKAHEAD + toe, sensor.late),
+            toe=toe,
+            ramp=ramp_samples(interval),
         ),
         events_required=events_required,
     )
@@ -87,11 +97,14 @@ def event_window(observer: Observer, number: int) -> Window | None:
     event = observer.memory[0]["events"][number % PENDING_EVENTS]
     if not event["learnable"]:
         return None
-    start, end = int(event["window_start"]), int(event["window_end"]) + 1
+    late = observer.constants.sensor.late
+    start = max(int(event["window_start"]), -late)
+    end = min(int(event["window_end"]) + 1, int(observer.memory[0]["received"]) - max(late, 0))
     rows = observer.ring[np.arange(start, end) % RING]
+    output = observer.ring["line_pressure"][np.arange(start + late, end + late) % RING]
     return Window(
         inputs=np.column_stack([rows["rail_pressure"], rows["seat_area"]]),
-        output=rows["line_pressure"].copy(),
+        output=output,
         resting=rows["resting"].copy(),
         start=np.append(rows["x_tilde"][0], rows["indicated"][0]),
         opening=int(event["opening"]) - start,
@@ -138,8 +151,9 @@ def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: fl
     memory["output"] = learned.network.output
     memory["bias"] = learned.network.bias
     memory["back_pressure"] = learned.network.back_pressure
-    memory["offset"] = learned.offset
-    memory["lag"] = learned.lag
+    sensor = observer.constants.sensor
+    memory["offset"] = sensor.offset + learned.offset
+    memory["lag"] = sensor.lag + learned.lag
     memory["friction"], memory["leakage"], memory["stiffness"], memory["air"] = learned.line
     memory["lift_on"], memory["lift_off"] = dead_band(lift_noise)
 

@@ -5,11 +5,12 @@ import math
 from numba import njit
 
 from observer_rt.estimation.predictor import correct
-from observer_rt.estimation.sensor import lagged
+from observer_rt.estimation.sensor import lagged, recorded
 from observer_rt.model.coefficients import Coefficients, LineTerms, with_line_terms
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import fault, injection_rate
+from observer_rt.observer.front_end import known
 from observer_rt.observer.state import RING, Observer
 from observer_rt.paper.network import FreeNetwork, free_fault
 from observer_rt.paper.systems import PaperSetting, balanced_rate, observe
@@ -59,6 +60,17 @@ def start_pair(observer: Observer, position: int) -> None:
 
 
 @njit(cache=True, nogil=True)
+def _is_measured(observer: Observer, position: int) -> bool:
+    """Whether the line pressure that belongs to a sample is in the ring, for it may be recorded late or early."""
+    late = observer.constants.sensor.late
+    if late == 0:
+        return True
+    if late > 0:
+        return bool(known(observer, position) >= late)
+    return bool(position + late >= observer.memory[0].segment_start)
+
+
+@njit(cache=True, nogil=True)
 def step_pair(observer: Observer, position: int) -> bool:
     """Both systems from the previous sample to this one; False when a state is no longer finite.
 
@@ -84,7 +96,10 @@ def step_pair(observer: Observer, position: int) -> bool:
     )
     gain = min(memory.since_start, observer.gains.shape[0] - 1)
     indicated = lagged(before.indicated, before.x_tilde[0], x[0], constants.interval, memory.lag)
-    innovation = row.line_pressure - memory.offset - indicated
+    innovation = 0.0
+    if _is_measured(observer, position):
+        y = observer.ring[(position + constants.sensor.late) & _MASK].line_pressure
+        innovation = y - memory.offset - recorded(before.indicated, indicated, constants.sensor.fraction)
     row.indicated = indicated + observer.gains[gain, 2] * innovation
     x = correct(x, innovation, observer.gains[gain, 0], observer.gains[gain, 1])
     memory.since_start += 1
@@ -113,7 +128,7 @@ def read_out(observer: Observer, position: int) -> None:
     u = (row.rail_pressure, max(row.seat_area, 0.0))
     if observer.memory[0].has_free_rows:
         phi = (0.0, 0.0, 0.0) if row.resting else free_fault(x, u, free_rows_in_force(observer))
-        row.injection_rate = 0.0 if row.resting else balanced_rate(x[2], phi[0], c)
+        row.injection_rate = 0.0 if row.resting else balanced_rate(x[2], u[1], phi[0], c)
     else:
         phi = fault(x, u, c, network)
         row.injection_rate = injection_rate(x, u, c, network)

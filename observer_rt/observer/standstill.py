@@ -29,7 +29,7 @@ def gather(observer: Observer, position: int) -> None:
         return
     memory.rest_run += 1
     memory.rest_count += 1
-    memory.offset_sum += row.line_pressure - row.rail_pressure
+    memory.offset_sum += row.line_pressure - observer.constants.sensor.offset - row.rail_pressure
     if memory.rest_run > _ORDER:
         a = observer.ring[(position - 4) & _MASK]
         b = observer.ring[(position - 3) & _MASK]
@@ -77,7 +77,10 @@ def _square(a: float, b: float, c: float, d: float, e: float, total: float, coun
 
 @dataclass(frozen=True)
 class Standstill:
-    """Statistics since the start: sample count, mean of y - u1 (in units of p_0), measured noise."""
+    """Statistics since the start: sample count, mean of y - o - u1 (in units of p_0), measured noise.
+
+    o is the offset of the sensor in force: what is left is not known yet.
+    """
 
     samples: int
     offset: float

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from observer_rt.continuity import Break
 from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.estimation.sensor import Sensor
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import InputTerms
 from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
 from observer_rt.paper.network import ROWS
 
@@ -159,6 +161,12 @@ OBSERVER = np.dtype(
         ("event_learnable", np.bool_),
         ("event_number", np.int64),
         ("event_opening", np.int64),
+        # the part of a ramp that a lift recorded too low does not show
+        ("foot", np.int64),  # position of the first sample whose recorded lift counts
+        ("foot_lift", np.float64),  # m, lift at the sample before
+        ("rise", np.float64),  # m a sample
+        ("sinking_lift", np.float64),  # m, of a needle no longer recorded as open
+        ("fall", np.float64),  # m a sample, 0 while the recorded lift counts
         ("events_judged", np.int64),
         ("waiting", np.bool_),  # the head of `events` is due and must be judged before going on
         ("events", EVENT, (PENDING_EVENTS,)),
@@ -191,12 +199,17 @@ class Timing(NamedTuple):
     window_lead: int  # injection window: before the opening
     window_tail: int  # and after the needle is shut
     learning_lead: int  # learning window: before the event's first opening
+    lookahead: int  # samples the observer must know beyond the one in hand
+    toe: int  # most samples of an opening ramp that a lift recorded too low does not show
+    ramp: int  # samples beyond the first of a ramp from which its slope is taken
 
 
 class Constants(NamedTuple):
     """What does not change while the observer runs."""
 
     coefficients: Coefficients
+    inputs: InputTerms
+    sensor: Sensor
     interval: float  # s
     substeps: int
     timing: Timing

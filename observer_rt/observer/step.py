@@ -11,7 +11,15 @@ from observer_rt.observer.events import (
     judgement_due,
     make_all_due,
 )
-from observer_rt.observer.front_end import LOOKAHEAD, area_at, closes_at, known, opens_at, shut_area
+from observer_rt.observer.front_end import (
+    area_at,
+    is_recorded_shut,
+    keep_sinking,
+    known,
+    open_from,
+    opens_at,
+    shut_area,
+)
 from observer_rt.observer.pair import read_out, start_pair, step_pair
 from observer_rt.observer.standstill import gather
 from observer_rt.observer.state import MAX_EVENT, RING, Observer, Reason, State
@@ -44,10 +52,12 @@ def push(
 ) -> None:
     """Append a sample in SI units to the stream; `broken` (Break) says why it does not follow the last one."""
     c = observer.constants.coefficients
+    inputs = observer.constants.inputs
     memory = observer.memory[0]
     row = observer.ring[memory.received & _MASK]
     row.index = index
-    row.rail_pressure = (rail_pressure - c.chamber_pressure) / c.pressure_scale
+    true_rail_pressure = inputs.rail_factor * rail_pressure + inputs.rail_shift
+    row.rail_pressure = (true_rail_pressure - c.chamber_pressure) / c.pressure_scale
     row.needle_lift = needle_lift
     row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
     row.interpolated = interpolated
@@ -68,7 +78,7 @@ def advance_stream(observer: Observer) -> bool:
         position = memory.processed
         if (
             not memory.draining
-            and known(observer, position) < LOOKAHEAD
+            and known(observer, position) < observer.constants.timing.lookahead
             and not _cut_short(observer, position)
         ):
             break
@@ -154,10 +164,14 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
     row = observer.ring[position & _MASK]
     if opens:
         memory.needle_open = True
+        open_from(observer, position)
         begin_injection(observer, position)
-    elif memory.needle_open and closes_at(observer, position):
-        memory.needle_open = False
-        memory.shut_since = row.index
+    elif memory.needle_open:
+        if not is_recorded_shut(observer, position):
+            memory.fall = 0.0
+        elif not keep_sinking(observer, position):
+            memory.needle_open = False
+            memory.shut_since = row.index
     if memory.needle_open:
         row.seat_area = area_at(observer, position)
     else:

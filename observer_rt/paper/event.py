@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.laws import seat_area
+from observer_rt.model.flows import normalised_area
 from observer_rt.model.network import constant_network
 from observer_rt.model.right_hand_side import fault
 from observer_rt.observer.observer import LEARNING_LEAD, SETTLE, WINDOW_LEAD, WINDOW_TAIL, Durations
@@ -56,10 +56,8 @@ def true_states(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
 
 def inputs(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
     """u of (24) (n, 2)."""
-    area = [seat_area(lift, c.seat_diameter, c.half_cone_angle) for lift in truth.needle_lift]
-    return np.column_stack(
-        [(truth.rail_pressure - c.chamber_pressure) / c.pressure_scale, np.array(area) / c.area_scale]
-    )
+    area = [normalised_area(lift, c) for lift in truth.needle_lift]
+    return np.column_stack([(truth.rail_pressure - c.chamber_pressure) / c.pressure_scale, np.array(area)])
 
 
 def true_fault(

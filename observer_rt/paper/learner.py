@@ -31,8 +31,13 @@ class PaperLearner:
     @property
     def schedule(self) -> GainSchedule:
         """Gains of the live x~, which x^ follows while the needle is shut."""
+        sensor = self._constants.sensor
         return gain_schedule(
-            self._constants.coefficients, self._knowledge.noise, 1.0 / self._constants.interval
+            self._constants.coefficients,
+            self._knowledge.noise,
+            1.0 / self._constants.interval,
+            sensor.lag,
+            sensor.fraction,
         )
 
     def learn(self, window: Window, standstill: Standstill, in_force: NDArray[np.float64]) -> Outcome:
@@ -42,6 +47,7 @@ class PaperLearner:
         """
         noise = standstill.noise or self._knowledge.noise
         self._knowledge = replace(self._knowledge, noise=noise, events=self._knowledge.events + 1)
+        window = window._replace(output=window.output - self._constants.sensor.offset)
         training = train(window, self._setting, self._weights)
         windows = [window] if self._previous is None else [self._previous, window]
         errors = [

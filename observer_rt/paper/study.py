@@ -7,7 +7,7 @@ import numpy as np
 from observer_rt.config import Bench
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.laws import root
 from observer_rt.observer.knowledge import Verdict, no_knowledge
 from observer_rt.observer.standstill import Standstill
@@ -27,7 +27,6 @@ from observer_rt.paper.systems import swept
 from observer_rt.paper.training import Weights, first_weights, network_of, paper_setting, train
 from observer_rt.recording.framing import bench_for
 from observer_rt.service.core import bench_constants, configured_noise
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.schedule import FIRST_EVENT, make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
 from observer_rt.units import MEGAPASCAL, MILLISECOND
@@ -50,7 +49,7 @@ def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:
 
     Raises `UserError` for a sample rate [Hz] at which the paper's scheme cannot identify anything.
     """
-    c = coefficients(bench.injector)
+    c = effective_model(bench.injector).coefficients
     gain = min(LARGEST_GAIN, sample_rate)
     check_gain("--sample-rate", gain, c, sample_rate)
     healthy = []
@@ -67,11 +66,11 @@ def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:
 
 def _simulated(bench: Bench, sample_rate: float, wear: float, events: int) -> Simulation:
     schedule = make_schedule([RAIL_PRESSURE], events, PERIOD, [ENERGIZING_TIME])
-    return simulate(bench.injector, schedule, sample_rate, PlantEffects(orifice_area=wear))
+    return simulate(bench.injector, schedule, sample_rate, (sized("orifice_area", v_H=wear),))
 
 
 def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> WearCase:
-    c = coefficients(bench.injector)
+    c = effective_model(bench.injector).coefficients
     single = _simulated(bench, sample_rate, wear, 1)
     several = _simulated(bench, sample_rate, wear, TRAININGS)
     (injection,) = injection_windows(single.truth.needle_lift, sample_rate)
@@ -109,7 +108,7 @@ def _gain_case(bench: Bench, sample_rate: float, gain: float) -> GainCase:
     simulation = _simulated(bench, sample_rate, NOZZLE_WEAR, 1)
     (injection,) = injection_windows(simulation.truth.needle_lift, sample_rate)
     scheme = _Scheme(bench, simulation, injection, gain)
-    true_x_3 = true_states(simulation.truth, coefficients(bench.injector))[injection.span, 2]
+    true_x_3 = true_states(simulation.truth, effective_model(bench.injector).coefficients)[injection.span, 2]
     model, paper = scheme.estimate(scheme.trained(0)), scheme.estimate(scheme.trained(1))
     true_volume = np.trapezoid(simulation.truth.injection_rate[injection.span])
     return GainCase(

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.flows import nozzle_law
 from observer_rt.model.integrator import along, between, emptied, step_end
-from observer_rt.model.laws import root
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import right_hand_side
 from observer_rt.paper.network import FreeNetwork, free_fault
@@ -131,12 +131,12 @@ def observe(
 
 
 @njit(cache=True, nogil=True)
-def balanced_rate(x_3: float, phi_1: float, c: Coefficients) -> float:
+def balanced_rate(x_3: float, u_2: float, phi_1: float, c: Coefficients) -> float:
     """Q_H^ [m3/s] by the nozzle balance (Q_0/a_1)(a_2 root(x^3) - phi_1): phi_1 is the flow the model lacks.
 
     The orifice law at x^3 alone is not the injection rate of a worn nozzle.
     """
-    return float(c.flow_scale / c.a1 * (c.a2_nozzle * root(x_3, c.transition) - phi_1))
+    return float(c.flow_scale / c.a1 * (c.a2_nozzle * nozzle_law(x_3, u_2, 0.0, c) - phi_1))
 
 
 @njit(cache=True, nogil=True)
@@ -168,7 +168,7 @@ def sweep(window: Window, setting: PaperSetting, network: FreeNetwork, result: E
         rate = 0.0
         if driven:
             phi = free_fault(x, u_read, network)
-            rate = balanced_rate(x[2], phi[0], c)
+            rate = balanced_rate(x[2], u_read[1], phi[0], c)
         result.x[k, 0], result.x[k, 1], result.x[k, 2] = x
         result.phi[k, 0], result.phi[k, 1], result.phi[k, 2] = phi
         result.rate[k] = rate

@@ -7,10 +7,12 @@ from observer_rt.bus.mapping import map_bus
 from observer_rt.config import Bench
 from observer_rt.errors import UserError
 from observer_rt.estimation.gain import gain_schedule
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import EffectValue
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
-from observer_rt.observer.front_end import LOOKAHEAD, dead_band
+from observer_rt.observer.front_end import dead_band
 from observer_rt.observer.knowledge import no_knowledge
+from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.state import MAX_EVENT
 from observer_rt.paper.gain import doubts_about_gain
 from observer_rt.service.checkup_bus import bus_findings
@@ -46,6 +48,7 @@ def _files(bench: Bench) -> list[Finding]:
     findings = [
         Finding("files", Level.OK, f"bench {bench.path}"),
         Finding("files", Level.OK, f"injector {bench.injector_path}, SHA-256 {model_hash(bench.injector)}"),
+        *_effects(bench),
     ]
     names = ", ".join(str(path) for path in bench.databases)
     try:
@@ -57,27 +60,43 @@ def _files(bench: Bench) -> list[Finding]:
     return findings
 
 
+def _effects(bench: Bench) -> list[Finding]:
+    """The effects that the injector file adds to the nominal model."""
+    return [
+        Finding("effects", Level.OK, " ".join([effect.id, *map(_size, effect.parameters.items())]))
+        for effect in bench.injector.effects
+    ]
+
+
+def _size(parameter: tuple[str, EffectValue]) -> str:
+    name, size = parameter
+    return f"{name} = {size.value:g}" + ("" if size.unit == "-" else f" {size.unit}")
+
+
 def _integration(bench: Bench) -> list[Finding]:
     try:
         substeps = bench_constants(bench).substeps
     except UserError as error:
         return [failed("integration", error)]
+    model = effective_model(bench.injector)
     return [
         Finding(
             "integration",
             Level.OK,
             f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {bench.config.sampling.rate_hz:g} Hz, "
-            f"for a fastest rate of {fastest_rate(bench.injector):.3g} 1/s",
+            f"for a fastest rate of {fastest_rate(model.injector, model.departures):.3g} 1/s",
         )
     ]
 
 
 def _observer(bench: Bench) -> list[Finding]:
-    c = coefficients(bench.injector)
     rate = bench.config.sampling.rate_hz
     noise = configured_noise(bench)
+    constants = constants_for(bench.injector, rate, Durations(), events_required=0)
+    sensor, lookahead = constants.sensor, constants.timing.lookahead
+    schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction)
+    c = constants.coefficients
     line_mode = math.sqrt(c.a1 * c.a3) / (2 * math.pi)
-    schedule = gain_schedule(c, noise, rate)
     opens, shuts = dead_band(noise.needle_lift)
     return [
         graded(
@@ -99,7 +118,7 @@ def _observer(bench: Bench) -> list[Finding]:
             f"above {LARGEST_DEAD_BAND:.0%} of the full lift short injections are missed: "
             "lower the noise of the needle lift",
         ),
-        Finding("look-ahead", Level.OK, f"{LOOKAHEAD} samples, {LOOKAHEAD / rate / MICROSECOND:.4g} us"),
+        Finding("look-ahead", Level.OK, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us"),
         _event_timing(bench),
         *_paper_training(bench),
     ]
@@ -123,7 +142,7 @@ def _paper_training(bench: Bench) -> list[Finding]:
     gain = bench.config.learning.identification_gain
     if gain is None:
         return []
-    c = coefficients(bench.injector)
+    c = effective_model(bench.injector).coefficients
     try:
         make_learner(bench, bench_constants(bench), no_knowledge(configured_noise(bench), c.pressure_scale))
     except UserError as error:

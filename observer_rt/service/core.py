@@ -12,7 +12,8 @@ from observer_rt.bus.mapping import BusMap, frame_key
 from observer_rt.config import Bench
 from observer_rt.errors import UserError
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate, substeps_needed
+from observer_rt.model.effects import effective_model
+from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.front_end import dead_band
 from observer_rt.observer.indicators import indicators_of, with_free_rows
 from observer_rt.observer.interval import rate_sigma, volume_interval
@@ -80,19 +81,22 @@ def configured_noise(bench: Bench) -> NoiseLevels:
 def bench_constants(bench: Bench, restored: bool = False) -> Constants:
     """Constants of the observer for a bench. Raises `UserError` when its sample rate is too low to integrate."""
     rate = bench.config.sampling.rate_hz
-    substeps = substeps_needed(bench.injector, rate)
+    learning = bench.config.learning
+    durations = Durations(learning.event_gap_ms * MILLISECOND, learning.learning_delay_ms * MILLISECOND)
+    constants = constants_for(
+        bench.injector, rate, durations, EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
+    )
+    substeps = constants.substeps
     if substeps > MAX_SUBSTEPS:
+        model = effective_model(bench.injector)
+        fastest = fastest_rate(model.injector, model.departures)
         raise UserError(
             f"{bench.path}: sampling.rate_hz",
             f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS}), "
-            f"for the sac of {bench.injector_path.name} relaxes at up to {fastest_rate(bench.injector):.3g} 1/s",
+            f"for the sac of {bench.injector_path.name} relaxes at up to {fastest:.3g} 1/s",
             f"sample at {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more",
         )
-    learning = bench.config.learning
-    durations = Durations(learning.event_gap_ms * MILLISECOND, learning.learning_delay_ms * MILLISECOND)
-    return constants_for(
-        bench.injector, rate, durations, EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
-    )
+    return constants
 
 
 class Core:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from observer_rt.config import Bench, Training
 from observer_rt.errors import UserError
+from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import LineOutflow
 from observer_rt.observer.knowledge import EventLearner, Knowledge
 from observer_rt.observer.learning import Learner
@@ -20,11 +21,12 @@ def make_learner(bench: Bench, constants: Constants, knowledge: Knowledge) -> Ev
     learning = bench.config.learning
     if learning.training is Training.PREDICTION_ERROR or learning.identification_gain is None:
         return Learner(constants, knowledge)
-    if bench.injector.line_outflow is not LineOutflow.NOZZLE:
+    line_outflow = effective_model(bench.injector).injector.line_outflow
+    if line_outflow is not LineOutflow.NOZZLE:
         raise UserError(
             f"{bench.path}: learning.training",
             f"'paper' rests on a line drained by the nozzle flow (25), but {bench.injector_path} says "
-            f"line_outflow = '{bench.injector.line_outflow}'",
+            f"line_outflow = '{line_outflow}'",
             "use training = 'prediction_error'",
         )
     check_gain(

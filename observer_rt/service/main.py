@@ -11,7 +11,6 @@ from observer_rt.bus.link import open_link
 from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench
 from observer_rt.destinations import check_folder
-from observer_rt.observer.front_end import LOOKAHEAD
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.screen import say, say_if_compiling
 from observer_rt.service.core import bench_constants
@@ -94,11 +93,12 @@ def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
     link = bench.config.link
     inputs = ", ".join(layout.name for layout in bus.input_layouts)
     rate = bench.config.sampling.rate_hz
+    lookahead = constants.timing.lookahead
     say(
         console,
         f"{link.interface} {link.channel}: {inputs} at {rate:g} Hz -> {bus.rate.layout.name}\n"
-        f"{constants.substeps} integration steps a sample, look-ahead {LOOKAHEAD} samples "
-        f"({LOOKAHEAD / rate / MICROSECOND:g} us)",
+        f"{constants.substeps} integration steps a sample, look-ahead {lookahead} samples "
+        f"({lookahead / rate / MICROSECOND:g} us)",
     )
     if link.interface == "virtual":
         say(

@@ -43,8 +43,17 @@ class _UnusableError(Exception):
 
 
 def model_hash(parameters: InjectorParameters) -> str:
-    """SHA-256 (hexadecimal) of the parameters, however the file they were read from is written."""
-    return _digest(parameters.model_dump(mode="json"))
+    """SHA-256 (hexadecimal) of the parameters, however the file they were read from is written.
+
+    Of the effects in force it covers what they do, not why somebody believes in them.
+    """
+    content = parameters.model_dump(mode="json", exclude={"effects"})
+    if parameters.effects:
+        content["effects"] = [
+            [effect.id, {name: [size.value, size.unit] for name, size in effect.parameters.items()}]
+            for effect in parameters.effects
+        ]
+    return _digest(content)
 
 
 def save_knowledge(

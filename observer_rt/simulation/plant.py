@@ -8,14 +8,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.estimation.sensor import lagged
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import EffectiveModel, SensorTerms
+from observer_rt.model.flows import normalised_area
 from observer_rt.model.integrator import runge_kutta_step
-from observer_rt.model.laws import seat_area
 from observer_rt.model.network import Network, constant_network
-from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.model.stability import fastest_rate
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.needle import CORNER_ROUNDING, Stroke, lift_of_stroke
 
 LONGEST_STEP = 1e-6  # s
@@ -45,11 +45,12 @@ class Truth:
     """[Pa]"""
     line_flow: NDArray[np.float64]
     """Q_L into the closed end of the line [m3/s]."""
+    recorded_line_pressure: NDArray[np.float64]
+    """Line pressure [Pa] as a slow sensor and late recording give it, without its offset."""
 
 
 def run_plant(
-    parameters: InjectorParameters,
-    effects: PlantEffects,
+    model: EffectiveModel,
     strokes: Sequence[Stroke],
     time: NDArray[np.float64],
     rail_pressure: NDArray[np.float64],
@@ -60,21 +61,39 @@ def run_plant(
     `rail_pressure` [Pa], shape (n,), is linear between samples; the lift is exact at every stage of every
     step. The steps are at most 1 us, an integer number per sample.
     """
-    c = coefficients(parameters)
-    network = constant_network(nozzle=effects.orifice_area, seat=effects.seat_area)
-    worn = 1.0 + max(effects.orifice_area, effects.seat_area, 0.0)
+    c = model.coefficients
+    network = constant_network()
     period = float(time[-1] - time[0]) / (time.size - 1)
-    longest_step = min(LONGEST_STEP, STEP_TIMES_RATE / (worn * fastest_rate(parameters)))
+    longest_step = min(LONGEST_STEP, STEP_TIMES_RATE / fastest_rate(model.injector, model.departures))
     steps = math.ceil(period / longest_step)
     rail = (rail_pressure - c.chamber_pressure) / c.pressure_scale
     table = np.array(strokes, dtype=np.float64).reshape(len(strokes), len(Stroke._fields))
     states = np.empty((time.size, 3))
     lift = np.empty(time.size)
     rate = np.empty(time.size)
-    x, number = (float(rail[0]), 0.0, 0.0), 0
+    recorded = np.empty(time.size)
+    x, number, indicated, due = (float(rail[0]), 0.0, 0.0), 0, float(rail[0]), 0
     for first in range(0, time.size, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, time.size)
-        x, number = _run(x, number, first, last, time, rail, table, steps, c, network, states, lift, rate)
+        x, number, indicated, due = _run(
+            x,
+            number,
+            indicated,
+            due,
+            first,
+            last,
+            time,
+            rail,
+            table,
+            steps,
+            c,
+            network,
+            model.sensor,
+            states,
+            lift,
+            rate,
+            recorded,
+        )
         if progress is not None:
             progress(last / time.size)
     return Truth(
@@ -85,12 +104,13 @@ def run_plant(
         line_pressure=states[:, 0] * c.pressure_scale + c.chamber_pressure,
         sac_pressure=states[:, 2] * c.pressure_scale + c.chamber_pressure,
         line_flow=states[:, 1] * c.flow_scale,
+        recorded_line_pressure=recorded * c.pressure_scale + c.chamber_pressure,
     )
 
 
 @njit(cache=True, nogil=True)
 def _inputs(rail: float, lift: float, c: Coefficients) -> tuple[float, float]:
-    return rail, seat_area(lift, c.seat_diameter, c.half_cone_angle) / c.area_scale
+    return rail, normalised_area(lift, c)
 
 
 @njit(cache=True, nogil=True)
@@ -106,6 +126,8 @@ def _stroke(strokes: NDArray[np.float64], number: int) -> Stroke:
 def _run(
     x: tuple[float, float, float],
     number: int,
+    indicated: float,
+    due: int,
     first: int,
     last: int,
     time: NDArray[np.float64],
@@ -114,11 +136,16 @@ def _run(
     steps: int,
     c: Coefficients,
     network: Network,
+    sensor: SensorTerms,
     states: NDArray[np.float64],
     lift: NDArray[np.float64],
     rate: NDArray[np.float64],
-) -> tuple[tuple[float, float, float], int]:
-    """Record samples first..last-1 and step on to `last`; `number` is the stroke under way or next."""
+    recorded: NDArray[np.float64],
+) -> tuple[tuple[float, float, float], int, float, int]:
+    """Record samples first..last-1 and step on to `last`; `number` is the stroke under way or next.
+
+    `indicated` is what the sensor shows, `due` the first sample of the line pressure not recorded yet.
+    """
     s = _stroke(strokes, number)
     for n in range(first, last):
         lift[n] = lift_of_stroke(time[n], s)
@@ -128,6 +155,7 @@ def _run(
         states[n] = x
         rate[n] = injection_rate(x, u, c, network)
         if n + 1 == time.size:
+            recorded[due:] = indicated
             break
         step = (time[n + 1] - time[n]) / steps
         for i in range(steps):
@@ -139,6 +167,13 @@ def _run(
             rail_end = rail[n] + (i + 1.0) / steps * (rail[n + 1] - rail[n])
             u_middle = _inputs(rail_middle, lift_of_stroke(start + 0.5 * step, s), c)
             u_end = _inputs(rail_end, lift_of_stroke(start + step, s), c)
+            before, shown = x[0], indicated
             x = runge_kutta_step(x, u, u_middle, u_end, step, c, network)
+            indicated = lagged(shown, before, x[0], step, sensor.lag)
+            end = time[n] + (i + 1) * step if i + 1 < steps else time[n + 1]
+            while due < time.size and time[due] - sensor.delay < end:
+                share = max(time[due] - sensor.delay - start, 0.0) / step
+                recorded[due] = shown + share * (indicated - shown)
+                due += 1
             u = u_end
-    return x, number
+    return x, number, indicated, due

@@ -1,11 +1,15 @@
 """Recordings of a healthy or worn injector, with the truth behind them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from observer_rt.errors import UserError
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.recording.csv_file import (
     INJECTION_RATE,
@@ -17,7 +21,6 @@ from observer_rt.recording.csv_file import (
 )
 from observer_rt.recording.files import file_errors
 from observer_rt.recording.recording import Recording
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Progress, Truth, run_plant
@@ -43,13 +46,13 @@ def simulate(
     parameters: InjectorParameters,
     schedule: Schedule,
     sample_rate: float,
-    effects: PlantEffects | None = None,
+    effects: Sequence[SizedEffect] = (),
     noise: NoiseLevels | None = None,
     measured_rate: bool = False,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Simulation:
-    """Simulate a schedule at `sample_rate` [Hz].
+    """Simulate a schedule at `sample_rate` [Hz], with the effects in force in `parameters` and `effects` besides.
 
     Without `noise` the recording has neither noise nor quantisation. The same arguments give the same bits;
     every signal has its own random stream, so that one signal more or less leaves the others as they are.
@@ -61,12 +64,10 @@ def simulate(
             f"{sample_rate:g} Hz is out of range",
             f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz",
         )
-    effects = effects or PlantEffects()
+    model = effective_model(parameters, effects)
     time = np.arange(round(schedule.duration * sample_rate) + 1) / sample_rate
-    truth = run_plant(
-        parameters, effects, strokes(schedule, parameters), time, schedule.rail_pressure(time), progress
-    )
-    return Simulation(_measure(truth, effects, noise, measured_rate, seed), truth)
+    truth = run_plant(model, strokes(schedule, parameters), time, schedule.rail_pressure(time), progress)
+    return Simulation(_measure(truth, model, noise, measured_rate, seed), truth)
 
 
 def truth_path(recording: Path) -> Path:
@@ -91,15 +92,18 @@ def write_truth(path: Path, truth: Truth) -> None:
 
 
 def _measure(
-    truth: Truth, effects: PlantEffects, noise: NoiseLevels | None, measured_rate: bool, seed: int
+    truth: Truth, model: EffectiveModel, noise: NoiseLevels | None, measured_rate: bool, seed: int
 ) -> Recording:
-    rail_pressure = truth.rail_pressure + effects.rail_pressure_sensor_offset
-    line_pressure = truth.line_pressure + effects.line_pressure_sensor_offset
+    terms = model.inputs
+    rail_pressure = (truth.rail_pressure - terms.rail_shift) / terms.rail_factor
+    line_pressure = truth.recorded_line_pressure + model.sensor.offset
+    open_lift = np.maximum((truth.needle_lift - terms.lift_shift) / terms.lift_factor, 0.0)
+    needle_lift = np.where(truth.needle_lift > 0.0, open_lift, 0.0)
     if noise is None:
         return Recording(
             time=truth.time,
             rail_pressure=rail_pressure,
-            needle_lift=truth.needle_lift,
+            needle_lift=needle_lift,
             line_pressure=line_pressure,
             injection_rate=truth.injection_rate if measured_rate else None,
         )
@@ -114,7 +118,7 @@ def _measure(
     return Recording(
         time=truth.time,
         rail_pressure=PRESSURE.apply(rail_pressure + rail.normal(0.0, noise.rail_pressure, n)),
-        needle_lift=LIFT.apply(truth.needle_lift + lift.normal(0.0, noise.needle_lift, n)),
+        needle_lift=LIFT.apply(needle_lift + lift.normal(0.0, noise.needle_lift, n)),
         line_pressure=PRESSURE.apply(line_pressure + line.normal(0.0, noise.line_pressure, n)),
         injection_rate=injection_rate,
     )

@@ -9,8 +9,8 @@ import pytest
 
 from observer_rt.cli import main
 from observer_rt.config import EXAMPLE_BENCH, load_injector
+from observer_rt.model.effects import sized
 from observer_rt.recording.files import write_recording
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
@@ -52,7 +52,7 @@ def worn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("worn") / "worn.csv"
     schedule = make_schedule([60e6, 120e6], 4, 0.05, [1.1e-3])
     simulation = simulate(
-        load_injector(), schedule, 50e3, PlantEffects(orifice_area=0.3), NoiseLevels(), True, seed=3
+        load_injector(), schedule, 50e3, (sized("orifice_area", v_H=0.3),), NoiseLevels(), True, seed=3
     )
     write_recording(path, simulation.recording)
     return path

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from observer_rt.config import NOMINAL_INJECTOR
 from tests.cli.conftest import Command
 
 
@@ -23,6 +24,21 @@ def test_json_document(command: Command, bench: Path) -> None:
     assert found["errors"] == 0
     topics = {finding["topic"] for finding in found["findings"]}
     assert {"files", "mapping", "bus load", "integration", "real time"} <= topics
+
+
+def test_effects_in_force_are_named(command: Command, bench: Path, tmp_path: Path) -> None:
+    injector = tmp_path / "amended.toml"
+    size = '{ value = 20.0, unit = "um" }'
+    entry = f'\n[[effects]]\nid = "lift_offset"\nparameters = {{ x_0 = {size} }}\n'
+    injector.write_text(NOMINAL_INJECTOR.read_text() + entry)
+    found = {}
+    for model in (NOMINAL_INJECTOR, injector):
+        outcome = command("check", "--bench", bench, "--model", model, "--json")
+        findings = json.loads(outcome.out)["findings"]
+        found[model] = {finding["topic"]: finding["text"] for finding in findings}
+    assert found[injector]["effects"] == "lift_offset x_0 = 20 um"
+    assert "effects" not in found[NOMINAL_INJECTOR]
+    assert found[injector]["look-ahead"] != found[NOMINAL_INJECTOR]["look-ahead"]
 
 
 def test_error_found_is_exit_code_1(command: Command, bench: Path) -> None:

@@ -19,6 +19,14 @@ def truth_columns(path: Path) -> dict[str, NDArray[np.float64]]:
     return dict(zip(header, table.T, strict=True))
 
 
+def test_known_effects_are_listed_as_they_are_written(command: Command, tmp_path: Path) -> None:
+    outcome = command("simulate", "--effect", "lift_ofset=20", "--output", tmp_path / "never.csv")
+    assert outcome.code == 2
+    assert "the nearest is 'lift_offset'" in outcome.err
+    assert "lift_dependent_seat_coefficient:a:x_c" in outcome.err
+    assert "lift_offset:x_0" in outcome.err
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".mf4"])
 def test_recording_and_its_truth(command: Command, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"made{suffix}"

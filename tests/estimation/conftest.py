@@ -14,6 +14,7 @@ from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.estimation.sensor import LAG_UNIT, lagged
 from observer_rt.model.coefficients import Coefficients, coefficients, with_line_terms
+from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import HIDDEN
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
@@ -43,6 +44,30 @@ class Case:
 def case(request: pytest.FixtureRequest) -> Case:
     """The nominal injector in both outflow forms."""
     return make_case(load_injector().model_copy(update={"line_outflow": request.param}))
+
+
+@pytest.fixture(scope="session", params=list(LineOutflow), ids=str)
+def affected(request: pytest.FixtureRequest) -> Case:
+    """Both forms with effects in force on everything the predictor computes."""
+    injector = load_injector().model_copy(update={"line_outflow": request.param})
+    model = effective_model(
+        injector,
+        [
+            sized("orifice_area", v_H=0.1),
+            sized("guide_leakage", c=1e-14),
+            sized("pressure_dependent_bulk_modulus", n=6.0),
+            sized("entrained_air", g=2e-3),
+            sized("orifice_cavitation", n_crit_excess=0.15),
+            sized("chamber_pressure_rise", dp=6e6),
+        ],
+    )
+    c = model.coefficients
+    schedule = gain_schedule(c, NOISE, SAMPLE_RATE, 10e-6, 0.4)
+    substeps = substeps_needed(model.injector, SAMPLE_RATE)
+    setting = Setting(
+        1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy(), late=0.4, lag=10e-6, offset=0.006
+    )
+    return Case(c, schedule, setting)
 
 
 @pytest.fixture(scope="session")
@@ -94,8 +119,11 @@ def simulated_event(
     for u_start, u_end in pairwise((float(rail), float(area)) for rail, area in inputs):
         before = x[0]
         x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network)
-        indicated.append(lagged(indicated[-1], before, x[0], setting.interval, learned.lag))
-    output = np.array(indicated) + learned.offset
+        lag = setting.lag + learned.lag
+        indicated.append(lagged(indicated[-1], before, x[0], setting.interval, lag))
+    shown = np.array(indicated)
+    shown[1:] -= setting.late * np.diff(shown)
+    output = shown + setting.offset + learned.offset
     measured = inputs.copy()
     if seed is not None:
         random = np.random.default_rng(seed)

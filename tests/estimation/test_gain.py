@@ -26,11 +26,12 @@ HEALTHY = np.zeros(PARAMETERS)
 
 
 def steady_kalman(
-    c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float
+    c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float, late: float = 0.0
 ) -> tuple[NDArray[np.float64], float]:
     """Gain (3,) and innovation sigma by matrix exponentials and the algebraic Riccati equation.
 
-    States p_L, Q_L and what the sensor indicates, which sees p_L as a ramp from sample to sample.
+    States p_L, Q_L, what the sensor indicates, which sees p_L as a ramp from sample to sample, and what is recorded
+    of it, a share `late` of a sample late.
     """
     interval = 1.0 / sample_rate
     line = expm(np.array([[0.0, c.a1, 0.0], [-c.a3, 0.0, c.a3], [0.0, 0.0, 0.0]]) * interval)
@@ -41,12 +42,16 @@ def steady_kalman(
     transition[:2, :2] = line[:2, :2]
     transition[2] = [by_start + by_end * line[0, 0], by_end * line[0, 1], ramp[0]]
     rail = np.array([line[0, 2], line[1, 2], by_end * line[0, 2]])
+    transition = np.block([[transition, np.zeros((3, 1))], [np.zeros((1, 4))]])
+    transition[3] = (1 - late) * transition[2]
+    transition[3, 2] += late
+    rail = np.append(rail, (1 - late) * rail[2])
     process = np.outer(rail, rail) * (noise.rail_pressure / c.pressure_scale) ** 2
     measurement = np.array([[(noise.line_pressure / c.pressure_scale) ** 2]])
-    output = np.array([[0.0, 0.0, 1.0]])
+    output = np.array([[0.0, 0.0, 0.0, 1.0]])
     covariance = solve_discrete_are(transition.T, output.T, process, measurement)
-    variance = covariance[2, 2] + measurement[0, 0]
-    return covariance[:, 2] / variance, math.sqrt(variance)
+    variance = covariance[3, 3] + measurement[0, 0]
+    return covariance[:3, 3] / variance, math.sqrt(variance)
 
 
 @pytest.mark.parametrize("sample_rate", [20e3, 50e3, 100e3])
@@ -59,6 +64,20 @@ def test_steady_gain_solves_the_riccati_equation(
     schedule = gain_schedule(nominal.c, noise, sample_rate, lag)
     gain, sigma = steady_kalman(nominal.c, noise, sample_rate, lag)
     np.testing.assert_allclose(schedule.gains[-1], gain, rtol=0.02)
+    assert schedule.innovation_sigma == pytest.approx(sigma, rel=2e-3)
+
+
+@pytest.mark.parametrize("late", [0.3, 0.9])
+@pytest.mark.parametrize("lag", [0.0, 40e-6])
+@pytest.mark.parametrize("sample_rate", [20e3, 100e3])
+def test_steady_gain_of_a_line_pressure_recorded_late(
+    nominal: Case, sample_rate: float, lag: float, late: float
+) -> None:
+    schedule = gain_schedule(nominal.c, NOISE, sample_rate, lag, late)
+    gain, sigma = steady_kalman(nominal.c, NOISE, sample_rate, lag, late)
+    on_time, _ = steady_kalman(nominal.c, NOISE, sample_rate, lag)
+    np.testing.assert_allclose(schedule.gains[-1], gain, rtol=0.02)
+    assert abs(on_time[1] / gain[1] - 1.0) > 0.05  # being late matters more than the tolerance
     assert schedule.innovation_sigma == pytest.approx(sigma, rel=2e-3)
 
 

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gating import ENTER, STAY, Gate, best_subset, gated_covariance
+from observer_rt.estimation.gating import ENTER, STAY, Gate, best_subset, carried_covariance, gated_covariance
+from observer_rt.estimation.posterior import Belief
 
 SIZE = 6
 GATE = Gate(columns=(1, 3, 4), lowest=(-0.5, 0.0, 0.0))
@@ -131,8 +132,23 @@ def test_gated_covariance_is_that_of_the_error_when_the_rest_is_known(
         )
     for covariance in (error, joint):
         np.testing.assert_allclose(
-            gated_covariance(information, covariance, GATE, active),
+            gated_covariance(Belief(np.zeros(SIZE), joint, covariance), GATE, active),
             regression @ covariance @ regression.T,
             rtol=1e-6,
             atol=1e-6,
         )
+
+
+def test_what_is_left_out_but_believed_is_an_error_of_what_is_carried() -> None:
+    """A scalar 3 sigma from 0 does not pay its way; the theta without it is that far from the best guess."""
+    information, vector = np.diag([4.0, 1.0, 4.0, 25.0, 1.0, 4.0]), np.zeros(SIZE)
+    information[0, 3] = information[3, 0] = 5.0
+    vector[3] = 12.0
+    joint = np.asarray(np.linalg.inv(information), np.float64)
+    mean = joint @ vector
+    theta, active = best_subset(information, vector, GATE, frozenset())
+    assert active == frozenset()
+    covariance = carried_covariance(theta, Belief(mean, joint, joint), GATE, active)
+    assert covariance[3, 3] == pytest.approx(mean[3] ** 2)
+    assert covariance[0, 0] == pytest.approx(1.0 / 4.0 + mean[0] ** 2)
+    assert covariance[2, 2] == pytest.approx(1.0 / 4.0)

@@ -51,6 +51,18 @@ def test_slopes_are_the_derivatives_of_the_rate(
         np.testing.assert_allclose(slopes[:, parameter], numeric, atol=1e-6 * largest)
 
 
+@pytest.mark.parametrize("parameter", [p for p in range(PARAMETERS) if p not in SENSOR])
+def test_slopes_with_effects_in_force(affected: Case, parameter: int) -> None:
+    window = quiet_event(affected)
+    theta = worn_theta()
+    _, slopes = rate_of(affected, window, theta)
+    step = np.zeros(PARAMETERS)
+    step[parameter] = 1e-5
+    ahead, behind = (rate_of(affected, window, theta + sign * step)[0] for sign in (1, -1))
+    numeric = (ahead - behind) / 2e-5
+    np.testing.assert_allclose(slopes[:, parameter], numeric, atol=1e-6 * np.abs(numeric).max())
+
+
 def test_rate_is_that_of_the_observer_in_open_loop(case: Case) -> None:
     theta = worn_theta()
     window = quiet_event(case)

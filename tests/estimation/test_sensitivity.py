@@ -1,5 +1,7 @@
 """The filtered gradient against differences of the innovations themselves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -43,6 +45,18 @@ def test_slopes_are_the_derivatives_of_the_innovations(
     np.testing.assert_allclose(slopes[:, parameter], numeric, atol=1e-6 * largest)
 
 
+@pytest.mark.parametrize("parameter", range(PARAMETERS))
+def test_slopes_with_effects_in_force(affected: Case, parameter: int) -> None:
+    """Everything the right-hand side may be asked for at once, and a slow sensor recorded late."""
+    window = simulated_event(affected, worn_theta(seed=7), event_inputs(), seed=3)
+    _, slopes = with_slopes(affected, window, worn_theta())
+    step = np.zeros(PARAMETERS)
+    step[parameter] = 1e-5
+    ahead, behind = (innovations_at(affected, window, worn_theta() + sign * step) for sign in (1, -1))
+    numeric = (ahead - behind) / 2e-5
+    np.testing.assert_allclose(slopes[:, parameter], numeric, atol=1e-6 * np.abs(numeric).max())
+
+
 def test_innovations_are_the_same_with_and_without_slopes(case: Case) -> None:
     window = simulated_event(case, worn_theta(seed=7), event_inputs(), seed=3)
     theta = worn_theta()
@@ -65,3 +79,13 @@ def test_true_parameters_leave_no_innovation(case: Case) -> None:
     window = simulated_event(case, theta, event_inputs())
     assert np.abs(innovations_at(case, window, theta)).max() < 1e-12
     assert np.abs(innovations_at(case, window, np.zeros(PARAMETERS))).max() > 1e-3
+
+
+def test_effects_in_force_are_part_of_the_truth(affected: Case) -> None:
+    """None of the sensor's terms may be left out."""
+    theta = worn_theta()
+    window = simulated_event(affected, theta, event_inputs())
+    assert np.abs(innovations_at(affected, window, theta)).max() < 1e-12
+    setting = affected.setting
+    for other in (setting._replace(late=0.0), setting._replace(lag=0.0), setting._replace(offset=0.0)):
+        assert np.abs(innovations_at(replace(affected, setting=other), window, theta)).max() > 1e-3

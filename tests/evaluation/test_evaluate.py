@@ -15,8 +15,8 @@ from observer_rt.evaluation.evaluate import Evaluation, History, evaluate
 from observer_rt.evaluation.results import injection_results, recording_json
 from observer_rt.evaluation.trace_file import write_trace
 from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effects import sized
 from observer_rt.observer.state import State
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import Shot, make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
@@ -30,7 +30,7 @@ C = coefficients(NOMINAL)
 def worn() -> Simulation:
     """Four events of 100 MPa at 50 kHz, v_H = 0.3, with noise and a measured rate."""
     schedule = make_schedule([100e6], 4, 0.05, [1.1e-3])
-    effects = PlantEffects(orifice_area=0.3)
+    effects = (sized("orifice_area", v_H=0.3),)
     return simulate(NOMINAL, schedule, 50e3, effects, NoiseLevels(), measured_rate=True, seed=2)
 
 
@@ -174,7 +174,7 @@ def test_without_a_measurement_nothing_is_compared_with_it() -> None:
 
 @pytest.mark.parametrize(("offset", "passed"), [(0.0, True), (1e6, True), (3e6, False), (-3e6, False)])
 def test_standstill_check_of_the_offset(offset: float, passed: bool) -> None:
-    effects = PlantEffects(line_pressure_sensor_offset=offset)
+    effects = (sized("line_pressure_sensor_offset", o=offset),)
     made = simulate(NOMINAL, make_schedule([100e6], 1, 0.05, [1.1e-3]), 20e3, effects, NoiseLevels())
     (found,) = evaluate(BENCH, [made.recording], learning=False).evaluations
     checks = {check["id"]: check for check in document(found)["checks"]}

@@ -13,8 +13,8 @@ from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.evaluation.figures import evaluation_curves
 from observer_rt.evaluation.results import injection_results, recording_json
 from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effects import sized
 from observer_rt.service.report import InjectionReport
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import Shot, make_schedule
@@ -46,7 +46,7 @@ class Run:
 def run(seed: int, v_h: float, v_s: float = 0.0, twice: bool = False, learning: bool = True) -> Run:
     """Six events, pilot and main, at three pressures."""
     schedule = make_schedule([60e6, 100e6, 140e6], 6, 0.05, shots=SHOTS)
-    effects = PlantEffects(orifice_area=v_h, seat_area=v_s)
+    effects = (sized("orifice_area", v_H=v_h), sized("seat_area", v_S=v_s))
     noise, bench = NoiseLevels(), BENCH
     if twice:
         noise = NoiseLevels(**{name: 2 * sigma for name, sigma in vars(noise).items()})

@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 
 from observer_rt.config import load_injector
 from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effects import effective_model
 from observer_rt.model.laws import seat_area
 from observer_rt.model.network import zero_network
 from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.model.stability import substeps_needed
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.needle import Stroke
 from observer_rt.simulation.plant import Truth, run_plant
 from tests.model.conftest import Trajectory
@@ -29,7 +29,7 @@ def truth() -> Truth:
     needle = Stroke(1.0e-3, 1.25e-3, 2.65e-3, 2.9e-3, speed, speed)
     time = np.linspace(0.0, 3599 * FINE, 3600)
     rail_pressure = np.full(time.shape, RAIL_PRESSURE)
-    return run_plant(NOMINAL, PlantEffects(), [needle], time, rail_pressure)
+    return run_plant(effective_model(NOMINAL), [needle], time, rail_pressure)
 
 
 @pytest.mark.parametrize(

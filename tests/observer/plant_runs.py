@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.parameters import EffectInForce, EffectValue
 from observer_rt.observer.indicators import Estimate, Indicators
 from observer_rt.service.report import InjectionReport
 from tools.benchmarks.plant import Bench, Event, Needle, Shot, record
@@ -44,9 +46,25 @@ class PlantRun:
         return estimate
 
 
+def in_force(known: SizedEffect) -> EffectInForce:
+    """An effect as an injector file names it."""
+    sizes = zip(known.effect.parameters, known.values, strict=True)
+    printed = {p.name: EffectValue(value=value / p.si, unit=p.unit) for p, value in sizes}
+    return EffectInForce(id=known.effect.id, parameters=printed)
+
+
 @cache
-def run_plant(faults: Faults, events: int = EVENTS, change_at: int | None = None, seed: int = 5) -> PlantRun:
-    """Single injections at changing operating points; with `change_at` (from 1) healthy before that event."""
+def run_plant(
+    faults: Faults,
+    events: int = EVENTS,
+    change_at: int | None = None,
+    seed: int = 5,
+    known: SizedEffect | None = None,
+) -> PlantRun:
+    """Single injections at changing operating points; with `change_at` (from 1) healthy before that event.
+
+    known: an effect the observer's injector file has in force.
+    """
     schedule = []
     for k in range(events):
         changed = change_at is None or k + 1 >= change_at
@@ -56,7 +74,11 @@ def run_plant(faults: Faults, events: int = EVENTS, change_at: int | None = None
     injector = Injector()
     bench = Bench(injector, Needle(), tuple(schedule), seed=seed)
     outcome = record(bench)
-    evaluation = evaluate(bench_at(bench.sample_rate), [recording_of(outcome)]).evaluations[0]
+    observer = bench_at(bench.sample_rate)
+    if known is not None:
+        changes = {"effects": (in_force(known),)}
+        observer = observer.model_copy(update={"injector": observer.injector.model_copy(update=changes)})
+    evaluation = evaluate(observer, [recording_of(outcome)]).evaluations[0]
     assert len(evaluation.reports) == events
     windows = windows_of(outcome, bench.sample_rate)
     return PlantRun(

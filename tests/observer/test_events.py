@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from observer_rt.continuity import Break
 from observer_rt.observer.observer import Durations
-from observer_rt.observer.state import MAX_EVENT, Reason, State
+from observer_rt.observer.state import MAX_EVENT, RING, Reason, State
 from tests.observer.stream import RAIL, Stream, stroke
 
 MS = 100  # samples at 100 kHz
@@ -125,6 +125,19 @@ def test_volume_is_the_trapezoid_of_what_was_published() -> None:
     assert expected > 1e-8  # m3
     assert float(injection["volume"]) == pytest.approx(expected, rel=1e-12)
     assert float(injection["peak_rate"]) == rows["injection_rate"].max()
+
+
+def test_opening_that_cuts_a_window_short_counts_with_its_own_sample() -> None:
+    """Not with what stood in its place of the ring one lap before, when nothing was valid yet."""
+    first, lap = 1000, RING
+    openings = {first: 110, first + 6000: 110, first + lap - 60: 30, first + lap: 110}
+    stream = run(openings, first + lap + 6000)
+    pilot = stream.injections[2]
+    rows = stream.rows[int(pilot["start"]) : int(pilot["end"]) + 1]
+    assert int(pilot["end_index"]) == first + lap
+    expected = float(np.trapezoid(rows["injection_rate"])) * 1e-5
+    assert float(pilot["volume"]) == pytest.approx(expected, rel=1e-12)
+    assert pilot["valid"]
 
 
 def test_injection_in_time_not_synchronised_has_no_volume() -> None:

@@ -15,6 +15,8 @@ from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.evaluation.evaluate import History, evaluate
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import sized
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import flow_changes
 from observer_rt.observer.knowledge import DEFAULT_RULES, Knowledge, LearningRules, Verdict, no_knowledge
@@ -22,7 +24,6 @@ from observer_rt.observer.learning import Learner
 from observer_rt.observer.observer import Durations, constants_for, in_force, judge, make_observer
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import Constants
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import make_schedule
@@ -34,13 +35,33 @@ SAMPLE_RATE = 50e3
 EVENTS = 8
 Vector = NDArray[np.float64]
 NO_STANDSTILL = Standstill(samples=0, offset=0.0, noise=None)
+
+
+@dataclass(frozen=True)
+class Case:
+    """Wear of nozzle and seat, and offset of the line sensor [Pa]."""
+
+    v_h: float = 0.0
+    v_s: float = 0.0
+    offset: float = 0.0
+
+    @property
+    def effects(self) -> tuple[SizedEffect, ...]:
+        """The same as effects."""
+        return (
+            sized("orifice_area", v_H=self.v_h),
+            sized("seat_area", v_S=self.v_s),
+            sized("line_pressure_sensor_offset", o=self.offset),
+        )
+
+
 CASES = {
-    "healthy": PlantEffects(),
-    "eroded": PlantEffects(orifice_area=0.3),
-    "coked": PlantEffects(orifice_area=-0.3),
-    "worn seat": PlantEffects(seat_area=0.3),
-    "line offset": PlantEffects(line_pressure_sensor_offset=1e6),
-    "offset and wear": PlantEffects(orifice_area=0.2, line_pressure_sensor_offset=-1e6),
+    "healthy": Case(),
+    "eroded": Case(v_h=0.3),
+    "coked": Case(v_h=-0.3),
+    "worn seat": Case(v_s=0.3),
+    "line offset": Case(offset=1e6),
+    "offset and wear": Case(v_h=0.2, offset=-1e6),
 }
 
 
@@ -72,7 +93,7 @@ def run(name: str, rules: LearningRules = DEFAULT_RULES) -> Run:
         return Learner(constants, no_knowledge(knowledge.noise, scale, rules), rules)
 
     schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
-    made = simulate(NOMINAL, schedule, SAMPLE_RATE, CASES[name], NoiseLevels(), seed=len(name))
+    made = simulate(NOMINAL, schedule, SAMPLE_RATE, CASES[name].effects, NoiseLevels(), seed=len(name))
     return Run(made.truth, evaluate(BENCH, [made.recording], learner_of=learner_of))
 
 
@@ -93,10 +114,10 @@ def test_without_learning_the_worn_masses_are_wrong(name: str, error: float) -> 
 @pytest.mark.parametrize("name", CASES)
 def test_wear_indicators(name: str) -> None:
     last = run(name).history.evaluations[0].reports[-1].indicators
-    effects = CASES[name]
-    assert last.nozzle.value == pytest.approx(effects.orifice_area, abs=0.02)
-    assert last.seat.value == pytest.approx(effects.seat_area, abs=0.1)
-    for estimate, true in ((last.nozzle, effects.orifice_area), (last.seat, effects.seat_area)):
+    case = CASES[name]
+    assert last.nozzle.value == pytest.approx(case.v_h, abs=0.02)
+    assert last.seat.value == pytest.approx(case.v_s, abs=0.1)
+    for estimate, true in ((last.nozzle, case.v_h), (last.seat, case.v_s)):
         assert estimate.sigma is not None
         assert abs(estimate.value - true) < 4 * estimate.sigma + 0.005
 
@@ -105,7 +126,7 @@ def test_wear_indicators(name: str) -> None:
 def test_offset_of_the_line_sensor_is_told_from_wear(name: str) -> None:
     last = run(name).history.evaluations[0].reports[-1].indicators
     offset = last.line_pressure_offset.value * NOMINAL.scaling.pressure
-    assert offset == pytest.approx(CASES[name].line_pressure_sensor_offset, abs=0.03e6)
+    assert offset == pytest.approx(CASES[name].offset, abs=0.03e6)
 
 
 def test_healthy_injector_stays_with_the_nominal_model() -> None:

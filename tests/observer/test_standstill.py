@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.model.effects import sized
 from observer_rt.observer.standstill import ENOUGH_SAMPLES
 from observer_rt.simulation import measurement
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.observer.stream import NOMINAL, RAIL, Stream
@@ -50,7 +50,7 @@ def test_noise_is_measured_in_a_ringing_line(sample_rate: float) -> None:
 @pytest.mark.parametrize("offset", [0.0, 1e6, -3e6])
 def test_offset_between_line_and_rail(offset: float) -> None:
     schedule = make_schedule([100e6], 2, 0.05, [1.1e-3])
-    effects = PlantEffects(line_pressure_sensor_offset=offset)
+    effects = (sized("line_pressure_sensor_offset", o=offset),)
     made = simulate(NOMINAL, schedule, 50e3, effects, measurement.NoiseLevels(), seed=5).recording
     stream = Stream(sample_rate=50e3, keep=False)
     stream.feed(made.rail_pressure, made.needle_lift, made.line_pressure)

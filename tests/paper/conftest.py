@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.config import load_injector
 from observer_rt.estimation.predictor import Window
 from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.model.effects import sized
 from observer_rt.model.stability import substeps_needed
 from observer_rt.paper.event import (
     injection_windows,
@@ -19,7 +20,6 @@ from observer_rt.paper.event import (
 )
 from observer_rt.paper.systems import PaperSetting
 from observer_rt.paper.training import paper_setting
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 
@@ -48,7 +48,7 @@ def make_injection(nozzle_wear: float) -> Injection:
     injector = load_injector()
     c = coefficients(injector)
     schedule = make_schedule([100e6], 1, 0.04, [1.9e-3])
-    truth = simulate(injector, schedule, SAMPLE_RATE, PlantEffects(orifice_area=nozzle_wear)).truth
+    truth = simulate(injector, schedule, SAMPLE_RATE, (sized("orifice_area", v_H=nozzle_wear),)).truth
     (injection,) = injection_windows(truth.needle_lift, SAMPLE_RATE)
     window, first = learning_window(truth, injection, c, SAMPLE_RATE)
     span = slice(first, first + window.output.size)

@@ -12,6 +12,7 @@ from observer_rt.config import Bench, LearningConfig, Training, load_bench
 from observer_rt.errors import UserError
 from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.model.effects import sized
 from observer_rt.model.parameters import LineOutflow
 from observer_rt.observer.state import Reason
 from observer_rt.paper.event import InjectionWindow, injection_windows
@@ -19,7 +20,6 @@ from observer_rt.paper.systems import swept
 from observer_rt.paper.training import first_weights, network_of, train
 from observer_rt.service.checkup import Level, checkup
 from observer_rt.service.core import Core
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
 from tests.paper.conftest import SAMPLE_RATE, Injection, make_injection
@@ -37,7 +37,7 @@ def paper_bench(gain: float = 1e5) -> Bench:
 @cache
 def simulated() -> Simulation:
     schedule = make_schedule([100e6], EVENTS, 0.04, [1.9e-3])
-    return simulate(load_bench().injector, schedule, SAMPLE_RATE, PlantEffects(orifice_area=WEAR))
+    return simulate(load_bench().injector, schedule, SAMPLE_RATE, (sized("orifice_area", v_H=WEAR),))
 
 
 @cache

@@ -76,7 +76,7 @@ def test_error_is_given_to_line_and_sac_in_the_ratio_of_the_paper() -> None:
 
 def test_balance_with_the_true_fault_is_the_true_rate(worn: Injection) -> None:
     """What the model lacks at the true x3 is in phi_1 of (27)."""
-    found = [balanced_rate(x[2], phi[0], worn.c) for x, phi in zip(worn.x, worn.fault, strict=True)]
+    found = [balanced_rate(x[2], 1.0, phi[0], worn.c) for x, phi in zip(worn.x, worn.fault, strict=True)]
     np.testing.assert_allclose(found, worn.rate, atol=1e-9 * worn.rate.max())
 
 

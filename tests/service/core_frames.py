@@ -12,12 +12,12 @@ from cantools.database.can import Database, Message
 
 from observer_rt.bus.mapping import map_bus
 from observer_rt.config import PACKAGE_DATA, load_bench, load_injector
+from observer_rt.model.effects import sized
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.recording.recording import Recording
 from observer_rt.service.core import Core
 from observer_rt.service.output import OutputFrame
 from observer_rt.service.report import InjectionReport
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
@@ -158,7 +158,7 @@ def run(bench: Path, frames: Iterable[Frame], knowledge: Knowledge | None = None
 def recording() -> Recording:
     """Three injections of an injector worn by 20 %, with noise: 0.3 s, 15,000 samples."""
     schedule = make_schedule([100e6], 3, 0.05, [1.1e-3])
-    effects = PlantEffects(orifice_area=0.2)
+    effects = (sized("orifice_area", v_H=0.2),)
     return simulate(load_injector(), schedule, SAMPLE_RATE, effects, NoiseLevels(), seed=8).recording
 
 

@@ -14,12 +14,12 @@ from observer_rt.bus.link import Frame, Link, open_link
 from observer_rt.bus.mapping import map_bus
 from observer_rt.config import load_bench, load_injector
 from observer_rt.errors import RunError
+from observer_rt.model.effects import sized
 from observer_rt.recording.framing import TimedFrame
 from observer_rt.recording.player import play
 from observer_rt.recording.recording import Recording
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
@@ -32,7 +32,7 @@ PATIENCE = 60.0  # s, after which the test fails: the machine is too slow, or th
 def worn_recording(injections: int = 4, v_h: float = 0.3) -> Recording:
     """Events every 50 ms at alternating pressures, with noise."""
     schedule = make_schedule([60e6, 120e6], injections, 0.05, [1.1e-3])
-    effects = PlantEffects(orifice_area=v_h)
+    effects = (sized("orifice_area", v_H=v_h),)
     return simulate(load_injector(), schedule, SAMPLE_RATE, effects, NoiseLevels(), seed=3).recording
 
 

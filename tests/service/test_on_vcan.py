@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from observer_rt.config import load_bench, load_injector
 from observer_rt.evaluation.evaluate import History, evaluate
+from observer_rt.model.effects import sized
 from observer_rt.recording.files import read_recording, write_recording
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
@@ -51,7 +51,9 @@ def over_vcan(
     noise: NoiseLevels | None,
 ) -> Run:
     schedule = make_schedule([RAIL_PRESSURE], injections, PERIOD, [ENERGIZING_TIME])
-    simulation = simulate(load_injector(), schedule, rate_hz, PlantEffects(orifice_area=v_h), noise, seed=7)
+    simulation = simulate(
+        load_injector(), schedule, rate_hz, (sized("orifice_area", v_H=v_h),), noise, seed=7
+    )
     path = folder / "recording.csv"
     write_recording(path, simulation.recording)
     bench = write_bench(folder, "socketcan", channel, rate_hz)

@@ -2,6 +2,7 @@
 
 import csv
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from scipy.integrate import solve_ivp
 
 from observer_rt.config import load_injector
 from observer_rt.errors import UserError
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.csv_file import write_csv
-from observer_rt.simulation.effects import PlantEffects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.needle import Stroke, lift_of_stroke, strokes
 from observer_rt.simulation.plant import Truth, run_plant
@@ -30,7 +32,7 @@ def mass(truth: Truth) -> float:
     return float(np.trapezoid(truth.injection_rate, truth.time)) * DENSITY * 1e6
 
 
-def run(schedule: Schedule = ONE, effects: PlantEffects | None = None, sample_rate: float = 100e3) -> Truth:
+def run(schedule: Schedule = ONE, effects: Sequence[SizedEffect] = (), sample_rate: float = 100e3) -> Truth:
     return simulate(NOMINAL, schedule, sample_rate, effects).truth
 
 
@@ -53,7 +55,7 @@ def test_check_masses_of_the_nominal_injector(
     speed = NOMINAL.seat.max_lift / ramp
     needle = Stroke(start, start + ramp, start + open_time - ramp, start + open_time, speed, speed)
     time = np.arange(600) / 100e3
-    truth = run_plant(NOMINAL, PlantEffects(), [needle], time, np.full(600, rail_pressure))
+    truth = run_plant(effective_model(NOMINAL), [needle], time, np.full(600, rail_pressure))
     assert mass(truth) == pytest.approx(expected, rel=0.03)
 
 
@@ -63,7 +65,9 @@ def test_check_peaks_of_the_nominal_injector(rail_pressure: float, peak: float) 
     assert truth.injection_rate.max() * 1e6 == pytest.approx(peak, abs=0.5)
 
 
-def reference(rail_pressure: float, effects: PlantEffects, times: NDArray[np.float64]) -> NDArray[np.float64]:
+def reference(
+    rail_pressure: float, v_h: float, v_s: float, times: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Injection rate [m3/s] by scipy from (19)-(23) in physical units, wear as factors on the flows."""
     (needle,) = strokes(make_schedule([rail_pressure], 1, 0.05, [1.1e-3]), NOMINAL)
     fluid, line, seat, nozzle = NOMINAL.fluid, NOMINAL.line, NOMINAL.seat, NOMINAL.nozzle
@@ -76,14 +80,14 @@ def reference(rail_pressure: float, effects: PlantEffects, times: NDArray[np.flo
         return coefficient * area * smooth_root * math.sqrt(2 / fluid.density_nozzle)
 
     def nozzle_flow(p_sac: float) -> float:
-        worn = 1 + effects.orifice_area
+        worn = 1 + v_h
         return worn * orifice(nozzle.flow_coefficient, hole_area, p_sac - NOMINAL.chamber.pressure)
 
     def rates(time: float, state: NDArray[np.float64]) -> list[float]:
         p_line, q_line, p_sac = state
         lift = lift_of_stroke(time, needle)
         seat_area = math.pi * lift * math.sin(cone / 2) * (seat.diameter - lift / 2 * math.sin(cone))
-        q_seat = (1 + effects.seat_area) * orifice(seat.flow_coefficient, seat_area, p_line - p_sac)
+        q_seat = (1 + v_s) * orifice(seat.flow_coefficient, seat_area, p_line - p_sac)
         q_nozzle = nozzle_flow(p_sac)
         inertia = line_area / (fluid.density_line * line.length) * (rail_pressure - p_line)
         friction = line.loss_factor / (2 * line_area * line.length) * q_line * abs(q_line)
@@ -101,24 +105,20 @@ def reference(rail_pressure: float, effects: PlantEffects, times: NDArray[np.flo
 
 
 @pytest.mark.parametrize(
-    ("rail_pressure", "effects"),
-    [
-        (40e6, PlantEffects()),
-        (100e6, PlantEffects(orifice_area=0.3)),
-        (140e6, PlantEffects(orifice_area=-0.3, seat_area=-0.2)),
-    ],
+    ("rail_pressure", "v_h", "v_s"), [(40e6, 0.0, 0.0), (100e6, 0.3, 0.0), (140e6, -0.3, -0.2)]
 )
-def test_rate_agrees_with_an_independent_integration(rail_pressure: float, effects: PlantEffects) -> None:
+def test_rate_agrees_with_an_independent_integration(rail_pressure: float, v_h: float, v_s: float) -> None:
+    effects = (sized("orifice_area", v_H=v_h), sized("seat_area", v_S=v_s))
     truth = run(make_schedule([rail_pressure], 1, 0.05, [1.1e-3]), effects)
     window = (truth.time > 0.1499) & (truth.time < 0.154)
-    expected = reference(rail_pressure, effects, truth.time[window])
+    expected = reference(rail_pressure, v_h, v_s, truth.time[window])
     np.testing.assert_allclose(truth.injection_rate[window], expected, atol=0.002e-6)
 
 
 @pytest.mark.parametrize(("v_h", "nominal_error"), [(0.3, -0.21), (-0.3, 0.38)])
 def test_wear_changes_the_mass_as_known(v_h: float, nominal_error: float) -> None:
     schedule = make_schedule([100e6], 1, 0.05, [1.9e-3])
-    worn = run(schedule, PlantEffects(orifice_area=v_h))
+    worn = run(schedule, (sized("orifice_area", v_H=v_h),))
     assert mass(run(schedule)) / mass(worn) - 1 == pytest.approx(nominal_error, abs=0.02)
 
 
@@ -146,7 +146,7 @@ def test_rest_stays_at_rest() -> None:
 
 
 def test_without_noise_the_recording_is_the_truth_plus_sensor_offsets() -> None:
-    effects = PlantEffects(line_pressure_sensor_offset=0.8e6, rail_pressure_sensor_offset=-3e6)
+    effects = (sized("line_pressure_sensor_offset", o=0.8e6), sized("rail_pressure_sensor_offset", o=-3e6))
     made = simulate(NOMINAL, ONE, 20e3, effects, measured_rate=True)
     healthy = run(sample_rate=20e3)
     np.testing.assert_array_equal(made.truth.line_pressure, healthy.line_pressure)

@@ -57,9 +57,13 @@ PLANT_FAULTS = {
     "seat_area": -0.3,
     "guide_leakage": 3e-14,
     "chamber_pressure_rise": 8e6,
+    "chamber_pressure_step": 8e6,
     "orifice_cavitation": 0.12,
     "line_friction": 2.0,
     "bulk_modulus": 0.2,
+    "bulk_modulus_slope": 5.0,
+    "line_volume": -0.2,
+    "fuel_density": 0.05,
     "entrained_air": 4e-3,
     "seat_lift_loss": 0.4,
     "seat_outflow": 1.0,
@@ -164,6 +168,40 @@ def test_lump_rings_at_its_mode_and_a_wave_line_at_its_quarter_wave() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("faults", "stiffness_to_mass"),
+    [
+        (Faults(bulk_modulus_slope=5.0), (1.6e9 + 5.0 * 40e6) / 1.6e9),  # at 140 MPa
+        (Faults(line_volume=-0.2), 1.0 / 0.8),
+        (Faults(fuel_density=0.05), 1.0 / 1.05),
+    ],
+)
+def test_mode_follows_what_makes_it(faults: Faults, stiffness_to_mass: float) -> None:
+    healthy, faulty = (ringing_frequency(once(f, rail_pressure=140e6)) for f in (Faults(), faults))
+    assert faulty / healthy == pytest.approx(math.sqrt(stiffness_to_mass), rel=2e-3)
+
+
+def test_dense_fuel_leaves_through_the_nozzle_more_slowly() -> None:
+    healthy, dense = (once(f).truth for f in (Faults(), Faults(fuel_density=0.05)))
+    sac = np.interp(FIRST_EVENT + 1e-3, np.arange(healthy.sac_pressure.size) * 1e-5, dense.sac_pressure)
+    rate = np.interp(FIRST_EVENT + 1e-3, np.arange(healthy.sac_pressure.size) * 1e-5, dense.injection_rate)
+    part = Injector()
+    jet = math.sqrt(2.0 * (sac - part.chamber_pressure) / (1.05 * part.density))
+    assert rate == pytest.approx(part.nozzle_area * jet, rel=1e-4)
+
+
+def test_step_of_the_chamber_is_there_at_every_lift() -> None:
+    step = 8e6
+    outcome = once(Faults(chamber_pressure_step=step))
+    first, last = outcome.openings[0]
+    part = Injector()
+    assert outcome.truth.sac_pressure[first + 1] > part.chamber_pressure + 0.9 * step
+    assert outcome.truth.sac_pressure[first - 3] == part.chamber_pressure
+    open_rate = outcome.truth.injection_rate[first + 5 : last - 5]
+    head = outcome.truth.sac_pressure[first + 5 : last - 5] - part.chamber_pressure - step
+    np.testing.assert_allclose(open_rate, part.nozzle_area * np.sqrt(2.0 * head / part.density), rtol=1e-3)
+
+
 def test_wave_line_drained_by_its_seat_injects_what_the_rail_delivers() -> None:
     outcome = once(injector=wave_injector(), duration=1.0e-3)
     injected = np.sum(outcome.truth.injection_rate) * 1e-5
@@ -198,9 +236,10 @@ def test_all_faults_are_tested() -> None:
     assert set(SENSOR_FAULTS) | set(PLANT_FAULTS) | {"seat_lift_scale"} == set(Faults._fields)
 
 
-def test_late_channel_records_an_earlier_pressure() -> None:
-    truth, late = once().truth, once(Faults(channel_skew=25e-6)).measured
-    expected = np.interp(late.time - 25e-6, late.time, truth.line_pressure)
+@pytest.mark.parametrize("skew", [25e-6, -25e-6])
+def test_late_channel_records_an_earlier_pressure(skew: float) -> None:
+    truth, late = once().truth, once(Faults(channel_skew=skew)).measured
+    expected = np.interp(late.time - skew, late.time, truth.line_pressure)
     assert np.max(np.abs(late.line_pressure - expected)[1:]) < 0.04e6
     assert np.max(np.abs(late.line_pressure - truth.line_pressure)) > 1e6
 

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,13 @@ from tools.benchmarks.ablation import CLASSES_TRIED, run_ablation
 from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
 from tools.benchmarks.accuracy import print_results, run_accuracy
 from tools.benchmarks.cases import CLASSES
+from tools.benchmarks.discovery import figures as discovery_figures
+from tools.benchmarks.discovery import tables as discovery_tables
+from tools.benchmarks.discovery.generator import HidingPlan
+from tools.benchmarks.discovery.hidden import HIDDEN
+from tools.benchmarks.discovery.run import Plan as DiscoveryPlan
+from tools.benchmarks.discovery.run import print_results as print_discovery
+from tools.benchmarks.discovery.run import run_discovery
 from tools.benchmarks.figures import save_figures
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
@@ -28,6 +36,7 @@ FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
 CASES, ABLATION_CASES = 60, 10  # per class
 INTERRUPTED = 130  # exit code
 TABLE_WIDTH = 210  # where stdout is no terminal
+RATES = {"without": (False,), "with": (True,), "both": (False, True)}
 
 
 @app.callback()
@@ -53,7 +62,7 @@ def accuracy(
     as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
-    chosen = _chosen(classes, CLASSES_TRIED if ablation else tuple(CLASSES))
+    chosen = _chosen(classes, "--classes", CLASSES, CLASSES_TRIED if ablation else tuple(CLASSES))
     plan = Plan(chosen, cases or (ABLATION_CASES if ablation else CASES), seed, workers, out, not no_peers)
     try:
         if ablation:
@@ -63,6 +72,37 @@ def accuracy(
     except KeyboardInterrupt:
         messages.print("interrupted; what is scored is kept, the same command goes on")
         raise typer.Exit(INTERRUPTED) from None
+
+
+@app.command(
+    epilog="Example: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without"
+)
+def discovery(
+    cases: Annotated[int, typer.Option(min=0, help="Faulty cases, and as many healthy ones.")] = 300,
+    effects: Annotated[str, typer.Option(help="Hidden effects, by commas (default: all).")] = "",
+    rate: Annotated[str, typer.Option(help="Measured rate: without, with or both.")] = "both",
+    seed: Annotated[int, typer.Option(help="Master seed.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
+    out: Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")] = Path(
+        "build/discovery"
+    ),
+    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+) -> None:
+    """Whether `discover` names effects hidden in recordings of independent plants."""
+    if rate not in RATES:
+        raise UserError("--rate", f"is '{rate}'", f"give {', '.join(RATES)}")
+    hiding = HidingPlan(_chosen(effects, "--effects", HIDDEN, HIDDEN), cases, cases, RATES[rate], seed)
+    try:
+        found = run_discovery(DiscoveryPlan(hiding, workers, out), messages)
+    except KeyboardInterrupt:
+        messages.print("interrupted; the answers are kept, the same command goes on")
+        raise typer.Exit(INTERRUPTED) from None
+    for figure in discovery_figures.save_figures(found.results, out):
+        messages.print(f"figure: {figure}", highlight=False)
+    if as_json:
+        print(json.dumps(discovery_tables.json_document(found.results, found.crashes), indent=2))
+    else:
+        print_discovery(found, _console())
 
 
 @app.command(epilog="Example: tools/bench peer-tuning --peer ekf")
@@ -108,11 +148,11 @@ def _console() -> Console:
     return console if console.is_terminal else Console(width=TABLE_WIDTH)
 
 
-def _chosen(classes: str, default: tuple[str, ...]) -> tuple[str, ...]:
-    names = tuple(name for name in classes.split(",") if name) or default
+def _chosen(text: str, option: str, known: Collection[str], default: Collection[str]) -> tuple[str, ...]:
+    names = tuple(name for name in text.split(",") if name) or tuple(default)
     for name in names:
-        if name not in CLASSES:
-            raise UserError("--classes", f"unknown class '{name}'", f"known: {', '.join(CLASSES)}")
+        if name not in known:
+            raise UserError(option, f"unknown name '{name}'", f"known: {', '.join(known)}")
     return names
 
 

@@ -107,9 +107,9 @@ BATCHES: dict[str, tuple[Callable[[float], Model], Search]] = {
 VARIANTS = (SHIPPED, *RULES, FREE_ROWS, *BATCHES)
 
 
-def run_ablation(plan: Plan, console: Console) -> tuple[tuple[AblationScore, ...], tuple[Crash, ...]]:
+def run_ablation(plan: Plan, console: Console) -> tuple[tuple[AblationScore, ...], tuple[Crash[Task], ...]]:
     """Score the cases not yet scored by this state of the code; progress goes to `console`."""
-    crashes: list[Crash] = []
+    crashes: list[Crash[Task]] = []
     store = Store(plan.out / "ablation.jsonl", AblationScore, digest_of((PACKAGE, BENCHMARKS)))
     scores = scored("ablation", store, ablation_task, warm_up, plan.tasks, plan, console, crashes)
     return tuple(scores[task] for task in plan.tasks if task in scores), tuple(crashes)

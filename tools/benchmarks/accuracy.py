@@ -23,7 +23,7 @@ class Results:
     """What came out."""
 
     scores: tuple[CaseScore, ...]
-    crashes: tuple[Crash, ...]
+    crashes: tuple[Crash[Task], ...]
     sample_time: SampleTime
 
 
@@ -33,7 +33,7 @@ def run_accuracy(plan: Plan, console: Console) -> Results:
     The peers' results are kept apart: they stay good while only the package changes. The paper's scheme is the
     package's, so its are not.
     """
-    crashes: list[Crash] = []
+    crashes: list[Crash[Task]] = []
     store = Store(plan.out / "observer.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS)))
     scores = scored("observer", store, score_task, warm_up, plan.tasks, plan, console, crashes)
     if plan.peers:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.benchmarks.kalman_peers import LINE_NOISE, RAIL_NOISE
+from tools.benchmarks.line_gain import line_gain
 from tools.benchmarks.peer_equations import LAG, PARAMETERS, V_H, predict
 from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs
 
@@ -24,7 +25,6 @@ DIFFERENCE = 1e-3  # of the prior sigma, for sensitivities
 LEAD, BURN_IN = 2e-3, 1e-3  # s of shut needle before an event's opening; of it, not counted
 FIRST_ITERATIONS, ITERATIONS, HALVINGS = 6, 3, 6
 SMALL_DECREMENT = 0.01
-RICCATI_STEPS = 400
 
 
 @dataclass(frozen=True)
@@ -55,24 +55,8 @@ def segments_of(inputs: PeerInputs) -> tuple[Segment, ...]:
 def steady_gain(inputs: PeerInputs, lag: float) -> tuple[NDArray[np.float64], float]:
     """Kalman gain (3,) on [x1, x2, lagged x1] of the line at rest, and the innovation's sigma (normalised)."""
     m, t = inputs.model, inputs.stream.interval
-    angle, impedance = math.sqrt(m.a1 * m.a3) * t, math.sqrt(m.a1 / m.a3)
-    cosine, sine = math.cos(angle), math.sin(angle)
-    late = lag / t
-    decay = math.exp(-1.0 / late) if late > 0.0 else 0.0
-    now, before = 1.0 - late * (1.0 - decay), late * (1.0 - decay) - decay
-    row = np.array([cosine, impedance * sine, 0.0])
-    transition = np.array([row, [-sine / impedance, cosine, 0.0], now * row + [before, 0.0, decay]])
-    drive = np.array([1.0 - cosine, sine / impedance, now * (1.0 - cosine)])
-    process = np.outer(drive, drive) * (RAIL_NOISE / PRESSURE_SCALE) ** 2
-    measurement = (LINE_NOISE / PRESSURE_SCALE) ** 2
-    covariance = np.eye(3) * measurement
-    gain, variance = np.zeros(3), measurement
-    for _ in range(RICCATI_STEPS):
-        covariance = transition @ covariance @ transition.T + process
-        variance = covariance[2, 2] + measurement
-        gain = covariance[:, 2] / variance
-        covariance = covariance - np.outer(gain, covariance[2])
-    return gain, math.sqrt(variance)
+    rail, line = RAIL_NOISE / PRESSURE_SCALE, LINE_NOISE / PRESSURE_SCALE
+    return line_gain(math.sqrt(m.a1 * m.a3) * t, math.sqrt(m.a1 / m.a3), lag / t, rail, line)
 
 
 def innovations(

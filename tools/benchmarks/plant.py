@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.benchmarks.plant_equations import run
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
 
 SAMPLE_RATE = 100e3  # Hz of the plant; slower recordings are decimated
 FIRST_EVENT = 0.15  # s
@@ -168,7 +168,8 @@ def _integrate(
         strokes = strokes_of(event, event_start(number), bench.needle, part.max_lift)
         start, interval = float(time[first]), 1.0 / SAMPLE_RATE
         inputs, rows = rail[first : end + 1], result[first + 1 : end + 1]
-        run(part, event.faults, strokes, start, interval, inputs, q, p, rest, rows)
+        faulty = with_faults(part, event.faults)
+        run(faulty, event.faults, strokes, start, interval, inputs, q, p, rest, rows)
         lateness[first + 1 : end + 1] = math.floor(event.faults.channel_skew * SAMPLE_RATE)
     return result, lateness
 
@@ -189,7 +190,7 @@ def _measure(
     def fault(name: str) -> NDArray[np.float64]:
         return np.array([getattr(f, name) for f in each])[number - 1]
 
-    line = result[np.maximum(np.arange(time.size) - lateness, 0), 4]
+    line = result[np.clip(np.arange(time.size) - lateness, 0, time.size - 1), 4]
     line = line * (1.0 + fault("line_pressure_sensor_gain")) + fault("line_pressure_sensor_offset")
     rail = rail * (1.0 + fault("rail_pressure_sensor_gain")) + fault("rail_pressure_sensor_offset")
     lift = result[:, 5] / (1.0 + fault("lift_gain"))

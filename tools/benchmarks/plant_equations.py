@@ -15,6 +15,7 @@ from tools.benchmarks.plant_parameters import Faults, Injector
 
 ROUNDING = 100.0  # Pa, below which the square root of a pressure difference is rounded
 CHAMBER_LIFT = 300e-6
+STIFFNESS_PRESSURE = 100e6  # Pa, at which the bulk modulus is that of the part, whatever its slope
 CORNER = 0.015e-3  # s, half width of the needle's rounded corners
 STEPS_FLOWING = 40  # per sample while the needle is open or the sac empties
 STEPS_SHUT = 10  # per sample while only the line moves
@@ -87,8 +88,17 @@ def seat_factor(lift: float, part: Injector, faults: Faults) -> float:
 
 @njit(cache=True, nogil=True)
 def chamber_pressure(lift: float, part: Injector, faults: Faults) -> float:
-    """p_C [Pa], raised while the needle is open."""
-    return part.chamber_pressure + faults.chamber_pressure_rise * min(1.0, lift / CHAMBER_LIFT)
+    """p_C [Pa], raised while the needle is open: with the lift, or at once."""
+    pressure = part.chamber_pressure + faults.chamber_pressure_rise * min(1.0, lift / CHAMBER_LIFT)
+    return pressure + faults.chamber_pressure_step if lift > 0.0 else pressure
+
+
+@njit(cache=True, nogil=True)
+def line_stiffness(p: float, part: Injector, faults: Faults) -> float:
+    """Bulk modulus of the line's fuel, with its air, at a pressure [Pa]."""
+    fuel = part.bulk_modulus_line * (1.0 + faults.bulk_modulus)
+    fuel += faults.bulk_modulus_slope * (p - STIFFNESS_PRESSURE)
+    return 1.0 / (1.0 / fuel + faults.entrained_air / p)
 
 
 @njit(cache=True, nogil=True)
@@ -125,7 +135,7 @@ def _sac_after(
 
 
 @njit(cache=True, nogil=True)
-def _kick(
+def kick(
     q: NDArray[np.float64],
     p: NDArray[np.float64],
     rail: float,
@@ -149,7 +159,7 @@ def _kick(
 
 
 @njit(cache=True, nogil=True)
-def _drift(
+def drift(
     q: NDArray[np.float64],
     p: NDArray[np.float64],
     p_s: float,
@@ -163,16 +173,10 @@ def _drift(
     cells = q.shape[0]
     compliance = part.line_volume / cells
     for i in range(cells - 1):
-        stiffness = 1.0 / (
-            1.0 / (part.bulk_modulus_line * (1.0 + faults.bulk_modulus)) + faults.entrained_air / p[i]
-        )
-        p[i] += step * stiffness / compliance * (q[i] - q[i + 1])
+        p[i] += step * line_stiffness(p[i], part, faults) / compliance * (q[i] - q[i + 1])
     last = cells - 1
     p_l0 = p[last]
-    stiffness = 1.0 / (
-        1.0 / (part.bulk_modulus_line * (1.0 + faults.bulk_modulus)) + faults.entrained_air / p_l0
-    )
-    line_gain = 0.5 * step * stiffness / compliance
+    line_gain = 0.5 * step * line_stiffness(p_l0, part, faults) / compliance
     sac_gain = 0.5 * step * part.bulk_modulus_sac * (1.0 + faults.sac_stiffness) / part.sac_volume
     by_seat = max(faults.seat_outflow, float(part.drained_by_seat))
     flowing = lift0 > 0.0 or lift1 > 0.0 or p_s != part.chamber_pressure
@@ -239,11 +243,11 @@ def run(
             rail0 = rail[k] + (rail[k + 1] - rail[k]) * j / steps
             rail1 = rail[k] + (rail[k + 1] - rail[k]) * (j + 1) / steps
             lift1 = 0.0 if shut else lift_at(t0 + (j + 1) * step, strokes)
-            _kick(q, p, rail0, 0.5 * step, part, faults)
-            p_s = _drift(q, p, p_s, lift0, lift1, step, part, faults)
-            _kick(q, p, rail1, 0.5 * step, part, faults)
-            seen = _lagged(seen0, p_l0, p[last], step, faults.line_pressure_sensor_lag)
-            seen_lift = _lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)
+            kick(q, p, rail0, 0.5 * step, part, faults)
+            p_s = drift(q, p, p_s, lift0, lift1, step, part, faults)
+            kick(q, p, rail1, 0.5 * step, part, faults)
+            seen = lagged(seen0, p_l0, p[last], step, faults.line_pressure_sensor_lag)
+            seen_lift = lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)
             if j * step < late <= (j + 1) * step * (1.0 + 1e-12):
                 recorded = seen0 + (seen - seen0) * (late / step - j)
         p_c = chamber_pressure(lift1, part, faults)
@@ -257,7 +261,7 @@ def run(
 
 
 @njit(cache=True, nogil=True)
-def _lagged(seen: float, before: float, after: float, step: float, lag: float) -> float:
+def lagged(seen: float, before: float, after: float, step: float, lag: float) -> float:
     """First-order lag over a step, its input linear; exact."""
     if lag <= 0.0:
         return after

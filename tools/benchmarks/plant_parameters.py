@@ -33,10 +33,14 @@ class Faults(NamedTuple):
     orifice_area: float = 0.0
     seat_area: float = 0.0
     guide_leakage: float = 0.0  # m3/(s Pa)
-    chamber_pressure_rise: float = 0.0  # Pa, while the needle is open
+    chamber_pressure_rise: float = 0.0  # Pa, growing with the lift
+    chamber_pressure_step: float = 0.0  # Pa, while the needle is open
     orifice_cavitation: float = 0.0  # N_crit - 1
     line_friction: float = 0.0
     bulk_modulus: float = 0.0
+    bulk_modulus_slope: float = 0.0  # n of K = K_0 + n (p - 100 MPa), in the line
+    line_volume: float = 0.0
+    fuel_density: float = 0.0
     entrained_air: float = 0.0  # g of 1/K_eff = 1/K + g/p, in the line
     seat_lift_loss: float = 0.0  # a of 1 - a exp(-lift/x_c)
     seat_lift_scale: float = 50e-6  # x_c, m
@@ -53,3 +57,11 @@ class Faults(NamedTuple):
     lift_offset: float = 0.0  # m
     lift_gain: float = 0.0
     lift_sensor_lag: float = 0.0  # s
+
+
+def with_faults(part: Injector, faults: Faults) -> Injector:
+    """The injector with those of its own numbers that the faults change."""
+    return part._replace(
+        density=part.density * (1.0 + faults.fuel_density),
+        line_volume=part.line_volume * (1.0 + faults.line_volume),
+    )

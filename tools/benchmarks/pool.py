@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 from observer_rt.errors import RunError
 
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 _SINGLE_THREADED = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _AHEAD = 2  # tasks handed out per process: an interrupted run loses no more
@@ -26,23 +27,23 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Crash:
-    """A case that raised an exception."""
+class Crash(Generic[Item]):
+    """A task that raised an exception."""
 
-    task: Task
+    task: Item
     message: str
 
 
 def run_tasks(
-    work: Callable[[Task], Result], tasks: Sequence[Task], workers: int, warm_up: Callable[[], None]
-) -> Iterator[Result | Crash]:
+    work: Callable[[Item], Result], tasks: Sequence[Item], workers: int, warm_up: Callable[[], None]
+) -> Iterator[Result | Crash[Item]]:
     """Results in the order they are ready; `work` and `warm_up` (once a process) are module-level functions."""
     for variable in _SINGLE_THREADED:  # the processes share the cores already
         os.environ.setdefault(variable, "1")
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, initializer=_prepare, initargs=(warm_up,)) as pool:
         waiting = list(reversed(tasks))
-        running: dict[Future[Result], Task] = {}
+        running: dict[Future[Result], Item] = {}
         while waiting or running:
             while waiting and len(running) < _AHEAD * workers:
                 task = waiting.pop()

@@ -60,7 +60,7 @@ def scored(
     tasks: tuple[Task, ...],
     plan: Plan,
     console: Console,
-    crashes: list[Crash],
+    crashes: list[Crash[Task]],
 ) -> dict[Task, Part]:
     """Results of `tasks`, those not in the store worked out and added to it; progress goes to `console`."""
     wanted = set(tasks)

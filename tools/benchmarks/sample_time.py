@@ -33,6 +33,7 @@ LEARNED = {
     Parameter.BULK_MODULUS: 0.05,
     Parameter.SENSOR_LAG: 20e-6 / LAG_UNIT,
     Parameter.ENTRAINED_AIR: 0.01,
+    Parameter.BACK_PRESSURE: 0.02,
 }
 """In force while timed: everything the observer can have learned."""
 _START, _NONE = int(Break.START), int(Break.NONE)

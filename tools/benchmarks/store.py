@@ -12,12 +12,12 @@ from pydantic import TypeAdapter, ValidationError
 Score = TypeVar("Score")
 
 
-def digest_of(folders: Iterable[Path]) -> str:
-    """Digest of all Python sources in folders: results belong to one state of the code."""
+def digest_of(sources: Iterable[Path]) -> str:
+    """Digest of Python files, and of all in folders: results belong to one state of the code."""
     digest = hashlib.sha256()
-    for folder in folders:
-        for path in sorted(folder.rglob("*.py")):
-            digest.update(path.relative_to(folder).as_posix().encode())
+    for source in sources:
+        for path in sorted(source.rglob("*.py")) if source.is_dir() else [source]:
+            digest.update(path.relative_to(source).as_posix().encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

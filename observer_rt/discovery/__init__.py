@@ -1,0 +1,1 @@
+"""Discovery: which physical effect is missing from the model? Check, find, name, add, show."""

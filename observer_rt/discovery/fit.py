@@ -1,0 +1,172 @@
+"""Maximum likelihood within bounds: Levenberg-Marquardt on normalised residuals by finite differences."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.prediction_error import HUBER, robust_cost
+
+MAX_ITERATIONS = 15
+MAX_TRIALS = 8  # of ever shorter steps in one iteration
+TOLERANCE = 0.02  # of the expected and the achieved decrease of -2 log L
+FIRST_DAMPING = 1e-3
+MORE_DAMPING, LESS_DAMPING = 8.0, 0.1
+NORMAL_975 = 1.959964  # quantile of the normal distribution, of a 95 % interval
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Normalised residuals of a model on all recordings.
+
+    z: (n,) in groups, one after another; counts, log_sigma: (groups,) how many, and the logarithm of the standard
+    deviation they were divided by.
+    """
+
+    z: NDArray[np.float64]
+    counts: NDArray[np.int64]
+    log_sigma: NDArray[np.float64]
+
+    @property
+    def statistic(self) -> float:
+        """-2 log L of a Gaussian model, robust beyond HUBER sigma, constants left out."""
+        squares = 2.0 * robust_cost(self.z, 0, 1.0)
+        return float(squares + 2.0 * (self.counts @ self.log_sigma))
+
+
+class Problem(Protocol):
+    """Residuals as a function of parameters theta (p,)."""
+
+    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
+        """Residuals at theta; None where the model has no solution."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """Bounds of one parameter and the step of its finite difference."""
+
+    lowest: float
+    highest: float
+    step: float
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """-2 log L round theta: half its gradient (p,) and its Fisher information (p, p)."""
+
+    theta: NDArray[np.float64]
+    residuals: Residuals
+    statistic: float
+    gradient: NDArray[np.float64]
+    information: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    """dz/dtheta with sigma held, weighted (n, p)."""
+
+
+def linearise(
+    problem: Problem, theta: NDArray[np.float64], here: Residuals, ranges: Sequence[Range]
+) -> Linearisation:
+    """Slopes by one-sided differences, inwards where a bound is near.
+
+    With z = e/sigma, -log L = sum rho(z) + log sigma has the Fisher information z'z' (sigma held) + 2 (log sigma)'^2.
+    """
+    p = theta.size
+    weights = np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER))
+    slopes = np.zeros((here.z.size, p))
+    spreads = np.zeros((here.counts.size, p))
+    gradient = np.zeros(p)
+    for j, bounds in enumerate(ranges):
+        step = bounds.step if theta[j] + bounds.step <= bounds.highest else -bounds.step
+        shifted = theta.copy()
+        shifted[j] += step
+        there = problem.residuals(shifted)
+        if there is None:
+            continue
+        slope = (there.z - here.z) / step
+        spreads[:, j] = (there.log_sigma - here.log_sigma) / step
+        gradient[j] = float(weights * here.z @ slope + here.counts @ spreads[:, j])
+        if spreads[:, j].any():
+            slope += here.z * np.repeat(spreads[:, j], here.counts)
+        slopes[:, j] = np.sqrt(weights) * slope
+    information = slopes.T @ slopes + 2.0 * (spreads.T * here.counts) @ spreads
+    return Linearisation(theta, here, here.statistic, gradient, information, slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Where the search ended, and the linearisation there."""
+
+    at: Linearisation
+    converged: bool
+
+    @property
+    def statistic(self) -> float:
+        """-2 log L at the minimum."""
+        return self.at.statistic
+
+    def sigmas(self) -> NDArray[np.float64]:
+        """Standard deviations of the parameters (p,), inf where the data say nothing."""
+        return np.sqrt(np.maximum(np.diag(_inverse(self.at.information)), 0.0))
+
+
+def fit(problem: Problem, start: NDArray[np.float64], ranges: Sequence[Range]) -> Fit | None:
+    """Minimise -2 log L from `start` (p,); None when the model has no solution there."""
+    theta = np.clip(start, [r.lowest for r in ranges], [r.highest for r in ranges])
+    residuals = problem.residuals(theta)
+    if residuals is None:
+        return None
+    here = linearise(problem, theta, residuals, ranges)
+    damping = FIRST_DAMPING
+    for _ in range(MAX_ITERATIONS):
+        lower, damping = _lower(problem, here, ranges, damping)
+        if lower is None:
+            return Fit(here, converged=True)
+        decrease = here.statistic - lower[1].statistic
+        here = linearise(problem, lower[0], lower[1], ranges)
+        if decrease < TOLERANCE:
+            return Fit(here, converged=True)
+    return Fit(here, converged=False)
+
+
+def _lower(
+    problem: Problem, here: Linearisation, ranges: Sequence[Range], damping: float
+) -> tuple[tuple[NDArray[np.float64], Residuals] | None, float]:
+    """A point with a lower statistic (None: there is none worth going to) and the damping for the next step."""
+    lowest = np.array([r.lowest for r in ranges])
+    highest = np.array([r.highest for r in ranges])
+    outwards = ((here.theta <= lowest) & (here.gradient > 0.0)) | (
+        (here.theta >= highest) & (here.gradient < 0.0)
+    )
+    diagonal = np.diag(here.information)
+    free = np.flatnonzero(~outwards & (diagonal > 0.0))
+    if free.size == 0:
+        return None, damping
+    information = here.information[np.ix_(free, free)]
+    for _ in range(MAX_TRIALS):
+        damped = information + damping * np.diag(diagonal[free])
+        theta = here.theta.copy()
+        theta[free] -= np.linalg.solve(damped, here.gradient[free])
+        theta = np.clip(theta, lowest, highest)
+        move = theta - here.theta
+        expected = -float(2.0 * here.gradient @ move + move @ here.information @ move)
+        if expected < TOLERANCE:
+            return None, damping
+        there = problem.residuals(theta)
+        if there is not None and math.isfinite(there.statistic) and there.statistic < here.statistic:
+            return (theta, there), damping * LESS_DAMPING
+        damping *= MORE_DAMPING
+    return None, damping
+
+
+def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverse of an information matrix, with an infinite variance for what the data do not see."""
+    seen = np.flatnonzero(np.diag(information) > 0.0)
+    covariance = np.diag(np.full(len(information), np.inf))
+    if seen.size:
+        scale = 1.0 / np.sqrt(np.diag(information)[seen])
+        correlation = information[np.ix_(seen, seen)] * np.outer(scale, scale)
+        covariance[np.ix_(seen, seen)] = np.linalg.pinv(correlation, hermitian=True) * np.outer(scale, scale)
+    return covariance

@@ -1,0 +1,49 @@
+"""The vocabulary of effects: every module of this folder is one, its `EFFECT`."""
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pkgutil import iter_modules
+from types import MappingProxyType
+
+from observer_rt.model.effect import Effect, SizedEffect
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.parameters import EffectInForce, InjectorParameters
+
+
+def _found() -> Mapping[str, Effect]:
+    effects = (import_module(f"{__name__}.{module.name}").EFFECT for module in iter_modules(__path__))
+    return MappingProxyType({effect.id: effect for effect in effects})
+
+
+VOCABULARY: Mapping[str, Effect] = _found()
+"""All effects by id."""
+
+
+def sized(effect_id: str, **values: float) -> SizedEffect:
+    """An effect of the vocabulary with these parameter values (SI), the others off.
+
+    Raises KeyError for an id or a parameter that does not exist.
+    """
+    effect = VOCABULARY[effect_id]
+    unknown = values.keys() - {parameter.name for parameter in effect.parameters}
+    if unknown:
+        raise KeyError(f"{effect_id} has no parameter {', '.join(sorted(unknown))}")
+    return SizedEffect(effect, tuple(values.get(p.name, p.off) for p in effect.parameters))
+
+
+def sized_in_force(effect: EffectInForce) -> SizedEffect:
+    """An effect of the injector file, its values in SI. Raises KeyError for what is not in the vocabulary."""
+    by_name = {p.name: p for p in VOCABULARY[effect.id].parameters}
+    values = {name: printed.value * by_name[name].si for name, printed in effect.parameters.items()}
+    return sized(effect.id, **values)
+
+
+def effective_model(parameters: InjectorParameters, effects: Sequence[SizedEffect] = ()) -> EffectiveModel:
+    """The model of an injector with the effects in force in its file, and with `effects` besides.
+
+    An effect that is in both acts twice: what is added is relative to the model in force.
+    """
+    model = EffectiveModel(parameters.model_copy(update={"effects": ()}))
+    for item in (*map(sized_in_force, parameters.effects), *effects):
+        model = item.effect.apply(model, item.values)
+    return model

@@ -1,0 +1,177 @@
+"""The vocabulary: complete, consistent in itself, and doing nothing when off."""
+
+import math
+from itertools import combinations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.config import load_injector
+from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effect import Effect, SizedEffect
+from observer_rt.model.effective import EffectiveModel, InputTerms, SensorTerms
+from observer_rt.model.effects import VOCABULARY, effective_model, sized
+from observer_rt.model.parameters import EffectInForce, EffectValue
+
+NOMINAL = load_injector()
+# ids, classes and parameters as the design fixes them
+DESIGNED = {
+    "orifice_area": ("dynamics", ("v_H",)),
+    "seat_area": ("dynamics", ("v_S",)),
+    "guide_leakage": ("dynamics", ("c",)),
+    "line_friction": ("dynamics", ("k",)),
+    "seat_outflow": ("structure", ()),
+    "bulk_modulus": ("dynamics", ("r",)),
+    "line_volume": ("dynamics", ("r",)),
+    "pressure_dependent_bulk_modulus": ("dynamics", ("n",)),
+    "entrained_air": ("dynamics", ("g",)),
+    "fuel_density": ("dynamics", ("r",)),
+    "orifice_cavitation": ("dynamics", ("n_crit_excess",)),
+    "lift_dependent_seat_coefficient": ("dynamics", ("a", "x_c")),
+    "chamber_pressure_rise": ("input", ("dp",)),
+    "lift_offset": ("input", ("x_0",)),
+    "lift_gain": ("input", ("g",)),
+    "rail_pressure_sensor_gain": ("input", ("g",)),
+    "rail_pressure_sensor_offset": ("input", ("o",)),
+    "line_pressure_sensor_lag": ("sensor", ("tau",)),
+    "line_pressure_sensor_offset": ("sensor", ("o",)),
+    "channel_skew": ("sensor", ("d",)),
+}
+effects = pytest.mark.parametrize("effect", VOCABULARY.values(), ids=VOCABULARY)
+
+
+def at(effect: Effect, share: float) -> SizedEffect:
+    """An effect of a size between its bounds."""
+    return SizedEffect(effect, tuple(p.lowest + share * (p.highest - p.lowest) for p in effect.parameters))
+
+
+def numbers(model: EffectiveModel) -> list[float]:
+    """Everything a model computes with."""
+    return [*model.coefficients, *model.inputs, *model.sensor]
+
+
+def test_vocabulary_is_the_one_of_the_design() -> None:
+    found = {
+        name: (effect.effect_class.value, tuple(p.name for p in effect.parameters))
+        for name, effect in VOCABULARY.items()
+    }
+    assert found == DESIGNED
+    assert all(name == effect.id for name, effect in VOCABULARY.items())
+
+
+@effects
+def test_parameters_are_consistent(effect: Effect) -> None:
+    for parameter in effect.parameters:
+        assert parameter.lowest <= parameter.off <= parameter.highest
+        assert parameter.lowest < parameter.highest
+        assert all(parameter.lowest <= start <= parameter.highest for start in parameter.starts)
+        assert parameter.starts
+        assert 0.0 <= parameter.dead_zone < 0.1 * (parameter.highest - parameter.lowest)
+        assert parameter.si > 0.0
+    assert all(parameter.dead_zone > 0.0 for parameter in effect.parameters[:1])  # its size; others shape it
+
+
+@effects
+def test_texts_for_the_report(effect: Effect) -> None:
+    for text in (effect.sentence, effect.signature):
+        assert text[0].isupper()
+        assert text.endswith(".")
+    assert all(other in VOCABULARY for other in effect.indistinguishable)
+    assert all(effect.id in VOCABULARY[other].indistinguishable for other in effect.indistinguishable)
+
+
+@pytest.mark.parametrize("effect", [e for e in VOCABULARY.values() if e.parameters], ids=lambda e: e.id)
+def test_off_changes_nothing(effect: Effect) -> None:
+    worn = [sized("orifice_area", v_H=0.2), sized("rail_pressure_sensor_offset", o=1e6)]
+    for others in ([], worn):
+        assert numbers(effective_model(NOMINAL, [*others, sized(effect.id)])) == numbers(
+            effective_model(NOMINAL, others)
+        )
+
+
+@effects
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_every_effect_does_something(effect: Effect, share: float) -> None:
+    assert numbers(effective_model(NOMINAL, [at(effect, share)])) != numbers(effective_model(NOMINAL))
+
+
+def test_nominal_model_is_that_of_the_paper() -> None:
+    model = effective_model(NOMINAL)
+    assert model.coefficients == coefficients(NOMINAL)
+    assert model.inputs == InputTerms(1.0, 0.0, 1.0, 0.0)
+    assert model.sensor == SensorTerms(0.0, 0.0, 0.0)
+
+
+@given(
+    st.sampled_from(list(combinations(VOCABULARY.values(), 2))), st.floats(0.05, 0.95), st.floats(0.05, 0.95)
+)
+def test_order_does_not_matter(pair: tuple[Effect, Effect], share: float, other_share: float) -> None:
+    one, other = at(pair[0], share), at(pair[1], other_share)
+    assert numbers(effective_model(NOMINAL, [one, other])) == pytest.approx(
+        numbers(effective_model(NOMINAL, [other, one])), rel=1e-12
+    )
+
+
+@given(st.floats(-0.33, 1.0))
+def test_stiffness_and_volume_of_the_line_cannot_be_told_apart(r: float) -> None:
+    stiffer = effective_model(NOMINAL, [sized("bulk_modulus", r=r)]).coefficients
+    smaller = effective_model(NOMINAL, [sized("line_volume", r=1 / (1 + r) - 1)]).coefficients
+    # compression only counts what learned air means, in units of K_L
+    assert stiffer._replace(compression=0.0) == pytest.approx(smaller._replace(compression=0.0), rel=1e-12)
+
+
+@given(
+    st.floats(10e6, 200e6),
+    st.floats(-0.1, 0.1),
+    st.floats(-10e6, 10e6),
+)
+def test_rail_pressure_is_corrected_for_gain_and_offset(true: float, gain: float, offset: float) -> None:
+    model = effective_model(
+        NOMINAL, [sized("rail_pressure_sensor_gain", g=gain), sized("rail_pressure_sensor_offset", o=offset)]
+    )
+    measured = true * (1 + gain) + offset
+    assert model.inputs.rail_factor * measured + model.inputs.rail_shift == pytest.approx(true, rel=1e-12)
+
+
+def test_lift_is_corrected_for_gain_and_offset() -> None:
+    terms = effective_model(NOMINAL, [sized("lift_offset", x_0=20e-6)]).inputs
+    assert terms.lift_factor * (100e-6 - 20e-6) + terms.lift_shift == pytest.approx(100e-6)
+    terms = effective_model(NOMINAL, [sized("lift_gain", g=0.25)]).inputs
+    assert terms.lift_factor * 80e-6 + terms.lift_shift == pytest.approx(100e-6)
+
+
+def test_effects_of_the_file_are_in_force() -> None:
+    entry = EffectInForce(
+        id="lift_dependent_seat_coefficient",
+        parameters={"a": EffectValue(value=0.2, unit="-"), "x_c": EffectValue(value=80.0, unit="um")},
+    )
+    worn = NOMINAL.model_copy(update={"effects": (entry,)})
+    by_hand = effective_model(NOMINAL, [sized("lift_dependent_seat_coefficient", a=0.2, x_c=80e-6)])
+    assert numbers(effective_model(worn)) == pytest.approx(numbers(by_hand), rel=1e-12)
+    assert effective_model(worn).injector == NOMINAL  # so that nothing is applied twice
+
+
+def test_what_is_added_is_relative_to_what_is_in_force() -> None:
+    twice = effective_model(NOMINAL, [sized("orifice_area", v_H=0.2), sized("orifice_area", v_H=0.1)])
+    assert twice.coefficients.a6 == pytest.approx(1.2 * 1.1 * coefficients(NOMINAL).a6)
+    twice = effective_model(
+        NOMINAL, [sized("line_pressure_sensor_lag", tau=10e-6), sized("line_pressure_sensor_lag", tau=5e-6)]
+    )
+    assert twice.sensor.lag == pytest.approx(15e-6)
+
+
+def test_misspelt_names_are_refused() -> None:
+    with pytest.raises(KeyError):
+        sized("orifice_aria")
+    with pytest.raises(KeyError, match="v_S"):
+        sized("orifice_area", v_S=0.1)
+
+
+def test_leak_grows_with_the_line_s_stiffness() -> None:
+    """p_L' gets -K_L/V_L c (p_L - p_C): 3e-14 m3/(s Pa) at 100 MPa are 3 mm3/ms, 53.3 1/s of x_1."""
+    leak = sized("guide_leakage", c=3e-14)
+    assert effective_model(NOMINAL, [leak]).coefficients.leak == pytest.approx(1.6e9 / 0.9e-6 * 3e-14)
+    stiffer = effective_model(NOMINAL, [leak, sized("bulk_modulus", r=0.5)]).coefficients
+    assert stiffer.leak == pytest.approx(1.5 * 1.6e9 / 0.9e-6 * 3e-14)
+    assert math.isclose(stiffer.a1, 1.5 * coefficients(NOMINAL).a1)

@@ -1,0 +1,165 @@
+"""What the discovery benchmark hides, and its oracle: blind, reproducible, true to the vocabulary, white."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.model.effects import VOCABULARY
+from observer_rt.recording.files import read_recording
+from tools.benchmarks.discovery.cases import FURTHER, GIVEN, benches, make_case, make_cases, measured_rate
+from tools.benchmarks.discovery.generator import write_recordings
+from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, same_effect
+from tools.benchmarks.discovery.oracle import record_all, residuals, statistic
+from tools.benchmarks.discovery.rivals import best_statistic
+from tools.benchmarks.plant import record
+from tools.benchmarks.plant_parameters import Faults
+
+REPOSITORY = Path(__file__).parents[2]
+WITH_WAVES = {"line_wave"}  # not for a lumped line
+ALONE = """
+import io, json, sys
+
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] == "observer_rt":
+            raise ImportError("observer_rt is blocked")
+
+sys.meta_path.insert(0, Blocked())
+from tools.benchmarks.discovery import generator, oracle, rivals
+sys.stdin = io.StringIO(sys.argv[2])
+generator._main(["seal", sys.argv[1]])
+label = json.loads(open(sys.argv[1] + "/labels.json").read())[0]
+generator._main(["record", sys.argv[1], label])
+assert not [name for name in sys.modules if name.startswith("observer_rt")]
+"""
+
+
+def test_generator_and_oracle_run_where_the_package_cannot_be_imported(tmp_path: Path) -> None:
+    plan = {"effects": ["seat_area"], "faulty": 1, "healthy": 0, "rates": [True], "master_seed": 1}
+    done = subprocess.run(
+        [sys.executable, "-c", ALONE, str(tmp_path), json.dumps(plan)],
+        capture_output=True,
+        text=True,
+        cwd=REPOSITORY,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    files = done.stdout.split()
+    assert len(files) == len(GIVEN)
+    assert not any("seat" in file for file in files)
+    assert read_recording(Path(files[0])).injection_rate is not None
+
+
+def test_every_effect_of_the_vocabulary_is_hidden_within_its_bounds() -> None:
+    assert set(HIDDEN) == set(VOCABULARY) - WITH_WAVES
+    for name, effect in HIDDEN.items():
+        known = VOCABULARY[name].parameters
+        assert [p.name for p in effect.parameters] == [p.name for p in known]
+        for drawn, bounds in zip(effect.parameters, known, strict=True):
+            assert drawn.highest <= bounds.highest
+            assert bounds.lowest <= (drawn.most_negative or drawn.lowest)
+            assert (drawn.most_negative < 0.0) == (bounds.lowest < 0.0)
+
+
+@pytest.mark.parametrize("name", [name for name, effect in HIDDEN.items() if effect.parameters])
+def test_sizes_are_log_uniform_with_both_signs_where_allowed(name: str) -> None:
+    drawn = HIDDEN[name].parameters[0]
+    sizes = np.array([make_case(name, False, 1, n).values[0] for n in range(200)])
+    positive = sizes[sizes > 0.0]
+    expected = np.sqrt(drawn.lowest * drawn.highest)
+    spread = np.log(drawn.highest / drawn.lowest) / np.sqrt(12.0 * positive.size)
+    assert abs(np.mean(np.log(positive)) - np.log(expected)) < 4.0 * spread
+    assert np.all((positive >= drawn.lowest) & (positive <= drawn.highest))
+    assert 0.35 < np.mean(sizes < 0.0) < 0.65 if drawn.most_negative else np.all(sizes > 0.0)
+
+
+def test_cases_are_even_reproducible_and_in_an_order_that_tells_nothing() -> None:
+    effects = tuple(HIDDEN)
+    few, many = (make_cases(effects, n, n, (False, True), 3) for n in (40, 80))
+    assert {c.label for c in few} < {c.label for c in many}
+    assert many == make_cases(effects, 80, 80, (False, True), 3)
+    assert not {c.label for c in many} & {c.label for c in make_cases(effects, 80, 80, (False, True), 4)}
+    assert [
+        sum(c.effect == e and c.with_rate is rate for c in few) for e in effects for rate in (False, True)
+    ] == [1] * 40
+    assert sum(c.effect == HEALTHY and c.with_rate for c in few) == 20
+    hidden = [c.effect == HEALTHY for c in many]
+    assert 50 < sum(a != b for a, b in pairwise(hidden)) < 110  # 80 of 160 at random
+
+
+def test_recordings_hold_what_the_plant_measured(tmp_path: Path) -> None:
+    case = make_case("lift_offset", True, 1, 0)
+    files = write_recordings(case, tmp_path)
+    bench = benches(case, GIVEN)[2]
+    outcome, read = record(bench), read_recording(files[2])
+    for signal, values in vars(outcome.measured).items():
+        np.testing.assert_allclose(
+            getattr(read, signal), values, rtol=0.0, atol=1e-12 * np.max(np.abs(values))
+        )
+    assert read.injection_rate is not None
+    np.testing.assert_allclose(read.injection_rate, measured_rate(bench, outcome), rtol=0.0, atol=1e-11)
+
+
+def test_measured_rate_has_white_noise_and_a_gain_of_its_own() -> None:
+    gains, noise = [], []
+    for number in range(12):
+        for bench in benches(make_case(HEALTHY, True, 1, number), GIVEN[1:2]):
+            outcome = record(bench)
+            truth = outcome.truth.injection_rate
+            measured = measured_rate(bench, outcome)
+            gains.append(float(measured @ truth / (truth @ truth)))
+            noise.append(float(np.std(measured[truth == 0.0])))
+    assert np.mean(noise) == pytest.approx(0.5e-6, rel=0.02)
+    assert np.mean(gains) == pytest.approx(1.0, abs=0.006)
+    assert 0.002 < np.std(gains) < 0.009
+
+
+def test_given_and_further_recordings_share_the_injector_and_nothing_else() -> None:
+    case = make_case("seat_area", False, 1, 0)
+    given, further = benches(case, GIVEN), benches(case, FURTHER)
+    assert {b.events[0].faults for b in given + further} == {case.faults}
+    assert len({b.seed for b in given + further}) == len(given) + len(further)
+    assert not {b.events[0].rail_pressure for b in given} & {b.events[0].rail_pressure for b in further}
+
+
+@pytest.mark.parametrize("with_rate", [False, True])
+@pytest.mark.parametrize(
+    "name",
+    [HEALTHY, "lift_offset", "bulk_modulus", "line_pressure_sensor_lag", "channel_skew", "fuel_density"],
+)
+def test_oracle_is_white_with_the_true_effect(name: str, with_rate: bool) -> None:
+    case = make_case(name, with_rate, 1, 1)
+    recordings = [r for r, _ in record_all(benches(case, GIVEN), with_rate)]
+    values = residuals(recordings, case.faults)
+    assert np.mean(values**2) == pytest.approx(1.0, abs=4.5 * np.sqrt(2.0 / values.size))
+    assert abs(np.mean(values[1:] * values[:-1])) < 4.5 / np.sqrt(values.size)
+
+
+def test_oracle_gains_by_the_square_of_a_small_effect() -> None:
+    healthy = benches(make_case(HEALTHY, False, 1, 0), GIVEN)
+
+    def gain(size: float) -> float:
+        faults = Faults(orifice_area=size)
+        worn = [replace(b, events=tuple(replace(e, faults=faults) for e in b.events)) for b in healthy]
+        recordings = [r for r, _ in record_all(worn, with_rate=False)]
+        return statistic(recordings, Faults()) - statistic(recordings, faults)
+
+    assert gain(0.08) / gain(0.04) == pytest.approx(4.0, rel=0.15)
+
+
+def test_rivals_of_an_exact_class_explain_alike_and_others_do_not() -> None:
+    case = next(c for n in range(20) if abs((c := make_case("bulk_modulus", False, 1, n)).values[0]) > 0.01)
+    recordings = [r for r, _ in record_all(benches(case, GIVEN[3:4]), with_rate=False)]
+    true, same, other = (best_statistic(recordings, e) for e in ("bulk_modulus", "line_volume", "seat_area"))
+    assert same_effect("bulk_modulus", "line_volume")
+    assert not same_effect("bulk_modulus", "entrained_air")
+    assert abs(true - same) < 0.1
+    assert other - true > 50.0
+    assert true <= statistic(recordings, case.faults)

@@ -1,0 +1,101 @@
+"""What `discover` answers on a case's recordings: one call of the command, as a user makes it."""
+
+import json
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from observer_rt.config import NOMINAL_INJECTOR
+
+TIME_LIMIT = 600  # s
+OUR_PROGRAM = (sys.executable, "-m", "observer_rt")
+KEPT_MESSAGE = 400  # characters of a failed command's
+
+
+@dataclass(frozen=True)
+class ClaimedParameter:
+    """A parameter of a claimed effect with its 95 % interval, in its printed unit."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Claim:
+    """An effect of findings.json."""
+
+    id: str
+    confidence: float
+    parameters: tuple[ClaimedParameter, ...]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What findings.json says; `listed`: all ids an ambiguous answer leaves open.
+
+    amended_model: the text of the file; seconds: of wall time; core_seconds: of processor time, all its processes.
+    """
+
+    label: str
+    verdict: str
+    claims: tuple[Claim, ...]
+    listed: tuple[str, ...]
+    amended_model: str
+    seconds: float
+    core_seconds: float
+
+
+def ask(program: Sequence[str], label: str, recordings: Sequence[Path], folder: Path) -> Answer:
+    """Call `program discover` with the nominal model on recordings, its output in `folder`.
+
+    Raises RuntimeError when it fails.
+    """
+    command = [*program, "discover", "--model", str(NOMINAL_INJECTOR)]
+    before, begin = _core_seconds(), time.perf_counter()
+    done = subprocess.run(
+        [*command, "--out", str(folder), *map(str, recordings)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIME_LIMIT,
+    )
+    seconds, used = time.perf_counter() - begin, _core_seconds() - before
+    if done.returncode != 0:
+        raise RuntimeError(f"discover: exit {done.returncode}: {done.stderr[-KEPT_MESSAGE:]}")
+    findings = json.loads((folder / "findings.json").read_text())
+    name = findings.get("amended_model")
+    amended = (folder / name).read_text() if name else NOMINAL_INJECTOR.read_text()
+    return read_answer(label, findings, amended, seconds, used)
+
+
+def read_answer(
+    label: str, findings: dict[str, Any], amended_model: str, seconds: float, core_seconds: float
+) -> Answer:
+    """The answer in a findings.json. Raises KeyError where it does not keep its contract."""
+    claims = tuple(
+        Claim(effect["id"], float(effect["confidence"]), tuple(map(_parameter, effect["parameters"].items())))
+        for effect in findings["effects"]
+    )
+    others = [other for effect in findings["effects"] for other in effect["indistinguishable_from"]]
+    listed = tuple(dict.fromkeys([claim.id for claim in claims] + others))
+    return Answer(label, findings["verdict"], claims, listed, amended_model, seconds, core_seconds)
+
+
+def _parameter(item: tuple[str, dict[str, Any]]) -> ClaimedParameter:
+    name, printed = item
+    low, high = printed["ci95"]
+    return ClaimedParameter(name, float(printed["value"]), float(low), float(high), printed["unit"])
+
+
+def _core_seconds() -> float:
+    """Processor time of all processes this one started and that have ended."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime

@@ -1,0 +1,91 @@
+"""Hidden cases: an opaque label, what is hidden, and the benches that record it. Imports nothing of `observer_rt`."""
+
+import hashlib
+import itertools
+import zlib
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
+from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot
+from tools.benchmarks.plant_parameters import Faults, Injector
+
+GIVEN = tuple(itertools.product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))
+"""Operating points `discover` is given: rail pressure [Pa], needle open [s]."""
+FURTHER = tuple(itertools.product((80e6, 120e6), (0.9e-3, 1.5e-3)))
+"""Operating points it never sees: there the gap is measured."""
+INJECTIONS = 2  # in each recording
+RATE_NOISE = 0.5e-6  # m3/s per sample of a measured rate at 100 kHz
+RATE_GAIN = 0.005  # one sigma of a recording's gain
+
+
+@dataclass(frozen=True)
+class HiddenCase:
+    """What is sealed: `values` are the parameters of the effect in its order; `seed` makes everything else."""
+
+    label: str
+    effect: str
+    values: tuple[float, ...]
+    with_rate: bool
+    seed: int
+
+    @property
+    def faults(self) -> Faults:
+        """What is wrong with the plant."""
+        return Faults() if self.effect == HEALTHY else HIDDEN[self.effect].faults(self.values)
+
+
+def make_case(effect: str, with_rate: bool, master_seed: int, number: int) -> HiddenCase:
+    """The case with this number among those of its kind. Raises KeyError for an unknown effect."""
+    key = [master_seed, zlib.crc32(effect.encode()), int(with_rate), number]
+    rng = np.random.default_rng(key)
+    seed = int(rng.integers(2**62))
+    values = () if effect == HEALTHY else tuple(p.draw(rng) for p in HIDDEN[effect].parameters)
+    label = hashlib.sha256(repr(key).encode()).hexdigest()[:12]
+    return HiddenCase(label, effect, values, with_rate, seed)
+
+
+def make_cases(
+    effects: tuple[str, ...], faulty: int, healthy: int, rates: tuple[bool, ...], master_seed: int
+) -> tuple[HiddenCase, ...]:
+    """`faulty` cases spread evenly over effects and rates, `healthy` ones over rates, in an order that tells nothing.
+
+    The first cases of a larger number are those of a smaller one.
+    """
+    kinds = [
+        (effect, rates[(number + turn) % len(rates)])
+        for turn in range(len(rates))
+        for number, effect in enumerate(effects)
+    ]
+    cases = [make_case(*kinds[i % len(kinds)], master_seed, i // len(kinds)) for i in range(faulty)]
+    cases += [make_case(HEALTHY, rates[i % len(rates)], master_seed, i // len(rates)) for i in range(healthy)]
+    return tuple(sorted(cases, key=lambda case: case.label))
+
+
+def benches(
+    case: HiddenCase, points: tuple[tuple[float, float], ...], noise: float = 1.0
+) -> tuple[Bench, ...]:
+    """One bench a recording: one operating point, its injections anywhere on the grid of samples."""
+    rng = np.random.default_rng([case.seed, len(points)])
+    needle = Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
+    made = []
+    for rail_pressure, duration in points:
+        shots = [Shot(rng.uniform(0.0, 10e-6), duration) for _ in range(INJECTIONS)]
+        events = tuple(Event(rail_pressure, (shot,), case.faults) for shot in shots)
+        made.append(Bench(Injector(), needle, events, noise=noise, seed=int(rng.integers(2**62))))
+    return tuple(made)
+
+
+def measured_rate(bench: Bench, outcome: Outcome) -> NDArray[np.float64]:
+    """Rate an instrument measures beside the injector [m3/s] (n,): white noise, and a gain error of the recording."""
+    rng = np.random.default_rng([bench.seed, 1])
+    truth = outcome.truth.injection_rate
+    gain = 1.0 + RATE_GAIN * rng.normal()
+    return np.asarray(gain * truth + RATE_NOISE * bench.noise * rng.normal(size=truth.size), np.float64)
+
+
+def without_noise(case: HiddenCase, points: tuple[tuple[float, float], ...]) -> tuple[Bench, ...]:
+    """The same benches without noise."""
+    return tuple(replace(bench, noise=0.0) for bench in benches(case, points))

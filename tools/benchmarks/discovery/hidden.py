@@ -1,0 +1,99 @@
+"""What may be hidden in a recording: every effect of the vocabulary as a fault of the plant, with its sizes.
+
+Imports nothing of `observer_rt`: ids and parameter names are the contract, the laws are the plant's own.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from numpy.random import Generator
+
+from tools.benchmarks.plant_parameters import Faults
+
+HEALTHY = "healthy"
+MICROMETRE, MICROSECOND = 1e-6, 1e-6
+
+
+@dataclass(frozen=True)
+class HiddenParameter:
+    """One parameter: its name in the vocabulary, the plant's fault, and its sizes, SI, drawn log-uniformly.
+
+    lowest is below what can be detected; most_negative: 0 where only one sign is physical.
+    """
+
+    name: str
+    fault: str
+    lowest: float
+    highest: float
+    most_negative: float = 0.0
+
+    def draw(self, rng: Generator) -> float:
+        """A size, of either sign where both are allowed."""
+        negative = self.most_negative < 0.0 and rng.random() < 0.5
+        highest = -self.most_negative if negative else self.highest
+        size = math.exp(rng.uniform(math.log(self.lowest), math.log(highest)))
+        return -size if negative else size
+
+
+@dataclass(frozen=True)
+class HiddenEffect:
+    """An effect: the first parameter is its size; a switch has none, and sets its fault to 1."""
+
+    id: str
+    parameters: tuple[HiddenParameter, ...] = ()
+    switch: str = ""
+
+    def faults(self, values: Sequence[float]) -> Faults:
+        """The plant with this effect, its parameters in order."""
+        if self.switch:
+            return Faults(**{self.switch: 1.0})
+        return Faults(**{p.fault: value for p, value in zip(self.parameters, values, strict=True)})
+
+
+def _single(
+    effect: str, name: str, fault: str, lowest: float, highest: float, negative: float = 0.0
+) -> HiddenEffect:
+    return HiddenEffect(effect, (HiddenParameter(name, fault, lowest, highest, negative),))
+
+
+_EFFECTS = (
+    _single("orifice_area", "v_H", "orifice_area", 2e-3, 0.5, -0.5),
+    _single("seat_area", "v_S", "seat_area", 7e-3, 0.4, -0.4),
+    _single("guide_leakage", "c", "guide_leakage", 1.5e-15, 1.5e-13),  # m3/(s Pa)
+    _single("line_friction", "k", "line_friction", 6e-3, 3.0, -0.5),
+    HiddenEffect("seat_outflow", switch="seat_outflow"),
+    _single("bulk_modulus", "r", "bulk_modulus", 3e-4, 0.25, -0.25),
+    _single("line_volume", "r", "line_volume", 3e-4, 0.25, -0.25),
+    _single("pressure_dependent_bulk_modulus", "n", "bulk_modulus_slope", 0.015, 8.0, -6.0),
+    _single("entrained_air", "g", "entrained_air", 2e-5, 8e-3),
+    _single("fuel_density", "r", "fuel_density", 2e-4, 0.08, -0.08),
+    _single("orifice_cavitation", "n_crit_excess", "orifice_cavitation", 0.03, 0.3),
+    HiddenEffect(
+        "lift_dependent_seat_coefficient",
+        (
+            HiddenParameter("a", "seat_lift_loss", 0.015, 0.7, -0.6),
+            HiddenParameter("x_c", "seat_lift_scale", 20 * MICROMETRE, 80 * MICROMETRE),
+        ),
+    ),
+    _single("chamber_pressure_rise", "dp", "chamber_pressure_step", 0.25e6, 12e6),  # Pa
+    _single("lift_offset", "x_0", "lift_offset", 0.15 * MICROMETRE, 25 * MICROMETRE, -25 * MICROMETRE),
+    _single("lift_gain", "g", "lift_gain", 7e-3, 0.2, -0.2),
+    _single("rail_pressure_sensor_gain", "g", "rail_pressure_sensor_gain", 2.5e-5, 0.03, -0.03),
+    _single("rail_pressure_sensor_offset", "o", "rail_pressure_sensor_offset", 5e3, 5e6, -5e6),  # Pa
+    _single(
+        "line_pressure_sensor_lag", "tau", "line_pressure_sensor_lag", 0.3 * MICROSECOND, 80 * MICROSECOND
+    ),
+    _single("line_pressure_sensor_offset", "o", "line_pressure_sensor_offset", 5e3, 5e6, -5e6),  # Pa
+    _single("channel_skew", "d", "channel_skew", 0.3 * MICROSECOND, 50 * MICROSECOND, -50 * MICROSECOND),
+)
+
+HIDDEN = {effect.id: effect for effect in _EFFECTS}
+
+RECIPROCAL = frozenset({"bulk_modulus", "line_volume"})
+"""The exact class: only K_L/V_L enters, so naming either is right, with 1 + r the other's reciprocal."""
+
+
+def same_effect(first: str, second: str) -> bool:
+    """Whether two ids are one as far as any recording can tell."""
+    return first == second or {first, second} == RECIPROCAL

@@ -1,0 +1,180 @@
+"""The oracle: the true model with any effect on recordings, by whitened innovations.
+
+It judges whether an effect could be seen at all, and whether two effects can be told apart. Imports nothing of
+`observer_rt`.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tools.benchmarks.discovery.cases import RATE_GAIN, RATE_NOISE, measured_rate
+from tools.benchmarks.discovery.oracle_equations import follow
+from tools.benchmarks.line_gain import line_gain
+from tools.benchmarks.plant import (
+    LIFT_NOISE,
+    LINE_NOISE,
+    RAIL_NOISE,
+    SAMPLE_RATE,
+    Bench,
+    Outcome,
+    event_start,
+    record,
+    strokes_of,
+)
+from tools.benchmarks.plant_equations import line_stiffness, seat_factor
+from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
+
+INTERVAL = 1.0 / SAMPLE_RATE  # s
+LEAD, TAIL = 1e-3, 12e-3  # s before an opening and after its end that are judged
+LOST_LIFT = 1.5e-6  # m, recorded, below which the flank is extended from beyond it
+ANCHOR = 3  # samples that carry the extended flank
+LIFT_STEP = 1e-7  # m, of the rate's slope
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """One recording as the oracle takes it: measured signals, SI (n,), and what it knows of the needle's motion.
+
+    openings (m, 2): first and last sample of a true lift above 0; speeds (m, 2): of opening and closing [m/s];
+    counted (n,): samples that are judged.
+    """
+
+    bench: Bench
+    rail: NDArray[np.float64]
+    lift: NDArray[np.float64]
+    line: NDArray[np.float64]
+    rate: NDArray[np.float64] | None
+    openings: NDArray[np.int64]
+    speeds: NDArray[np.float64]
+    counted: NDArray[np.bool_]
+
+
+def recorded(bench: Bench, outcome: Outcome, with_rate: bool) -> Recorded:
+    """A recording for the oracle."""
+    measured = outcome.measured
+    is_open = np.concatenate(([False], outcome.truth.needle_lift > 0.0, [False]))
+    changes = np.flatnonzero(is_open[1:] != is_open[:-1])
+    openings = np.stack((changes[::2], changes[1::2] - 1), axis=1)
+    strokes = np.concatenate(
+        [
+            strokes_of(event, event_start(i), bench.needle, bench.injector.max_lift)
+            for i, event in enumerate(bench.events)
+        ]
+    )
+    counted = np.zeros(measured.time.size, np.bool_)
+    for first, last in openings:
+        counted[first - round(LEAD / INTERVAL) : last + round(TAIL / INTERVAL)] = True
+    return Recorded(
+        bench,
+        measured.rail_pressure,
+        measured.needle_lift,
+        measured.line_pressure,
+        measured_rate(bench, outcome) if with_rate else None,
+        openings,
+        strokes[:, 4:6],
+        counted,
+    )
+
+
+def record_all(benches: Sequence[Bench], with_rate: bool) -> tuple[tuple[Recorded, Outcome], ...]:
+    """Every bench's recording and what really happened."""
+    return tuple((recorded(b, outcome, with_rate), outcome) for b in benches for outcome in [record(b)])
+
+
+def true_lift(r: Recorded, faults: Faults) -> NDArray[np.float64]:
+    """Lift [m] (n,) if the sensor has these faults; what an offset cut off is extended with the needle's speeds."""
+    lift = np.zeros(r.lift.size)
+    for (first, last), (up, down) in zip(r.openings, r.speeds, strict=True):
+        part = slice(int(first), int(last) + 1)
+        seen = r.lift[part]
+        corrected = (np.maximum(seen, 0.0) + faults.lift_offset) * (1.0 + faults.lift_gain)
+        if faults.lift_offset > 0.0:
+            _extend(corrected, seen, up * INTERVAL)
+            _extend(corrected[::-1], seen[::-1], down * INTERVAL)
+        lift[part] = np.maximum(corrected, 0.0)
+    return lift
+
+
+def _extend(lift: NDArray[np.float64], seen: NDArray[np.float64], rise: float) -> None:
+    """Replace the beginning of a flank, where nothing was seen, by a ramp of `rise` a sample; in place."""
+    found = np.flatnonzero(seen > LOST_LIFT)
+    if found.size == 0:
+        return
+    first = int(found[0])
+    anchor = lift[first : first + ANCHOR]
+    level = float(np.mean(anchor - rise * np.arange(anchor.size)))
+    lift[:first] = np.minimum(lift[:first], np.maximum(level + rise * np.arange(-first, 0), 0.0))
+
+
+def gain_of(part: Injector, faults: Faults, pressure: float) -> tuple[NDArray[np.float64], float]:
+    """Kalman gain (3,) at a line pressure [Pa], and the innovation's sigma [Pa]."""
+    stiffness = line_stiffness(pressure, part, faults) / part.line_volume
+    inertance = part.density * part.line_length / part.line_area
+    late = faults.line_pressure_sensor_lag / INTERVAL
+    angle, impedance = math.sqrt(stiffness / inertance) * INTERVAL, math.sqrt(stiffness * inertance)
+    return line_gain(angle, impedance, late, RAIL_NOISE, LINE_NOISE)
+
+
+def simulated(
+    r: Recorded, faults: Faults, closed_loop: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Errors [Pa] and rate [m3/s] (n,) with these faults, whitened or open loop, and the innovation's sigma [Pa]."""
+    part = with_faults(r.bench.injector, faults)
+    rail = (r.rail - faults.rail_pressure_sensor_offset) / (1.0 + faults.rail_pressure_sensor_gain)
+    line = (r.line - faults.line_pressure_sensor_offset) / (1.0 + faults.line_pressure_sensor_gain)
+    whole = math.floor(faults.channel_skew / INTERVAL)
+    line = _shifted(line, whole)
+    gain, sigma = gain_of(part, faults, float(np.median(rail)))
+    errors, rate = np.empty((2, rail.size))
+    steady = gain if closed_loop else np.zeros(3)
+    follow(part, faults, rail, true_lift(r, faults), line, steady, INTERVAL, errors, rate)
+    return _shifted(errors, -whole), rate, sigma
+
+
+def _shifted(values: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+    """Values (n,) moved to the front; the end stands still."""
+    return values[np.clip(np.arange(values.size) + samples, 0, values.size - 1)]
+
+
+def rate_sigma(r: Recorded) -> NDArray[np.float64]:
+    """Standard deviation of measured minus modelled rate [m3/s] (n,): the instrument's, and what lift noise does."""
+    part = r.bench.injector
+    lift = true_lift(r, Faults())
+    drop = max(float(np.median(r.rail)) - part.chamber_pressure, 0.0)
+    nozzle = part.nozzle_area * math.sqrt(2.0 / part.density)
+
+    def quasi_static(x: float) -> float:
+        seat = seat_factor(x, part, Faults())
+        return float(seat * nozzle / math.hypot(seat, nozzle) * math.sqrt(drop))
+
+    slope = [(quasi_static(x + LIFT_STEP) - quasi_static(x)) / LIFT_STEP if x > 0.0 else 0.0 for x in lift]
+    return np.asarray(np.hypot(RATE_NOISE, LIFT_NOISE * np.array(slope)), np.float64)
+
+
+def residuals(recordings: Sequence[Recorded], faults: Faults) -> NDArray[np.float64]:
+    """Whitened innovations of all recordings (n,); with measured rate its residuals, each recording's gain free."""
+    parts = []
+    for r in recordings:
+        errors, rate, sigma = simulated(r, faults, closed_loop=True)
+        parts.append(errors[r.counted] / sigma)
+        if r.rate is not None:
+            weight = 1.0 / rate_sigma(r)[r.counted]
+            off, shape = (r.rate - rate)[r.counted] * weight, rate[r.counted] * weight
+            gain = float(shape @ off) / (float(shape @ shape) + RATE_GAIN**-2)
+            parts += [off - gain * shape, np.array([gain / RATE_GAIN])]
+    return np.concatenate(parts)
+
+
+def statistic(recordings: Sequence[Recorded], faults: Faults) -> float:
+    """-2 log L, constants left out; a lag changes the innovation's variance, which counts."""
+    values = residuals(recordings, faults)
+    total = float(values @ values)
+    for r in recordings:
+        part = with_faults(r.bench.injector, faults)
+        _, sigma = gain_of(part, faults, float(np.median(r.rail)))
+        total += 2.0 * int(np.sum(r.counted)) * math.log(sigma / LINE_NOISE)
+    return total

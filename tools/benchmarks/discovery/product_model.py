@@ -1,0 +1,44 @@
+"""The package's model of an injector file, open loop on a recording's inputs."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.discovery.data import measurements
+from observer_rt.discovery.windows import Inputs
+from observer_rt.estimation.learned import Learned
+from observer_rt.estimation.predictor import Setting, Window, prediction
+from observer_rt.model.coefficients import LineTerms
+from observer_rt.model.effects import effective_model
+from observer_rt.model.network import zero_network
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.recording.recording import Recording
+
+SUBSTEPS = 10  # at 100 kHz: a fifth of what is stable at the largest orifice
+NO_GAIN = np.zeros(3)
+
+
+def open_loop(
+    injector: InjectorParameters, recording: Recording
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Line pressure as the model's sensor records it [Pa] (n,), and injected mass flow [kg/s] (n,)."""
+    model = effective_model(injector)
+    c, sensor = model.coefficients, model.sensor
+    (measurement,) = measurements([recording])
+    inputs = Inputs(measurement, model.inputs, c)
+    u = np.stack((inputs.rail, inputs.area), axis=1)
+    window = Window(
+        inputs=u,
+        output=np.zeros(recording.samples),
+        resting=np.zeros(recording.samples, np.bool_),
+        start=np.array([inputs.rail[0], 0.0, 0.0, inputs.rail[0]]),
+        opening=recording.samples,
+    )
+    errors, rate = np.empty((2, recording.samples))
+    setting = Setting(measurement.interval, SUBSTEPS, c, NO_GAIN)
+    learned = Learned(zero_network(), LineTerms(0.0, 0.0, 0.0, 0.0), 0.0, sensor.lag)
+    prediction(window, setting, learned, errors, rate)
+    indicated = -errors * c.pressure_scale + c.chamber_pressure + sensor.offset
+    indicated[0] = indicated[1]
+    late = sensor.delay / measurement.interval
+    sample = np.arange(recording.samples)
+    return np.interp(sample - late, sample, indicated), rate * c.density

@@ -1,0 +1,138 @@
+"""Score a case: the oracle on what was hidden, the package on what was answered."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config import load_injector
+from observer_rt.model.effects import VOCABULARY
+from observer_rt.recording.recording import Recording
+from observer_rt.units import MEGAPASCAL, MILLIGRAM
+from tools.benchmarks.discovery.answers import Answer, Claim
+from tools.benchmarks.discovery.cases import FURTHER, GIVEN, HiddenCase, benches, without_noise
+from tools.benchmarks.discovery.hidden import HIDDEN, same_effect
+from tools.benchmarks.discovery.oracle import Recorded, record_all, simulated, statistic
+from tools.benchmarks.discovery.product_model import open_loop
+from tools.benchmarks.discovery.result import AMBIGUOUS, CaseResult, Gap, Interval, Visibility
+from tools.benchmarks.discovery.rivals import best_statistic
+from tools.benchmarks.plant import SAMPLE_RATE, Outcome
+from tools.benchmarks.plant_parameters import Faults, with_faults
+from tools.benchmarks.windows import Windows, windows_of
+
+Model = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Recorded line pressure [Pa] and mass flow [kg/s] (n,) of a model or of the plant."""
+
+
+def score_case(case: HiddenCase, answer: Answer) -> CaseResult:
+    """What the oracle and the package make of a case and its answer."""
+    result = CaseResult(
+        label=case.label,
+        effect=case.effect,
+        values=case.values,
+        with_rate=case.with_rate,
+        verdict=answer.verdict,
+        claims=tuple((claim.id, claim.confidence) for claim in answer.claims),
+        listed=answer.listed,
+        visibility=visibility(case) if case.values or case.effect in HIDDEN else None,
+        rivalry=rivalry(case, answer),
+        intervals=(),
+        line_pressure=None,
+        injected_mass=None,
+        seconds=answer.seconds,
+        core_seconds=answer.core_seconds,
+    )
+    fields = vars(result)
+    if result.named_right:
+        fields = fields | {"intervals": intervals(case, answer.claims[0])}
+    if result.above_noise:
+        line_pressure, injected_mass = gaps(case, answer.amended_model)
+        fields = fields | {"line_pressure": line_pressure, "injected_mass": injected_mass}
+    return CaseResult(**fields)
+
+
+def visibility(case: HiddenCase) -> Visibility:
+    """How visible the hidden effect is on the recordings given."""
+    noisy = [r for r, _ in record_all(benches(case, GIVEN), case.with_rate)]
+    gain = statistic(noisy, Faults()) - statistic(noisy, case.faults)
+    mass, pressure = 0.0, 0.0
+    for r, outcome in record_all(without_noise(case, GIVEN), with_rate=False):
+        windows = windows_of(outcome, SAMPLE_RATE)
+        with_effect, without = (_oracle(r, faults) for faults in (case.faults, Faults()))
+        moved = windows.masses(with_effect[1] - without[1], 1.0)
+        mass = max(mass, float(np.max(np.abs(moved))) / MILLIGRAM)
+        change = (with_effect[0] - without[0])[outcome.truth.needle_lift > 0.0]
+        pressure = max(pressure, float(np.sqrt(np.mean(change**2))) / MEGAPASCAL)
+    parameters = VOCABULARY[case.effect].parameters
+    beyond = not parameters or abs(case.values[0]) >= parameters[0].dead_zone
+    return Visibility(gain, mass, pressure, beyond)
+
+
+def rivalry(case: HiddenCase, answer: Answer) -> tuple[tuple[str, float], ...]:
+    """What the oracle says of the other effects of an ambiguous answer, against the true one."""
+    others = [name for name in answer.listed if not same_effect(name, case.effect)]
+    if answer.verdict != AMBIGUOUS or len(others) == len(answer.listed):
+        return ()
+    noisy = [r for r, _ in record_all(benches(case, GIVEN), case.with_rate)]
+    true = best_statistic(noisy, case.effect)
+    return tuple((name, best_statistic(noisy, name) - true) for name in others)
+
+
+def intervals(case: HiddenCase, claim: Claim) -> tuple[Interval, ...]:
+    """The claimed intervals, SI, beside the true values; where an exact equivalent was named, its 1 + r inverted."""
+    hidden, named = HIDDEN[case.effect], VOCABULARY[claim.id]
+    true = {p.name: value for p, value in zip(hidden.parameters, case.values, strict=True)}
+    if claim.id != case.effect:
+        true = {name: 1.0 / (1.0 + value) - 1.0 for name, value in true.items()}
+    factors = {p.name: p.si for p in named.parameters}
+    return tuple(
+        Interval(p.name, p.low * factors[p.name], p.high * factors[p.name], true[p.name])
+        for p in claim.parameters
+    )
+
+
+def gaps(case: HiddenCase, amended_model: str) -> tuple[Gap, Gap]:
+    """Gap of line pressure [MPa] and injected mass [mg] on recordings that were not given."""
+    nominal = load_injector()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "amended.toml"
+        path.write_text(amended_model)
+        amended = load_injector(path)
+    before, after, oracle = [], [], []
+    for r, outcome in record_all(without_noise(case, FURTHER), with_rate=False):
+        windows = windows_of(outcome, SAMPLE_RATE)
+        density = with_faults(r.bench.injector, case.faults).density
+        plant = r.line, outcome.truth.injection_rate * density
+        recording = _recording(outcome)
+        before.append(_differences(open_loop(nominal, recording), plant, windows))
+        after.append(_differences(open_loop(amended, recording), plant, windows))
+        oracle.append(_differences(_oracle(r, case.faults), plant, windows))
+    pressures, masses = (
+        Gap(*(_rms(differences, signal) for differences in (before, after, oracle))) for signal in (0, 1)
+    )
+    return pressures, masses
+
+
+def _oracle(r: Recorded, faults: Faults) -> Model:
+    """The true model with these faults on a recording's inputs."""
+    errors, rate, _ = simulated(r, faults, closed_loop=False)
+    line = r.line - errors * (1.0 + faults.line_pressure_sensor_gain)
+    return line, rate * with_faults(r.bench.injector, faults).density
+
+
+def _recording(outcome: Outcome) -> Recording:
+    m = outcome.measured
+    return Recording(m.time, m.rail_pressure, m.needle_lift, m.line_pressure)
+
+
+def _differences(model: Model, plant: Model, windows: Windows) -> Model:
+    """Differences of the line pressure at the windows' samples [MPa], and of every injection's mass [mg]."""
+    samples = np.concatenate([np.arange(r.start, r.stop) for r in windows.ranges])
+    pressure = (model[0] - plant[0])[samples] / MEGAPASCAL
+    return pressure, windows.masses(model[1] - plant[1], 1.0) / MILLIGRAM
+
+
+def _rms(differences: Sequence[Model], signal: int) -> float:
+    return float(np.sqrt(np.mean(np.concatenate([d[signal] for d in differences]) ** 2)))

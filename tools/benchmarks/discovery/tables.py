@@ -1,0 +1,157 @@
+"""What is printed of the results, and the same as data."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from observer_rt.model.effects import VOCABULARY
+from tools.benchmarks.discovery import summary
+from tools.benchmarks.discovery.hidden import HEALTHY
+from tools.benchmarks.discovery.result import CaseResult
+
+NOTHING = "-"
+
+
+def effect_table(results: Sequence[CaseResult]) -> Table:
+    """Effect by effect: what was found, from what size on, with what interval, and what is left of the gap."""
+    table = Table(title="hidden effects", title_justify="left")
+    table.add_column("effect", no_wrap=True)
+    for heading in (
+        "cases", "above\nnoise", "right\n%", "of them\nambiguous", "found\nfrom", "intervals\nhold %",
+        "gap left %\np_L median", "\np90", "\nmass median", "\np90", "seconds\nmax",
+    ):  # fmt: skip
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name, cases in summary.by_effect(results).items():
+        table.add_row(
+            name, *_effect_row(cases), printed_size(name, summary.detection_limit(cases)), *_rest(cases)
+        )
+    faulty = summary.faulty(results)
+    for title, cases in (
+        ("all without rate", [r for r in faulty if not r.with_rate]),
+        ("all with rate", [r for r in faulty if r.with_rate]),
+        ("all", faulty),
+    ):
+        if cases:
+            table.add_row(title, *_effect_row(cases), "", *_rest(cases))
+    if healthy := summary.healthy(results):
+        share = f"{100.0 * summary.right_share(healthy):.1f}"
+        seconds = f"{max(r.seconds for r in healthy):.1f}"
+        table.add_row(HEALTHY, str(len(healthy)), NOTHING, share, *[NOTHING] * 7, seconds)
+    return table
+
+
+def confusion_table(results: Sequence[CaseResult]) -> Table:
+    """What was answered to each hidden effect, above noise."""
+    table = Table(title="answers, effects above noise", title_justify="left")
+    table.add_column("hidden", no_wrap=True)
+    table.add_column("answered")
+    for name, cases in (summary.by_effect(results) | {HEALTHY: summary.healthy(results)}).items():
+        judged = cases if name == HEALTHY else summary.above_noise(cases)
+        counts = Counter(r.answer for r in judged).most_common()
+        if counts:
+            table.add_row(name, ", ".join(f"{answer} {count}" for answer, count in counts))
+    return table
+
+
+def reliability_table(results: Sequence[CaseResult]) -> Table:
+    """Confidence against share of right names."""
+    table = Table(title="confidence of all names given", title_justify="left")
+    for heading in ("names", "confidence", "right %"):
+        table.add_column(heading, justify="right")
+    for b in summary.reliability(results):
+        table.add_row(str(b.names), f"{b.confidence:.3f}", f"{100.0 * b.right_share:.1f}")
+    return table
+
+
+def misses(results: Sequence[CaseResult]) -> list[str]:
+    """A line for every case above noise, or healthy, that was not answered rightly."""
+    return [_miss(r) for r in results if not r.right and (r.above_noise or not r.faulty)]
+
+
+def printed_size(effect: str, size: float | None) -> str:
+    """The size of an effect's first parameter in its printed unit."""
+    parameters = VOCABULARY[effect].parameters
+    if size is None or not parameters:
+        return NOTHING
+    unit = "" if parameters[0].unit == "-" else f" {parameters[0].unit}"
+    return f"{size / parameters[0].si:.2g}{unit}"
+
+
+def json_document(results: Sequence[CaseResult], crashes: Sequence[str]) -> dict[str, Any]:
+    """`figures` with the names all benchmarks share, `details` behind them; null: not measured by this benchmark."""
+    above = summary.above_noise(results)
+    shares = summary.worst_gap_shares(results)
+    healthy = summary.healthy(results)
+    covered = summary.coverage(results)
+    twice = summary.confidences_at_twice_the_limit(results)
+    return {
+        "figures": {
+            "cases": len(results),
+            "named_right_share": summary.right_share(above) if above else None,
+            "false_alarm_share": 1.0 - summary.right_share(healthy) if healthy else None,
+            "ambiguous_share": summary.ambiguous_share(above) if above else None,
+            "unknown_right_share": None,
+            "pairs_right_share": None,
+            "tier_b_right_share": None,
+            "gap_vs_oracle_median": float(np.median(shares)) if shares else None,
+            "gap_vs_oracle_p90": float(np.percentile(shares, 90)) if shares else None,
+            "confidence_calibration_error": summary.calibration_error(results),
+            "confidence_at_twice_the_limit_median": float(np.median(twice)) if twice else None,
+            "interval_coverage_share": float(np.mean(covered)) if covered else None,
+            "seconds_max": max((r.seconds for r in results), default=None),
+        },
+        "details": {
+            "effects": {name: _details(name, cases) for name, cases in summary.by_effect(results).items()},
+            "healthy": dict(Counter(r.answer for r in healthy)),
+            "reliability": [vars(b) for b in summary.reliability(results)],
+            "core_seconds_max": max((r.core_seconds for r in results), default=None),
+            "violations": summary.violations(results),
+            "misses": misses(results),
+            "crashes": list(crashes),
+        },
+    }
+
+
+def _effect_row(cases: Sequence[CaseResult]) -> list[str]:
+    above = summary.above_noise(cases)
+    if not above:
+        return [str(len(cases)), "0", NOTHING, NOTHING]
+    right = 100.0 * summary.right_share(above)
+    return [str(len(cases)), str(len(above)), f"{right:.1f}", str(sum(r.ambiguous_right for r in above))]
+
+
+def _rest(cases: Sequence[CaseResult]) -> list[str]:
+    covered = summary.coverage(cases)
+    cells = [f"{100.0 * np.mean(covered):.0f}" if covered else NOTHING]
+    for signal in ("line_pressure", "injected_mass"):
+        shares = summary.gap_shares(cases, signal)
+        cells += [f"{100.0 * np.percentile(shares, p):.1f}" if shares else NOTHING for p in (50, 90)]
+    return [*cells, f"{max(r.seconds for r in cases):.1f}"]
+
+
+def _details(name: str, cases: Sequence[CaseResult]) -> dict[str, Any]:
+    above = summary.above_noise(cases)
+    return {
+        "cases": len(cases),
+        "above_noise": len(above),
+        "right": sum(r.right for r in above),
+        "ambiguous": sum(r.ambiguous_right for r in above),
+        "answers": dict(Counter(r.answer for r in above)),
+        "found_from": printed_size(name, summary.detection_limit(cases)),
+        "intervals_hold": sum(summary.coverage(cases)),
+        "intervals": len(summary.coverage(cases)),
+    }
+
+
+def _miss(r: CaseResult) -> str:
+    hidden = r.effect
+    if r.faulty:
+        names = [p.name for p in VOCABULARY[r.effect].parameters]
+        hidden += "".join(f" {name} {value:.4g}" for name, value in zip(names, r.values, strict=True))
+    answer = ", ".join(f"{name} ({confidence:.2f})" for name, confidence in r.claims)
+    rivals = "".join(f", {name} {difference:+.0f}" for name, difference in r.rivalry)
+    gain = f"; oracle's gain {r.visibility.gain:.0f}{rivals}" if r.visibility else ""
+    return f"{r.label}{' with rate' if r.with_rate else ''}: {hidden}: {r.verdict} {answer}{gain}"

@@ -57,6 +57,8 @@ class Scales:
 
 PRIOR = Scales(0.45, 0.05, 0.4, 2.5e6, 1.75, 0.09, 0.18, 35e-6, 0.05, 5e6)
 DRIFT = Scales(5e-4, 3e-4, 5e-4, 2e3, 2e-3, 3.3e-4, 2e-4, 0.1e-6, 1e-4, 20e3)
+LONGEST_STEP = Scales(0.3, 1.0, 0.3, 10e6, 1.2, 1.0, 0.12, 25e-6, 0.04, 30e6)
+"""Of one Gauss-Newton iteration: beyond it the slopes say little."""
 LOWEST = Scales(-0.8, -1.0, -0.8, -10e6, -0.95, 0.0, -0.6, 0.0, 0.0, -30e6)
 HIGHEST = Scales(1.5, 1.0, 1.5, 10e6, 10.0, 1.0, 1.0, 0.5e-3, 0.5, 30e6)
 GATE = Gate(

@@ -34,6 +34,7 @@ from observer_rt.observer.indicators import nozzle_change
 from observer_rt.observer.interval import resimulated
 from observer_rt.observer.knowledge import (
     DEFAULT_RULES,
+    LONGEST_STEP,
     Knowledge,
     LearningRules,
     Outcome,
@@ -47,7 +48,6 @@ from observer_rt.observer.state import Constants, Reason
 BURN_IN = 0.5e-3  # s of the window before innovations count
 FIRST_ITERATIONS = 8
 ITERATIONS = 2
-LONGEST_STEP = 0.7  # of any parameter's prior standard deviation, beyond which the slopes say little
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # of the expected decrease, in units of chi2
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
@@ -167,7 +167,7 @@ class Learner:
         prior_information = prior.information()
         prior_vector = prior_information @ prior.mean
         lowest, highest = theta_bounds(self._scale)
-        prior_sigma = self._rules.prior.vector(self._scale)
+        longest = LONGEST_STEP.vector(self._scale)
 
         def total(theta: NDArray[np.float64], value: float) -> float:
             distance = theta - prior.mean
@@ -179,8 +179,8 @@ class Learner:
             target, active = best_subset(
                 prior_information + here.information, prior_vector + here.vector, self._rules.gate, active
             )
-            longest = np.max(np.abs(target - here.theta) / prior_sigma)
-            target = here.theta + min(1.0, LONGEST_STEP / longest) * (target - here.theta)
+            length = np.max(np.abs(target - here.theta) / longest)
+            target = here.theta + (target - here.theta) / max(1.0, length)
             target = np.clip(target, lowest, highest)
             there = cost.linearised(target)
             for _ in range(HALVINGS):

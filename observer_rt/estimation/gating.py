@@ -90,20 +90,32 @@ def gated_covariance(belief: Belief, gate: Gate, active: frozenset[int]) -> NDAr
     Where the belief's error covariance is its covariance, the result is the inverse of that part of the information.
     Raises numpy.linalg.LinAlgError when singular.
     """
-    information = belief.information()
-    columns = [i for i in range(len(information)) if i not in gate.columns or i in active]
-    by_joint = np.linalg.solve(information[np.ix_(columns, columns)], information[columns])
-    covariance = np.zeros_like(information)
-    covariance[np.ix_(columns, columns)] = by_joint @ belief.error_covariance @ by_joint.T
-    return covariance
+    by_joint = _by_joint(belief.information(), gate, active)
+    return by_joint @ belief.error_covariance @ by_joint.T
 
 
 def carried_covariance(
     theta: NDArray[np.float64], belief: Belief, gate: Gate, active: frozenset[int]
 ) -> NDArray[np.float64]:
-    """Error covariance (m, m) of a theta (m,) carried under a belief, whose mean it need not be.
+    """Error covariance (m, m) of a theta (m,) carried under a belief: `gated_covariance`, and two squares.
 
-    The mean knows of scalars that do not pay yet for being active, and of what was not adopted.
+    One of what lies between theta and the estimate (it was not adopted). One of what the scalars that do not pay yet
+    for being active would change, by the share that noise does not explain: 1 - k/chi2 for k of them (the positive
+    part estimator of James and Stein 1961).
     """
-    apart = theta - belief.mean
-    return gated_covariance(belief, gate, active) + np.outer(apart, apart)
+    information = belief.information()
+    estimate = _by_joint(information, gate, active) @ belief.mean
+    left_out = sum(column not in active for column in gate.columns)
+    shift = estimate - belief.mean
+    chi2 = float(shift @ information @ shift)
+    share = 1.0 - left_out / chi2 if chi2 > left_out else 0.0
+    known = gated_covariance(belief, gate, active)
+    return known + np.outer(theta - estimate, theta - estimate) + share * np.outer(shift, shift)
+
+
+def _by_joint(information: NDArray[np.float64], gate: Gate, active: frozenset[int]) -> NDArray[np.float64]:
+    """What the estimate with the active columns is of the joint mean, (m, m): the others' rows are 0."""
+    columns = [i for i in range(len(information)) if i not in gate.columns or i in active]
+    result = np.zeros_like(information)
+    result[columns] = np.linalg.solve(information[np.ix_(columns, columns)], information[columns])
+    return result

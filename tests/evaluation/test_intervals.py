@@ -74,7 +74,7 @@ def test_masses_lie_in_their_intervals() -> None:
             window = slice(report.start_index, report.end_index + 1)
             true = float(np.trapezoid(made.truth.injection_rate[window])) / SAMPLE_RATE * C.density
             low, high = report.mass_ci95
-            assert high - low < 0.02 * true
+            assert high - low < 0.04 * true
             inside.append(low <= true <= high)
     assert np.mean(inside) >= 0.87
 
@@ -112,7 +112,7 @@ def test_before_anything_is_learned_the_interval_is_that_of_the_prior() -> None:
     assert np.mean(np.abs(error) <= 1.96 * sigma) > 0.9
     assert 0.1 * rate < sigma.max() < rate
     _, known = made.errors(made.found.reports[-1])
-    assert known.max() < 0.05 * sigma.max()
+    assert known.max() < 0.1 * sigma.max()
 
 
 def test_twice_the_noise_widens_both_intervals() -> None:

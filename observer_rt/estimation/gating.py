@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.estimation.posterior import Belief
+
 ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
 STAY = 6.25  # and (2.5 sigma) that keeps it active
 
@@ -82,11 +84,38 @@ def _search(
     return best_subset
 
 
-def conditional_covariance(
-    information: NDArray[np.float64], gate: Gate, active: frozenset[int]
+def gated_covariance(belief: Belief, gate: Gate, active: frozenset[int]) -> NDArray[np.float64]:
+    """Error covariance (m, m) of the free and active parameters as `best_subset` estimates them, the others being 0.
+
+    Where the belief's error covariance is its covariance, the result is the inverse of that part of the information.
+    Raises numpy.linalg.LinAlgError when singular.
+    """
+    by_joint = _by_joint(belief.information(), gate, active)
+    return by_joint @ belief.error_covariance @ by_joint.T
+
+
+def carried_covariance(
+    theta: NDArray[np.float64], belief: Belief, gate: Gate, active: frozenset[int]
 ) -> NDArray[np.float64]:
-    """Covariance (m, m) of the free and active parameters when the others are known to be 0."""
+    """Error covariance (m, m) of a theta (m,) carried under a belief: `gated_covariance`, and two squares.
+
+    One of what lies between theta and the estimate (it was not adopted). One of what the scalars that do not pay yet
+    for being active would change, by the share that noise does not explain: 1 - k/chi2 for k of them (the positive
+    part estimator of James and Stein 1961).
+    """
+    information = belief.information()
+    estimate = _by_joint(information, gate, active) @ belief.mean
+    left_out = sum(column not in active for column in gate.columns)
+    shift = estimate - belief.mean
+    chi2 = float(shift @ information @ shift)
+    share = 1.0 - left_out / chi2 if chi2 > left_out else 0.0
+    known = gated_covariance(belief, gate, active)
+    return known + np.outer(theta - estimate, theta - estimate) + share * np.outer(shift, shift)
+
+
+def _by_joint(information: NDArray[np.float64], gate: Gate, active: frozenset[int]) -> NDArray[np.float64]:
+    """What the estimate with the active columns is of the joint mean, (m, m): the others' rows are 0."""
     columns = [i for i in range(len(information)) if i not in gate.columns or i in active]
-    covariance = np.zeros_like(information)
-    covariance[np.ix_(columns, columns)] = np.linalg.inv(information[np.ix_(columns, columns)])
-    return covariance
+    result = np.zeros_like(information)
+    result[columns] = np.linalg.solve(information[np.ix_(columns, columns)], information[columns])
+    return result

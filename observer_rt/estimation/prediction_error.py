@@ -66,6 +66,14 @@ class Linearisation:
         """information @ (the minimum of the quadratic approximation), (m,)."""
         return self.information @ self.theta - self.gradient
 
+    def score(self, covariance: NDArray[np.float64]) -> float:
+        """Score test of a prior belief with this covariance (m, m) and its mean here: g' (G + G C G)^-1 g.
+
+        chi2 with m degrees of freedom when the belief is right.
+        """
+        spread = self.information + self.information @ covariance @ self.information
+        return float(self.gradient @ np.linalg.solve(spread, self.gradient))
+
 
 class EventCost:
     """J(theta) = robust sum of (e~/sigma)^2 / 2 over one event.

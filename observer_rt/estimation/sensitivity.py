@@ -54,7 +54,8 @@ def rate_and_tangent(
 ) -> tuple[float, float, float]:
     """x' = f + phi, and its derivative along state directions and parameters, into `rate`.
 
-    direction, rate: (3, PARAMETERS); column j of `direction` is dx/dtheta_j, of `rate` d(x')/dtheta_j [1/s].
+    direction, rate: (3, PARAMETERS) or wider; column j of `direction` is dx/dtheta_j, of `rate` d(x')/dtheta_j
+    [1/s]; the columns beyond are those of a change of the state alone.
     c: coefficients with the line terms in force, `nominal` without them; sigmas: (q,) scratch.
     """
     friction_slope = 2.0 * c.a4 * math.fabs(x[1])
@@ -66,7 +67,7 @@ def rate_and_tangent(
     if is_at_rest(x, u):
         inflow = c.a1 * x[1] - c.leak * x[0]
         by_pressure = soft_x * inflow - soft * c.leak
-        for j in range(PARAMETERS):
+        for j in range(direction.shape[1]):
             rate[0, j] = soft * c.a1 * direction[1, j] + by_pressure * direction[0, j]
             rate[1, j] = -c.a3 * direction[0, j] - friction_slope * direction[1, j]
             rate[2, j] = 0.0
@@ -110,7 +111,7 @@ def rate_and_tangent(
     j_31 = c.a5 * s_1 - c.a6 * h_1
     j_32 = c.a5 * s_2 - c.a6 * h_2
     j_33 = c.a5 * s_3 - c.a6 * h_3
-    for j in range(PARAMETERS):
+    for j in range(direction.shape[1]):
         d_1, d_2, d_3 = direction[0, j], direction[1, j], direction[2, j]
         rate[0, j] = j_11 * d_1 + j_12 * d_2 + j_13 * d_3
         rate[1, j] = -c.a3 * d_1 - friction_slope * d_2
@@ -148,7 +149,8 @@ def advance_with_sensitivity(
 ) -> tuple[float, float, float]:
     """`integrator.advance`, carrying dx/dtheta with it: the exact derivative of the RK4 step.
 
-    sensitivity: (3, PARAMETERS), updated in place; work: (6, 3, PARAMETERS) scratch.
+    sensitivity: (3, PARAMETERS) or wider, updated in place; work: (6, 3, as wide) scratch. Columns beyond those of
+    the parameters are carried as changes of the state: dx/dx(start) if they are the unit matrix at the start.
     """
     steps = steps_in(x, u_start, u_end, interval, substeps, c)
     step = interval / steps
@@ -167,7 +169,7 @@ def advance_with_sensitivity(
         r_4 = rate_and_tangent(along(x, step, r_3), u_1, nominal, c, network, moved, k_4, sigmas)
         x = step_end(x, step, r_1, r_2, r_3, r_4)
         for row in range(3):
-            for j in range(PARAMETERS):
+            for j in range(sensitivity.shape[1]):
                 sensitivity[row, j] += sixth * (k_1[row, j] + 2.0 * (k_2[row, j] + k_3[row, j]) + k_4[row, j])
     x = emptied(x, u_start, u_end)
     if x[2] == 0.0 and u_end[1] <= 0.0:
@@ -180,5 +182,5 @@ def _move(
     start: NDArray[np.float64], step: float, rate: NDArray[np.float64], result: NDArray[np.float64]
 ) -> None:
     for row in range(3):
-        for j in range(PARAMETERS):
+        for j in range(start.shape[1]):
             result[row, j] = start[row, j] + step * rate[row, j]

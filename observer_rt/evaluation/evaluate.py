@@ -28,11 +28,13 @@ _READ_EVERY = 64  # frames between two looks at the observer's memory
 class Trace:
     """The observer at every sample of a recording (n samples); nan where not available.
 
-    injection_rate [m3/s]; state: `State`; x normalised (n, 3); phi [1/s] (n, 3); nominal_rate [m3/s]: the model
+    injection_rate [m3/s]; injection_rate_sigma [m3/s]: its standard deviation over the windows of injections that
+    were learned from; state: `State`; x normalised (n, 3); phi [1/s] (n, 3); nominal_rate [m3/s]: the model
     with phi = 0 on the same frames.
     """
 
     injection_rate: NDArray[np.float64]
+    injection_rate_sigma: NDArray[np.float64]
     valid: NDArray[np.bool_]
     state: NDArray[np.int8]
     x: NDArray[np.float64]
@@ -100,6 +102,7 @@ class _Part:
         self.first_index = first_index
         self.trace = Trace(
             injection_rate=np.full(samples, np.nan),
+            injection_rate_sigma=np.full(samples, np.nan),
             valid=np.zeros(samples, np.bool_),
             state=np.full(samples, State.STARTING, np.int8),
             x=np.full((samples, 3), np.nan),
@@ -122,6 +125,12 @@ class _Part:
         trace.state[place] = rows["state"]
         trace.x[place[available]] = rows["x_hat"][available]
         trace.phi[place[available]] = rows["phi"][available]
+
+    def note_report(self, report: InjectionReport) -> None:
+        if report.rate_sigma is not None:
+            start = report.start_index - self.first_index
+            sigma = self.trace.injection_rate_sigma[start : start + len(report.rate_sigma)]
+            sigma[:] = report.rate_sigma[: len(sigma)]
 
     def note_nominal(self, rows: NDArray[np.void]) -> None:
         rows, place = self.places(rows)
@@ -182,6 +191,8 @@ class _Run:
         for part, (counters, standstill) in zip(self._parts, self._ends, strict=True):
             end = part.first_index + part.recording.samples
             reports = tuple(r for r in self._reports if part.first_index <= r.start_index < end)
+            for report in reports:
+                part.note_report(report)
             evaluations.append(
                 Evaluation(
                     part.recording, part.first_index, part.trace, reports, counters.since(before), standstill

@@ -21,13 +21,17 @@ ANNOTATED = 24  # injections whose masses are also written as numbers
 
 @dataclass(frozen=True)
 class RateCurves:
-    """Rates of one injection [m3/s] over time [s]; `reference` is what it is compared with, if anything."""
+    """Rates of one injection [m3/s] over time [s].
+
+    reference: what it is compared with, if anything; sigma: standard deviation of the estimated rate, where known.
+    """
 
     title: str
     time: NDArray[np.float64]
     estimated: NDArray[np.float64]
     nominal: NDArray[np.float64]
     reference: NDArray[np.float64] | None
+    sigma: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,7 @@ def plot_injections(
         if column == 0:
             axes.set_ylabel("injection rate [mm³/ms]")
             figure.legend(
-                *axes.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False
+                *axes.get_legend_handles_labels(), loc="outside upper right", ncols=4, frameon=False
             )
     _draw_masses(figure.add_subplot(grid[1, :] if curves else grid[:, :]), masses, reference)
     figure.suptitle(title, x=0.01, ha="left")
@@ -83,6 +87,7 @@ def evaluation_curves(evaluation: Evaluation, results: Sequence[InjectionResult]
                 evaluation.trace.injection_rate[window],
                 evaluation.trace.nominal_rate[window],
                 None if measured is None else measured[window],
+                evaluation.trace.injection_rate_sigma[window],
             )
         )
     return curves
@@ -106,6 +111,9 @@ def _draw_curves(axes: Axes, curve: RateCurves, reference: str) -> None:
     time = curve.time / MILLISECOND
     if curve.reference is not None:
         axes.plot(time, curve.reference / MM3_PER_MS, color=REFERENCE, lw=2.4, label=reference)
+    if curve.sigma is not None:
+        low, high = ((curve.estimated + side * 1.96 * curve.sigma) / MM3_PER_MS for side in (-1, 1))
+        axes.fill_between(time, low, high, color=ESTIMATED, alpha=0.2, lw=0, label="its 95 % interval")
     axes.plot(time, curve.estimated / MM3_PER_MS, color=ESTIMATED, lw=1.4, label="observer")
     axes.plot(time, curve.nominal / MM3_PER_MS, color=NOMINAL, ls="--", lw=1.4, label="nominal model")
     axes.set(title=curve.title, xlabel="time [ms]")

@@ -28,6 +28,7 @@ class InjectionResult:
     measured_mass: float  # kg
     rate_rmse: float  # m3/s
     nominal_rate_rmse: float  # m3/s
+    rate_ci95_halfwidth: float  # m3/s, of the published rate, mean while it flows
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,8 @@ def _injection_result(evaluation: Evaluation, report: InjectionReport, c: Coeffi
     interval = 1.0 / recording.sample_rate
     measured = recording.injection_rate[window] if recording.injection_rate is not None else None
     nominal = evaluation.trace.nominal_rate[window]
+    rate = evaluation.trace.injection_rate[window]
+    sigma = evaluation.trace.injection_rate_sigma[window][rate != 0.0]
 
     def mass(rate: NDArray[np.float64]) -> float:
         return float(np.trapezoid(rate)) * interval * c.density
@@ -66,8 +69,9 @@ def _injection_result(evaluation: Evaluation, report: InjectionReport, c: Coeffi
         end=float(recording.time[last]),
         nominal_mass=mass(nominal),
         measured_mass=math.nan if measured is None else mass(measured),
-        rate_rmse=rmse(evaluation.trace.injection_rate[window]),
+        rate_rmse=rmse(rate),
         nominal_rate_rmse=rmse(nominal),
+        rate_ci95_halfwidth=1.96 * float(np.mean(sigma)) if sigma.size else math.nan,
     )
 
 
@@ -122,6 +126,7 @@ def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
         "measured_mass_mg": _known(result.measured_mass / MILLIGRAM),
         "rate_rmse_mm3_per_ms": _known(result.rate_rmse / MM3_PER_MS),
         "nominal_rate_rmse_mm3_per_ms": _known(result.nominal_rate_rmse / MM3_PER_MS),
+        "rate_ci95_halfwidth_mm3_per_ms": _known(result.rate_ci95_halfwidth / MM3_PER_MS),
         "valid": report.valid,
         "reasons": [] if report.valid else [report.reason.name],
         "state": report.state.name,

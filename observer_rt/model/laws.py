@@ -37,3 +37,13 @@ def seat_area(lift: float, seat_diameter: float, half_cone_angle: float) -> floa
         * math.sin(half_cone_angle)
         * (seat_diameter - 0.5 * lift * math.sin(2.0 * half_cone_angle))
     )
+
+
+@njit(cache=True, nogil=True)
+def seat_area_slope(area: float, seat_diameter: float, half_cone_angle: float) -> float:
+    """Derivative dA_S/dx_N [m] of `seat_area` at the lift that opens `area` [m2]; 0 for a closed needle."""
+    if area <= 0.0:
+        return 0.0
+    whole = math.pi * math.sin(half_cone_angle)
+    square = seat_diameter**2 - 2.0 * math.sin(2.0 * half_cone_angle) * area / whole
+    return whole * math.sqrt(max(square, 0.0))

@@ -1,25 +1,64 @@
-"""How well the injected volume is known."""
+"""How well the injection rate and the injected volume are known."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-MODEL_SHARE = 1e-3  # systematic, of the volume (one sigma)
-MODEL_VOLUME = 0.015e-9  # m3, systematic (one sigma)
+from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.estimation.input_noise import InputVariance, input_variance
+from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.open_loop import OpenLoop, open_loop
+from observer_rt.estimation.predictor import Setting, Window
+
+# Of the rate's change from sample to sample (one sigma): between samples the inputs are no straight lines, least of
+# all where the needle leaves its seat and comes back.
+HOLD_SHARE = 0.06
 
 
-def volume_interval(
-    rate: NDArray[np.float64],
-    slopes: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    interval: float,
-) -> tuple[float, float]:
-    """95 % interval of an injected volume [m3], by what was learned up to the injection and from it.
+@dataclass(frozen=True)
+class Resimulated:
+    """An event re-simulated with what was learned up to it and from it, and how uncertain that leaves its rate.
 
-    rate [m3/s] (n,) and slopes (n, m): the injection re-simulated with the newest estimate over its window, and the
-    derivatives; covariance (m, m) of the estimate; interval of the samples [s].
+    run: over the event's window; by_inputs: by the noise of the inputs. covariance: of the error of the theta it was
+    run with (m, m); carried_covariance: of the theta in force when the rate was published. interval: of the samples
+    [s].
     """
-    volume = float(np.trapezoid(rate)) * interval
-    gradient = np.trapezoid(slopes, axis=0) * interval
-    variance = float(gradient @ covariance @ gradient)
-    sigma = float(np.sqrt(variance + (MODEL_SHARE * volume) ** 2 + MODEL_VOLUME**2))
+
+    run: OpenLoop
+    by_inputs: InputVariance
+    covariance: NDArray[np.float64]
+    carried_covariance: NDArray[np.float64]
+    interval: float
+
+
+def resimulated(
+    window: Window,
+    setting: Setting,
+    noise: NoiseLevels,
+    theta: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    carried_covariance: NDArray[np.float64],
+) -> Resimulated:
+    """An event with what was learned from it, theta (m,); the covariances as in `Resimulated`."""
+    run = open_loop(window, setting, learned_of(theta))
+    by_inputs = input_variance(window, run, setting, noise)
+    return Resimulated(run, by_inputs, covariance, carried_covariance, setting.interval)
+
+
+def volume_interval(event: Resimulated, window: slice) -> tuple[float, float]:
+    """95 % interval of the volume [m3] injected in a window of the event, round the re-simulated volume."""
+    volume = float(np.trapezoid(event.run.rate[window])) * event.interval
+    gradient = np.trapezoid(event.run.slopes[window], axis=0) * event.interval
+    by_parameters = float(gradient @ event.covariance @ gradient)
+    by_inputs = float(event.by_inputs.volume[window][-1])
+    sigma = float(np.sqrt(by_parameters + by_inputs))
     return volume - 1.96 * sigma, volume + 1.96 * sigma
+
+
+def rate_sigma(event: Resimulated, window: slice) -> NDArray[np.float64]:
+    """Standard deviation [m3/s] of the rate published at the samples of a window of the event."""
+    slopes = event.run.slopes[window]
+    by_parameters = np.einsum("ki,ij,kj->k", slopes, event.carried_covariance, slopes)
+    by_hold = HOLD_SHARE * np.gradient(event.run.rate)[window]
+    return np.asarray(np.sqrt(by_parameters + event.by_inputs.rate[window] + by_hold**2), np.float64)

@@ -13,12 +13,13 @@ from observer_rt.estimation.phases import (
     PhaseStatistics,
     no_statistics,
 )
-from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.network import HIDDEN
 from observer_rt.observer.adequacy import Finding
+from observer_rt.observer.interval import Resimulated
 from observer_rt.observer.standstill import Standstill
 from observer_rt.paper.network import FreeNetwork
 
@@ -56,6 +57,8 @@ class Scales:
 
 PRIOR = Scales(0.45, 0.05, 0.4, 2.5e6, 1.75, 0.09, 0.18, 35e-6, 0.05, 5e6)
 DRIFT = Scales(5e-4, 3e-4, 5e-4, 2e3, 2e-3, 3.3e-4, 2e-4, 0.1e-6, 1e-4, 20e3)
+LONGEST_STEP = Scales(0.3, 1.0, 0.3, 10e6, 1.2, 1.0, 0.12, 25e-6, 0.04, 30e6)
+"""Of one Gauss-Newton iteration: beyond it the slopes say little."""
 LOWEST = Scales(-0.8, -1.0, -0.8, -10e6, -0.95, 0.0, -0.6, 0.0, 0.0, -30e6)
 HIGHEST = Scales(1.5, 1.0, 1.5, 10e6, 10.0, 1.0, 1.0, 0.5e-3, 0.5, 30e6)
 GATE = Gate(
@@ -120,7 +123,7 @@ def no_knowledge(
     noise: NoiseLevels, pressure_scale: float, rules: LearningRules = DEFAULT_RULES
 ) -> Knowledge:
     """Knowledge of a new part: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
-    prior = Belief(np.zeros(PARAMETERS), np.diag(rules.prior.vector(pressure_scale) ** 2))
+    prior = prior_belief(np.zeros(PARAMETERS), np.diag(rules.prior.vector(pressure_scale) ** 2))
     return Knowledge(prior, np.zeros(PARAMETERS), noise)
 
 
@@ -129,9 +132,9 @@ class Outcome:
     """Result of learning from one event: what to carry from the adoption point on, and what to say of the event.
 
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
-    with its covariance (m, m), None where the training knows none. rate, rate_slopes: injection rate [m3/s] (n,) of
-    the event re-simulated with the estimate, over its window, and its derivatives (n, m). free_rows: the paper's
-    network to carry instead of theta's, where that is what was trained.
+    with the covariance (m, m) of its error, None where the training knows none. resimulated: the event with the
+    estimate, None where nothing usable was learned from it. free_rows: the paper's network to carry instead of
+    theta's, where that is what was trained.
     """
 
     verdict: Verdict
@@ -140,8 +143,7 @@ class Outcome:
     findings: tuple[Finding, ...]
     estimate: NDArray[np.float64]
     covariance: NDArray[np.float64] | None
-    rate: NDArray[np.float64]
-    rate_slopes: NDArray[np.float64]
+    resimulated: Resimulated | None = None
     free_rows: FreeNetwork | None = None
 
 

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
-from observer_rt.estimation.gating import best_subset, conditional_covariance
+from observer_rt.estimation.gating import best_subset, carried_covariance, gated_covariance
 from observer_rt.estimation.learned import learned_of
-from observer_rt.estimation.open_loop import rate_with_sensitivity
 from observer_rt.estimation.phases import (
     AFTERGLOW,
     EDGE,
@@ -16,7 +15,7 @@ from observer_rt.estimation.phases import (
     phase_statistics,
     phases_of,
 )
-from observer_rt.estimation.posterior import Belief, belief_from_information
+from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.estimation.predictor import Setting, Window, open_loop_error
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
@@ -32,8 +31,10 @@ from observer_rt.observer.adequacy import (
     tempering,
 )
 from observer_rt.observer.indicators import nozzle_change
+from observer_rt.observer.interval import resimulated
 from observer_rt.observer.knowledge import (
     DEFAULT_RULES,
+    LONGEST_STEP,
     Knowledge,
     LearningRules,
     Outcome,
@@ -45,7 +46,7 @@ from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import Constants, Reason
 
 BURN_IN = 0.5e-3  # s of the window before innovations count
-FIRST_ITERATIONS = 5
+FIRST_ITERATIONS = 8
 ITERATIONS = 2
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # of the expected decrease, in units of chi2
@@ -109,6 +110,7 @@ class Learner:
             if fit is None:
                 return self._outcome(Verdict.FAILED, window, in_force)
             statistics = self._event_statistics(window, fit.innovations)
+            carried = carried_covariance(in_force, fit.prior, self._rules.gate, self._active)
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
             return self._outcome(Verdict.FAILED, window, in_force)
@@ -120,13 +122,14 @@ class Learner:
         self._previous = window
         if self._freezer.is_frozen_after(self._statistics):
             return self._frozen(window, in_force)
-        outcome = self._outcome(
-            Verdict.ADOPTED if better else Verdict.REJECTED, window, in_force, fit.contradicts
-        )
+        verdict = Verdict.ADOPTED if better else Verdict.REJECTED
+        outcome = self._outcome(verdict, window, in_force, fit.contradicts)
         if self._doubt.is_too_much_after(outcome.findings):
             nominal = replace(outcome.knowledge, in_force=np.zeros(PARAMETERS))
             return replace(outcome, verdict=Verdict.SET_ASIDE, knowledge=nominal)
-        return outcome
+        now = carried_covariance(self._theta, self._belief, self._rules.gate, self._active)
+        event = resimulated(window, self._setting(), self._noise, self._theta, now, carried)
+        return replace(outcome, resimulated=event)
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
@@ -138,7 +141,7 @@ class Learner:
         mean[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
         self._theta = self._theta.copy()
         self._theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
-        return Belief(mean, self._belief.covariance)
+        return replace(self._belief, mean=mean)
 
     def _fit(self, window: Window, prior: Belief) -> _Fit | None:
         """Fit the event; after a sudden change from a wide prior, if that explains it much better."""
@@ -148,13 +151,13 @@ class Learner:
             return None
         if self._events == 0:
             return self._iterate(cost, first, prior, FIRST_ITERATIONS)
-        score = _score(first, prior)
+        score = first.score(prior.covariance)
         if QUICKER_SCORE < score <= CHANGE_SCORE:
-            prior = prior.drifted(QUICKER * self._rules.drift.vector(self._scale))
+            prior = prior.widened(QUICKER * self._rules.drift.vector(self._scale))
         fit = self._iterate(cost, first, prior, ITERATIONS)
         if score <= CHANGE_SCORE:
             return fit
-        wide = prior.drifted(self._rules.prior.vector(self._scale))
+        wide = prior.widened(self._rules.prior.vector(self._scale))
         other = self._iterate(cost, fit.linearisation, wide, FIRST_ITERATIONS)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
@@ -164,6 +167,7 @@ class Learner:
         prior_information = prior.information()
         prior_vector = prior_information @ prior.mean
         lowest, highest = theta_bounds(self._scale)
+        longest = LONGEST_STEP.vector(self._scale)
 
         def total(theta: NDArray[np.float64], value: float) -> float:
             distance = theta - prior.mean
@@ -175,6 +179,8 @@ class Learner:
             target, active = best_subset(
                 prior_information + here.information, prior_vector + here.vector, self._rules.gate, active
             )
+            length = np.max(np.abs(target - here.theta) / longest)
+            target = here.theta + (target - here.theta) / max(1.0, length)
             target = np.clip(target, lowest, highest)
             there = cost.linearised(target)
             for _ in range(HALVINGS):
@@ -189,12 +195,9 @@ class Learner:
 
     def _take_in(self, fit: _Fit, temper: float) -> None:
         """The fitted event into the belief, its information divided by `temper`."""
-        prior_information = fit.prior.information()
-        information = prior_information + fit.linearisation.information / temper
-        vector = prior_information @ fit.prior.mean + fit.linearisation.vector / temper
-        mean = np.linalg.solve(information, vector).astype(np.float64)
-        self._belief = belief_from_information(mean, information)
-        self._theta, self._active = fit.linearisation.theta, fit.active
+        here = fit.linearisation
+        self._belief = fit.prior.updated(here.information / temper, here.vector / temper)
+        self._theta, self._active = here.theta, fit.active
 
     def _event_statistics(self, window: Window, innovations: NDArray[np.float64]) -> PhaseStatistics:
         interval = self._constants.interval
@@ -235,9 +238,6 @@ class Learner:
         contradicts: bool = False,
     ) -> Outcome:
         """What to say of an event; `in_force` (m,) was carried during it."""
-        rate = np.zeros(window.output.shape[0])
-        slopes = np.zeros((window.output.shape[0], PARAMETERS))
-        rate_with_sensitivity(window, self._setting(), learned_of(self._theta), rate, slopes)
         return Outcome(
             verdict=verdict,
             knowledge=Knowledge(
@@ -251,9 +251,7 @@ class Learner:
             schedule=self._schedule,
             findings=self._findings(verdict, window, contradicts),
             estimate=self._theta.copy(),
-            covariance=conditional_covariance(self._belief.information(), self._rules.gate, self._active),
-            rate=rate,
-            rate_slopes=slopes,
+            covariance=gated_covariance(self._belief, self._rules.gate, self._active),
         )
 
     def _findings(self, verdict: Verdict, window: Window, contradicts: bool) -> tuple[Finding, ...]:
@@ -297,10 +295,3 @@ class Learner:
             lag=sensor.lag,
             offset=sensor.offset,
         )
-
-
-def _score(linearisation: Linearisation, prior: Belief) -> float:
-    """Score test of the prior belief: g' (G + G C G)^-1 g, chi2 with m degrees of freedom without change."""
-    g, information = linearisation.gradient, linearisation.information
-    spread = information + information @ prior.covariance @ information
-    return float(g @ np.linalg.solve(spread, g))

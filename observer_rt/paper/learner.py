@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.observer.adequacy import Finding
 from observer_rt.observer.knowledge import Knowledge, Outcome, Verdict
 from observer_rt.observer.standstill import Standstill
@@ -67,7 +66,5 @@ class PaperLearner:
             findings=(Finding(Reason.UNTESTED),),
             estimate=in_force,
             covariance=None,
-            rate=np.zeros(len(window.output)),
-            rate_slopes=np.zeros((window.output.shape[0], PARAMETERS)),
             free_rows=network_of(self._weights.in_force, self._setting),
         )

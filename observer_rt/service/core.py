@@ -16,7 +16,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.front_end import dead_band
 from observer_rt.observer.indicators import indicators_of, with_free_rows
-from observer_rt.observer.interval import volume_interval
+from observer_rt.observer.interval import rate_sigma, volume_interval
 from observer_rt.observer.knowledge import Knowledge, Outcome, Verdict, no_knowledge
 from observer_rt.observer.observer import (
     Durations,
@@ -283,18 +283,13 @@ class Core:
         if self._free_rows is not None:
             middle = injection["middle_x"], injection["middle_u"]
             indicators = with_free_rows(indicators, self._free_rows, *middle, c)
-        interval = None
-        learned = outcome is not None and outcome.verdict in (Verdict.ADOPTED, Verdict.REJECTED)
-        if learned and outcome is not None and outcome.covariance is not None:
-            first = int(injection["start"]) - int(event["window_start"])
-            last = int(injection["end"]) - int(event["window_start"])
-            window = slice(max(first, 0), last + 1)
-            interval = volume_interval(
-                outcome.rate[window],
-                outcome.rate_slopes[window],
-                outcome.covariance,
-                self._constants.interval,
-            )
+        interval, sigma = None, None
+        belongs = injection["event"] == event["number"]
+        if belongs and outcome is not None and outcome.resimulated is not None:
+            first = int(event["window_start"])
+            window = slice(int(injection["start"]) - first, int(injection["end"]) - first + 1)
+            interval = volume_interval(outcome.resimulated, window)
+            sigma = rate_sigma(outcome.resimulated, window)
         return InjectionReport(
             number=int(injection["number"]),
             event=int(injection["event"]),
@@ -307,6 +302,7 @@ class Core:
             peak_rate=float(injection["peak_rate"]),
             rail_pressure=float(injection["rail_pressure"]) * c.pressure_scale + c.chamber_pressure,
             mass_ci95=None if interval is None else (interval[0] * c.density, interval[1] * c.density),
+            rate_sigma=sigma,
             valid=reason is Reason.NONE,
             reason=reason,
             state=State(int(injection["state"])),

@@ -21,7 +21,7 @@ from observer_rt.model.parameters import InjectorParameters, Scaling
 from observer_rt.observer.knowledge import GATE, Knowledge, theta_bounds
 from observer_rt.units import MEGAPASCAL, MICROMETRE
 
-VERSION = 2
+VERSION = 3
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
 LARGEST_COUNT = 1 << 53
 PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
@@ -79,6 +79,7 @@ def save_knowledge(
         "in_force": knowledge.in_force.tolist(),
         "mean": knowledge.belief.mean.tolist(),
         "covariance": knowledge.belief.covariance.tolist(),
+        "error_covariance": knowledge.belief.error_covariance.tolist(),
         "noise": asdict(knowledge.noise),
     }
     document = {"version": VERSION, "sha256": _digest(content), "content": content}
@@ -184,6 +185,7 @@ def _knowledge_in(data: bytes, model: str) -> Knowledge:
             belief=Belief(
                 _array(content["mean"], (PARAMETERS,)),
                 _array(content["covariance"], (PARAMETERS, PARAMETERS)),
+                _array(content["error_covariance"], (PARAMETERS, PARAMETERS)),
             ),
             in_force=_array(content["in_force"], (PARAMETERS,)),
             noise=NoiseLevels(**{key: float(value) for key, value in content["noise"].items()}),
@@ -224,7 +226,6 @@ def _statistics(content: Any) -> PhaseStatistics:
 
 def _problem(knowledge: Knowledge, pressure_scale: float) -> str | None:
     """What makes knowledge impossible or implausible; None if nothing does."""
-    covariance = knowledge.belief.covariance
     lowest, highest = theta_bounds(pressure_scale)
     for name, theta in (("the mean", knowledge.belief.mean), ("the parameters in force", knowledge.in_force)):
         if not np.all(np.isfinite(theta)):
@@ -234,10 +235,14 @@ def _problem(knowledge: Knowledge, pressure_scale: float) -> str | None:
     # the mean is free of the bounds' signs: it may say that a leak is slightly negative
     if np.any(np.abs(knowledge.belief.mean) > np.maximum(-lowest, highest)):
         return "the mean lies beyond what an injector can do"
-    if not np.all(np.isfinite(covariance)):
-        return "the covariance is not finite"
-    if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
-        return "the covariance is not symmetric and positive definite"
+    for name, covariance in (
+        ("the covariance", knowledge.belief.covariance),
+        ("the error's covariance", knowledge.belief.error_covariance),
+    ):
+        if not np.all(np.isfinite(covariance)):
+            return f"{name} is not finite"
+        if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
+            return f"{name} is not symmetric and positive definite"
     if not all(np.all(np.isfinite(sums) & (sums >= 0.0)) for sums in vars(knowledge.statistics).values()):
         return "the statistics of the innovations are no sums of squares"
     for signal, sigma in asdict(knowledge.noise).items():

@@ -22,6 +22,7 @@ INJECTION_KEYS = {
     "measured_mass_mg",
     "rate_rmse_mm3_per_ms",
     "nominal_rate_rmse_mm3_per_ms",
+    "rate_ci95_halfwidth_mm3_per_ms",
     "valid",
     "reasons",
     "state",

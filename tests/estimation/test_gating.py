@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gating import ENTER, STAY, Gate, best_subset, conditional_covariance
+from observer_rt.estimation.gating import ENTER, STAY, Gate, best_subset, carried_covariance, gated_covariance
+from observer_rt.estimation.posterior import Belief
 
 SIZE = 6
 GATE = Gate(columns=(1, 3, 4), lowest=(-0.5, 0.0, 0.0))
@@ -113,18 +114,61 @@ def test_singular_information_is_refused() -> None:
         best_subset(np.zeros((SIZE, SIZE)), np.zeros(SIZE), GATE, frozenset())
 
 
-@given(st.integers(0, 10_000), st.frozensets(st.sampled_from(GATE.columns)))
-def test_conditional_covariance_is_what_remains_when_the_rest_is_known(
-    seed: int, active: frozenset[int]
+@given(st.integers(0, 10_000), st.floats(0.1, 1.0), st.frozensets(st.sampled_from(GATE.columns)))
+def test_gated_covariance_is_that_of_the_error_when_the_rest_is_known(
+    seed: int, share: float, active: frozenset[int]
 ) -> None:
-    """By the Schur complement of the joint covariance."""
+    """By regression of the used on the known within the joint belief; its error is independent of the belief."""
     information, _ = belief(seed, 1.0)
-    joint = np.linalg.inv(information)
+    joint = np.asarray(np.linalg.inv(information), np.float64)
+    error = np.asarray(share * np.linalg.inv(belief(seed + 1, 1.0)[0]), np.float64)
     known = [c for c in GATE.columns if c not in active]
     used = [c for c in range(SIZE) if c not in known]
-    expected = np.zeros((SIZE, SIZE))
-    expected[np.ix_(used, used)] = joint[np.ix_(used, used)]
+    regression = np.zeros((SIZE, SIZE))
+    regression[used, used] = 1.0
     if known:
-        cross = joint[np.ix_(used, known)]
-        expected[np.ix_(used, used)] -= cross @ np.linalg.inv(joint[np.ix_(known, known)]) @ cross.T
-    np.testing.assert_allclose(conditional_covariance(information, GATE, active), expected, atol=1e-6)
+        regression[np.ix_(used, known)] = -joint[np.ix_(used, known)] @ np.linalg.inv(
+            joint[np.ix_(known, known)]
+        )
+    for covariance in (error, joint):
+        np.testing.assert_allclose(
+            gated_covariance(Belief(np.zeros(SIZE), joint, covariance), GATE, active),
+            regression @ covariance @ regression.T,
+            rtol=1e-6,
+            atol=1e-6,
+        )
+
+
+def left_out_at(significance: float) -> tuple[NDArray[np.float64], Belief]:
+    """The theta without column 3 and the joint belief, in which that is so many standard deviations from 0."""
+    information, vector = np.diag([4.0, 1.0, 4.0, 25.0, 1.0, 4.0]), np.zeros(SIZE)
+    information[0, 3] = information[3, 0] = 5.0
+    joint = np.asarray(np.linalg.inv(information), np.float64)
+    vector[3] = significance / np.sqrt(joint[3, 3])
+    theta, active = best_subset(information, vector, GATE, frozenset())
+    assert active == frozenset()
+    return theta, Belief(joint @ vector, joint, joint)
+
+
+def test_what_is_left_out_but_believed_is_an_error_of_what_is_carried() -> None:
+    """3.5 sigma do not pay their way; chi2 is 12.25 where noise in the three scalars left out makes 3."""
+    theta, belief = left_out_at(3.5)
+    covariance = carried_covariance(theta, belief, GATE, frozenset())
+    beyond_noise = 1.0 - 3.0 / 12.25
+    assert covariance[3, 3] == pytest.approx(beyond_noise * belief.mean[3] ** 2)
+    assert covariance[0, 0] == pytest.approx(1.0 / 4.0 + beyond_noise * belief.mean[0] ** 2)
+    assert covariance[2, 2] == pytest.approx(1.0 / 4.0)
+
+
+def test_what_is_left_out_and_no_more_than_noise_is_no_error() -> None:
+    theta, belief = left_out_at(1.5)
+    covariance = carried_covariance(theta, belief, GATE, frozenset())
+    np.testing.assert_allclose(covariance, gated_covariance(belief, GATE, frozenset()), atol=1e-12)
+
+
+def test_what_was_not_adopted_is_an_error_of_what_is_carried() -> None:
+    theta, belief = left_out_at(1.5)
+    apart = np.array([0.3, 0.0, -0.1, 0.0, 0.0, 0.0])
+    covariance = carried_covariance(theta + apart, belief, GATE, frozenset())
+    expected = gated_covariance(belief, GATE, frozenset()) + np.outer(apart, apart)
+    np.testing.assert_allclose(covariance, expected, atol=1e-12)

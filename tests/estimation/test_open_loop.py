@@ -1,11 +1,11 @@
-"""The rate of x^ and its derivatives over an event."""
+"""The rate of x^ and its derivatives over an event, by parameters and by the state."""
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import learned_of
-from observer_rt.estimation.open_loop import rate_with_sensitivity
+from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import with_line_terms
@@ -20,10 +20,8 @@ SENSOR = (Parameter.LINE_PRESSURE_OFFSET, Parameter.SENSOR_LAG)
 def rate_of(
     case: Case, window: Window, theta: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    rate = np.empty(window.output.size)
-    slopes = np.empty((window.output.size, PARAMETERS))
-    rate_with_sensitivity(window, case.setting, learned_of(theta), rate, slopes)
-    return rate, slopes
+    run = open_loop(window, case.setting, learned_of(theta))
+    return run.rate, run.slopes
 
 
 def quiet_event(case: Case) -> Window:
@@ -99,3 +97,42 @@ def test_line_pressure_after_the_opening_does_not_matter(case: Case) -> None:
         strict=True,
     ):
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("row", range(2))
+def test_transitions_carry_an_error_of_the_start(case: Case, row: int) -> None:
+    """Of p_L or Q_L at the opening, into the rate of every later sample."""
+    window, theta = quiet_event(case), worn_theta()
+    run = open_loop(window, case.setting, learned_of(theta))
+    step = np.zeros(4)
+    step[row] = 1e-6
+    rates = [rate_of(case, window._replace(start=window.start + side * step), theta)[0] for side in (-1, 1)]
+    numeric = (rates[1] - rates[0]) / 2e-6
+    error = np.eye(3)[row]
+    expected = np.zeros(window.output.size)
+    for k in range(1, window.output.size):
+        error = run.transition[k] @ error
+        expected[k] = run.gradient[k, :3] @ error
+    assert np.abs(numeric).max() > 1e-6  # m3/s
+    np.testing.assert_allclose(expected, numeric, atol=1e-5 * np.abs(numeric).max())
+
+
+def test_sac_goes_where_the_area_leads_it(case: Case) -> None:
+    """A small step of the area at a constant opening, linear from one sample to the next."""
+    inputs = np.tile([0.95, 0.4], (60, 1))
+    window = quiet_event(case)._replace(inputs=inputs, output=np.zeros(60), resting=np.zeros(60, np.bool_))
+    theta = worn_theta()
+    run = open_loop(window, case.setting, learned_of(theta))
+    wider = inputs.copy()
+    wider[41:, 1] += 1e-4
+    change = open_loop(window._replace(inputs=wider), case.setting, learned_of(theta)).rate - run.rate
+    assert 2e4 < run.relaxation[41] < 2e5  # 1/s
+    first = 1.0 - lagged_share(run.relaxation[41] * 1e-5)
+    by_sac = run.gradient[41, 2] * run.by_area[41] * first
+    assert min(by_sac, run.gradient[41, 3]) > 1e-6  # m3/s, the sac's and the network's share both matter
+    assert change[41] == pytest.approx(1e-4 * (by_sac + run.gradient[41, 3]), rel=0.03)
+
+
+def lagged_share(interval: float) -> float:
+    """What a first-order lag still lacks of a ramp at its end; interval in time constants."""
+    return float((1.0 - np.exp(-interval)) / interval)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.config import Bench, load_bench
 from observer_rt.estimation.gating import Gate
 from observer_rt.estimation.learned import learned_of
-from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.evaluation.evaluate import History, evaluate
@@ -193,7 +193,7 @@ def learner_with(belief: Belief, in_force: Vector) -> Learner:
 
 
 def belief_in(v_h: float, sigma: float) -> Belief:
-    return Belief(nozzle_wear(v_h), sigma**2 * np.eye(PARAMETERS))
+    return prior_belief(nozzle_wear(v_h), sigma**2 * np.eye(PARAMETERS))
 
 
 def test_better_phi_is_adopted() -> None:

@@ -38,7 +38,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
     covariance = 0.5 * (covariance + covariance.T)
     lowest, highest = theta_bounds(PRESSURE_SCALE)
     return Knowledge(
-        belief=Belief(random.uniform(-0.09, 0.09, PARAMETERS), covariance),
+        belief=Belief(random.uniform(-0.09, 0.09, PARAMETERS), covariance, 0.6 * covariance),
         in_force=np.clip(random.uniform(-0.09, 0.09, PARAMETERS), lowest, highest),
         noise=NoiseLevels(*(random.uniform(0.1, 1.0, 3) * [1e6, 1e6, 1e-6]).tolist()),
         active=frozenset(column for column in GATE.columns if random.random() < 0.5),
@@ -137,8 +137,8 @@ def remove(key: str) -> Callable[[dict[str, Any]], None]:
 
 
 NOT_RESTORED = {
-    "older version": (put("version", value=1), "format is version 1, not 2"),
-    "newer version": (put("version", value=3), "format is version 3, not 2"),
+    "older version": (put("version", value=1), "format is version 1, not 3"),
+    "newer version": (put("version", value=4), "format is version 4, not 3"),
     "model": (put("content", "model_sha256", value="0" * 64), "another injector model"),
     "short mean": (put("content", "mean", value=[0.0] * (PARAMETERS - 1)), "shape"),
     "flat covariance": (put("content", "covariance", value=[1.0] * PARAMETERS), "shape"),
@@ -146,6 +146,7 @@ NOT_RESTORED = {
     "text": (put("content", "mean", value="none"), "not a learned state"),
     "nan": (put("content", "mean", 0, value=float("nan")), "not a learned state"),
     "too large a number": (put("content", "mean", 0, value=10**400), "not a learned state"),
+    "negative error": (put("content", "error_covariance", 2, 2, value=-1.0), "error's covariance"),
     "asymmetric": (put("content", "covariance", 0, 1, value=0.9), "symmetric"),
     "negative variance": (put("content", "covariance", 2, 2, value=-1.0), "positive definite"),
     "wear beyond bounds": (put("content", "mean", int(Parameter.NOZZLE_BIAS), value=1.51), "beyond"),
@@ -223,7 +224,7 @@ def test_the_offset_bound_is_in_pascal(tmp_path: Path) -> None:
 def test_what_could_not_be_restored_does_not_replace_a_good_file(tmp_path: Path) -> None:
     path, good = tmp_path / "state.json", some_knowledge()
     save_knowledge(path, good, MODEL)
-    broken = replace(good, belief=Belief(np.full(PARAMETERS, np.nan), good.belief.covariance))
+    broken = replace(good, belief=replace(good.belief, mean=np.full(PARAMETERS, np.nan)))
     with pytest.raises(RunError, match="not finite"):
         save_knowledge(path, broken, MODEL)
     assert same(load_knowledge(path, MODEL).knowledge, good)

@@ -6,7 +6,7 @@ test for sudden change, no tempering, no adoption test: an event's rate is that 
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -16,7 +16,7 @@ from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.estimation.gating import best_subset
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.minimiser import minimise
-from observer_rt.estimation.posterior import Belief, belief_from_information
+from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.prediction_error import Linearisation
 from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.sensitivity import Parameter
@@ -116,7 +116,8 @@ def learn_events(
 ) -> BatchResult:
     """Learn event after event of a recording of `samples`; an event that cannot be learned changes nothing."""
     rate, training = np.zeros(samples), []
-    belief, theta = Belief(np.zeros(model.prior.size), np.diag(model.prior**2)), np.zeros(model.prior.size)
+    theta = np.zeros(model.prior.size)
+    belief = prior_belief(theta, np.diag(model.prior**2))
     active: frozenset[int] = frozenset()
     for number, event in enumerate(events):
         noise = event.standstill.noise or noise
@@ -125,7 +126,7 @@ def learn_events(
         begin = time.thread_time()
         if number == 0:
             theta[Parameter.LINE_PRESSURE_OFFSET] = event.standstill.offset
-            belief = Belief(theta.copy(), belief.covariance)
+            belief = replace(belief, mean=theta.copy())
         else:
             belief = belief.drifted(model.drift)
         cost = model.cost(event.window, setting, sigma, round(BURN_IN / constants.interval))
@@ -135,7 +136,7 @@ def learn_events(
         if np.isfinite(first.value):
             try:
                 found, active = search(cost, start)
-                belief, theta = _posterior(belief, found), found.theta
+                belief, theta = belief.updated(found.information, found.vector), found.theta
             except np.linalg.LinAlgError:
                 pass  # singular: nothing learned
         training.append((time.thread_time() - begin) / MILLISECOND)
@@ -224,13 +225,6 @@ def _total(
 ) -> float:
     distance = theta - prior.mean
     return value + 0.5 * float(distance @ information @ distance)
-
-
-def _posterior(prior: Belief, found: Linearisation) -> Belief:
-    before = prior.information()
-    information = before + found.information
-    mean = np.linalg.solve(information, before @ prior.mean + found.vector)
-    return belief_from_information(np.asarray(mean, np.float64), information)
 
 
 def _setting(constants: Constants, theta: NDArray[np.float64], noise: NoiseLevels) -> tuple[Setting, float]:

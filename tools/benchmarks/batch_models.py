@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned, learned_of
-from observer_rt.estimation.open_loop import rate_with_sensitivity
+from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.prediction_error import HUBER, EventCost, Linearisation, robust_cost
 from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
@@ -137,6 +137,4 @@ def _with_hidden(theta: NDArray[np.float64]) -> Learned:
 
 
 def _structured_rate(window: Window, setting: Setting, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    rate, slopes = np.zeros(window.output.size), np.zeros((window.output.size, PARAMETERS))
-    rate_with_sensitivity(window, setting, _with_hidden(theta), rate, slopes)
-    return rate
+    return open_loop(window, setting, _with_hidden(theta)).rate

@@ -62,8 +62,7 @@ def score_evaluation(
     true_masses = windows.masses(truth.injection_rate, density)
     errors = 100.0 * (windows.masses(rate, density) / true_masses - 1.0)
 
-    sigma = np.full(rate.size, np.nan)  # to become trace.injection_rate_sigma
-    judged, covered = covered_samples(rate - truth.injection_rate, sigma, windows)
+    judged, covered = covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
 
     def scored(name: str, rate: NDArray[np.float64], x3: NDArray[np.float64]) -> EstimatorScore:
         return score_rate(name, rate, truth, windows, density, x3 - true_x3)

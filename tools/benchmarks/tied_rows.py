@@ -54,4 +54,4 @@ def sweep(
             x = (x[0], x[1], 0.0)
         else:
             phi = free_fault(x, (u_end[0], max(u_end[1], 0.0)), network)
-            rate[k] = balanced_rate(x[2], phi[0], setting.coefficients)
+            rate[k] = balanced_rate(x[2], u_end[1], phi[0], setting.coefficients)

@@ -25,6 +25,7 @@ def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFac
     samples = recording.samples
     trace = Trace(
         injection_rate=np.full(samples, np.nan),
+        injection_rate_sigma=np.full(samples, np.nan),
         valid=np.zeros(samples, np.bool_),
         state=np.full(samples, State.WAITING_FOR_DATA, np.int8),
         x=np.full((samples, 3), np.nan),

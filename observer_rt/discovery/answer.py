@@ -1,6 +1,7 @@
 """From recordings to the whole answer: check, find, name, add, show."""
 
 import os
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -19,6 +20,7 @@ from observer_rt.discovery.likelihood import evidence_of
 from observer_rt.discovery.naming import Options, healthy_baseline, name_effects
 from observer_rt.discovery.opinion import Opinion
 from observer_rt.discovery.overlays import typical_overlays
+from observer_rt.discovery.points import by_operating_point
 from observer_rt.discovery.result import Discovery, Verdict
 from observer_rt.discovery.show import gaps_of
 from observer_rt.discovery.text import headline
@@ -64,8 +66,9 @@ def answer(
 
     Raises `RunError` when the model has no solution on the recordings.
     """
-    parameters, measured = question.parameters, question.measured
-    nominal = effective_model(parameters)
+    nominal = effective_model(question.parameters)
+    points = by_operating_point(question.measured)
+    measured = [point.measurement for point in points]
     workers = len(os.sched_getaffinity(0))
     baseline, warning = _judged_by_healthy(nominal, question.healthy, workers)
     begin = _HEALTHY if question.healthy else 0.0
@@ -75,23 +78,29 @@ def answer(
     gaps = gaps_of(found, measured, nominal)
     progress(_SHOWN)
     evidence = evidence_of(measured, nominal)
-    names = tuple(question.hashes)
+    files = tuple(question.hashes)
+    several = Counter(point.file for point in points)
+    names = tuple(
+        files[point.file] if several[point.file] == 1 else f"{files[point.file]}, {point.name}"
+        for point in points
+    )
     findings = Findings(
         discovery=found,
         where=disagreements(found, evidence, nominal),
         gaps=gaps,
         candidates=of_candidates(found, measured, nominal),
         effects=of_effects(found, measured, nominal),
-        checks=standstill_checks(evidence, nominal),
+        checks=standstill_checks(question.measured, evidence, nominal),
         opinion=_opinion(ask_observer, question),
         healthy_warning=warning,
         amended_model=amended_model if found.effects else None,
-        recordings=names,
+        files=files,
+        points=names,
         fitted_on=tuple(names[i] for i in gaps.fitted_on),
         held_out=tuple(names[i] for i in gaps.held_out),
     )
     overlays = typical_overlays(found, gaps, measured, nominal)
-    return Answer(findings, overlays, _in_force(question, found))
+    return Answer(findings, overlays, _in_force(question, found, measured))
 
 
 def _judged_by_healthy(
@@ -100,7 +109,8 @@ def _judged_by_healthy(
     """What healthy recordings leave unexplained, and what they say against the model, if anything."""
     if not healthy:
         return NO_BASELINE, ""
-    baseline, found = healthy_baseline(nominal, healthy, workers)
+    points = [point.measurement for point in by_operating_point(healthy)]
+    baseline, found = healthy_baseline(nominal, points, workers)
     if found.verdict is Verdict.NONE:
         return baseline, ""
     return baseline, (
@@ -116,10 +126,12 @@ def _opinion(ask_observer: AskObserver, question: Question) -> Opinion | None:
         return None  # not a matter of discovery: the report says that there is none
 
 
-def _in_force(question: Question, found: Discovery) -> tuple[EffectInForce, ...]:
+def _in_force(
+    question: Question, found: Discovery, measured: Sequence[Measurement]
+) -> tuple[EffectInForce, ...]:
     if not found.effects:
         return ()
-    amended = amendment(question.parameters, found, question.measured)
+    amended = amendment(question.parameters, found, measured)
     today = date.today()
     new = [in_force(effect, reason_for(found, effect, question.hashes), today) for effect in amended.found]
     return (*amended.kept, *new)

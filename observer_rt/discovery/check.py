@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.data import Measurement, shut_mask
+from observer_rt.discovery.data import Measurement
 from observer_rt.discovery.hypothesis import Hypothesis, Sizing
 from observer_rt.discovery.likelihood import Evidence, Judged
 from observer_rt.estimation.phases import Phase
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
+from observer_rt.observer.front_end import dead_band
 from observer_rt.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 
 SETTLED = 15e-3  # s after a closing, from which the line is at rest but for some ringing
@@ -38,11 +39,13 @@ class Check:
     passed: bool
 
 
-def standstill_checks(evidence: Evidence, nominal: EffectiveModel) -> tuple[Check, ...]:
+def standstill_checks(
+    measured: Sequence[Measurement], evidence: Evidence, nominal: EffectiveModel
+) -> tuple[Check, ...]:
     """Offset, slope and noise of every recording; apparent offset, lag and leak of all from the shut needle alone."""
     result: list[Check] = []
-    for number, trial in enumerate(evidence.trials):
-        result += _of_recording(number, trial.measurement, nominal.coefficients)
+    for number, measurement in enumerate(measured):
+        result += _of_recording(number, measurement, nominal.coefficients)
     judged = evidence.judge(nominal)
     if judged is not None:
         result += [_apparent(evidence, judged, nominal, effect_id) for effect_id in SENSOR_EFFECTS]
@@ -81,12 +84,9 @@ class _Blocks:
 
 def _blocks(measurement: Measurement, period: float) -> _Blocks | None:
     recording = measurement.recording
-    openings = [opening for event in measurement.events for opening in event.openings]
-    calm = shut_mask(recording.samples, openings, round(SETTLED * recording.sample_rate))
-    calm &= ~np.isnan(recording.rail_pressure + recording.line_pressure)
     size = max(1, round(period * recording.sample_rate))
     starts, runs = [], []
-    places = np.flatnonzero(calm)
+    places = np.flatnonzero(_calm(measurement))
     for number, run in enumerate(np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)):
         firsts = run[: run.size - run.size % size : size]
         starts.extend(firsts.tolist())
@@ -96,6 +96,16 @@ def _blocks(measurement: Measurement, period: float) -> _Blocks | None:
     rows = np.array(starts)[:, None] + np.arange(size)
     line, rail = recording.line_pressure[rows].mean(axis=1), recording.rail_pressure[rows].mean(axis=1)
     return _Blocks(recording.time[rows].mean(axis=1), line - rail, line, np.array(runs))
+
+
+def _calm(measurement: Measurement) -> NDArray[np.bool_]:
+    """Samples (n,) with both pressures, SETTLED and more after the needle was last seen open."""
+    recording = measurement.recording
+    opens, _ = dead_band(measurement.noise.needle_lift)
+    every, settled = np.arange(recording.samples), round(SETTLED * recording.sample_rate)
+    last_open = np.maximum.accumulate(np.where(recording.needle_lift > opens, every, -settled - 1))
+    finite = np.isfinite(recording.rail_pressure + recording.line_pressure)
+    return np.asarray((every - last_open > settled) & finite, np.bool_)
 
 
 def _error_of_mean(values: NDArray[np.float64]) -> float:

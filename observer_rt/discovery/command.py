@@ -17,7 +17,7 @@ from observer_rt.discovery.answer import Answer, AskObserver, Question, answer
 from observer_rt.discovery.data import Measurement, measurements
 from observer_rt.discovery.findings import as_json
 from observer_rt.discovery.fit_store import FitStore, file_hash, problem_key
-from observer_rt.discovery.plausible import refuse_implausible, refuse_mixed
+from observer_rt.discovery.plausible import refuse_implausible, refuse_rates_missing, refuse_sample_rates
 from observer_rt.discovery.report import Sources, report
 from observer_rt.discovery.text import as_text
 from observer_rt.errors import RunError, UserError
@@ -48,6 +48,7 @@ def discover_files(
     parameters = load_injector(options.model)
     source = InjectorText(options.model)
     measured = _measured([*paths, *options.healthy])
+    refuse_rates_missing([one.recording for one in measured[: len(paths)]])
     question = Question(parameters, measured[: len(paths)], measured[len(paths) :], _hashes(paths))
     _make_folder(options.out)
     say_if_compiling(console)
@@ -78,7 +79,7 @@ def _measured(paths: Sequence[Path]) -> tuple[Measurement, ...]:
         if path.resolve() in {other.resolve() for other in paths[:number]}:
             raise UserError(str(path), "is given twice", "give every recording once")
     recordings = [read_recording(path) for path in paths]
-    refuse_mixed(recordings)
+    refuse_sample_rates(recordings)
     found = measurements(recordings)
     for one in found:
         refuse_implausible(one)

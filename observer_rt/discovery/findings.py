@@ -21,10 +21,11 @@ SCHEMA = 1
 class Findings:
     """The answer with what it rests on.
 
-    candidates, effects: what those of the ranking, and those found, do to pressure and mass;
-    amended_model: name of the file beside the document, None when no effect is added; recordings, fitted_on,
-    held_out: file names; opinion: of the learning observer, None where it could not be run; healthy_warning: what
-    healthy recordings say against the model, empty when nothing; seconds: it took.
+    candidates, effects: what those of the ranking, and those found, do to pressure and mass; opinion: of the learning
+    observer, None where it could not be run; healthy_warning: what healthy recordings say against the model, empty
+    when nothing; amended_model: name of the file beside the document, None when no effect is added; files: names of
+    the recordings; points: of their operating points, each of which counts as a recording; fitted_on, held_out: of
+    these; seconds: it took.
     """
 
     discovery: Discovery
@@ -36,7 +37,8 @@ class Findings:
     opinion: Opinion | None
     healthy_warning: str
     amended_model: str | None
-    recordings: tuple[str, ...]
+    files: tuple[str, ...]
+    points: tuple[str, ...]
     fitted_on: tuple[str, ...]
     held_out: tuple[str, ...]
     seconds: float = 0.0
@@ -65,7 +67,7 @@ def as_json(findings: Findings) -> dict[str, Any]:
             for candidate, moves in zip(found.ranking, findings.candidates, strict=True)
         ],
         "detection": {"gain": _finite(found.gain), "threshold": _finite(found.threshold)},
-        "where": [_where(item, findings.recordings) for item in findings.where],
+        "where": [_where(item, findings.points) for item in findings.where],
         "unknown": None
         if unknown is None
         else {
@@ -79,7 +81,7 @@ def as_json(findings: Findings) -> dict[str, Any]:
             {"measurement": item.measurement, "separates": list(item.separates)} for item in found.decide_by
         ],
         "gap": _gaps(findings.gaps),
-        "checks": [_check(check, findings.recordings) for check in findings.checks],
+        "checks": [_check(check, findings.files) for check in findings.checks],
         "observer": None if findings.opinion is None else _opinion(findings.opinion, findings.contradictions),
         "healthy_warning": findings.healthy_warning,
         "amended_model": findings.amended_model,
@@ -141,7 +143,7 @@ def _moves(moves: Consequence) -> dict[str, float | None]:
     }
 
 
-def _where(item: Disagreement, recordings: tuple[str, ...]) -> dict[str, Any]:
+def _where(item: Disagreement, points: tuple[str, ...]) -> dict[str, Any]:
     unit, name = (
         (MEGAPASCAL, "rms_MPa")
         if item.before.signal is Signal.LINE_PRESSURE
@@ -153,7 +155,7 @@ def _where(item: Disagreement, recordings: tuple[str, ...]) -> dict[str, Any]:
         "equation": None if item.equation is None else item.equation.value,
         "rail_pressure_MPa": item.before.rail_pressure / MEGAPASCAL,
         "open_ms": item.before.duration / MILLISECOND,
-        "recording": recordings[item.before.recording],
+        "recording": points[item.before.recording],
         "nrmse": math.sqrt(item.before.variance),
         "significance": item.before.excess,
         name: item.before.rms / unit,
@@ -165,10 +167,10 @@ def _where(item: Disagreement, recordings: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def _check(check: Check, recordings: tuple[str, ...]) -> dict[str, Any]:
+def _check(check: Check, files: tuple[str, ...]) -> dict[str, Any]:
     return {
         "id": check.id,
-        "recording": None if check.recording is None else recordings[check.recording],
+        "recording": None if check.recording is None else files[check.recording],
         "value": check.value,
         "sigma": _finite(check.sigma),
         "unit": check.unit,

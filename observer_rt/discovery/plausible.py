@@ -12,8 +12,8 @@ LARGEST_LIFT = 2 * MILLIMETRE
 _RATE_TOLERANCE = 1e-6  # relative
 
 
-def refuse_mixed(recordings: Sequence[Recording]) -> None:
-    """Refuse recordings of different sample rates, and some with and some without a measured rate."""
+def refuse_sample_rates(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings of different sample rates."""
     first = recordings[0]
     for other in recordings[1:]:
         if abs(other.sample_rate - first.sample_rate) > _RATE_TOLERANCE * first.sample_rate:
@@ -22,6 +22,12 @@ def refuse_mixed(recordings: Sequence[Recording]) -> None:
                 f"is sampled at {other.sample_rate:g} Hz, {first.path} at {first.sample_rate:g} Hz",
                 "give recordings of one sample rate: sort them into several calls, or resample them",
             )
+
+
+def refuse_rates_missing(recordings: Sequence[Recording]) -> None:
+    """Refuse a measured injection rate that some recordings have and others have not."""
+    first = recordings[0]
+    for other in recordings[1:]:
         if (other.injection_rate is None) != (first.injection_rate is None):
             without = other if other.injection_rate is None else first
             raise UserError(

@@ -11,14 +11,19 @@ from observer_rt.discovery.findings import Findings, explained_share
 from observer_rt.discovery.page import callout, code, document, paragraph, section, table
 from observer_rt.discovery.report_gap import held_out, maps, typical_injections
 from observer_rt.discovery.report_opinion import opinion_parts
-from observer_rt.discovery.report_tables import checks_table, effects_table, ranking_table, undecided
+from observer_rt.discovery.report_tables import (
+    LEAST_MASS,
+    checks_table,
+    effects_table,
+    ranking_table,
+    undecided,
+)
 from observer_rt.discovery.result import Discovery, Verdict
 from observer_rt.discovery.show import Gap
 from observer_rt.discovery.text import effects_words, where_words
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_PER_MS
 
-LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a gap is not worth a number
 _SHOWN_HASH = 16  # digits
 
 
@@ -45,7 +50,7 @@ def report(findings: Findings, overlays: Sequence[Overlay], sources: Sources) ->
         section("The effects, and how sure they are", *effects_table(findings)),
         section("Candidates and their evidence", *ranking_table(found, findings.candidates)),
         section("What could not be told apart, and what would decide", *undecided(found)),
-        section("Sensors and line at standstill", *checks_table(findings.checks, findings.recordings)),
+        section("Sensors and line at standstill", *checks_table(findings.checks, findings.files)),
         section(
             "What the learning observer says of the same recordings", *opinion_parts(found, findings.opinion)
         ),
@@ -161,13 +166,12 @@ def _warning(findings: Findings) -> list[str]:
 
 def _method(findings: Findings, sources: Sources) -> list[str]:
     fitted, held_out = set(findings.fitted_on), set(findings.held_out)
-    rows = [
-        [
-            code(name),
-            "fitted" if name in fitted - held_out else "shown",
-            f"<code>{digest[:_SHOWN_HASH]}…</code>",
-        ]
-        for name, digest in sources.recordings.items()
+    only_fitted = fitted - held_out
+    points = [
+        [code(name), "sizes fitted again" if name in only_fitted else "shown"] for name in findings.points
+    ]
+    files = [
+        [code(name), f"<code>{digest[:_SHOWN_HASH]}…</code>"] for name, digest in sources.recordings.items()
     ]
     found, noise = findings.discovery, findings.discovery.noise
     healthy = (
@@ -185,7 +189,8 @@ def _method(findings: Findings, sources: Sources) -> list[str]:
             f"{found.gain:.0f}. Names and sizes come from all recordings; for the pictures above the sizes were "
             f"found again on every second operating point.{healthy}"
         ),
-        table(("recording", "held-out comparison", "SHA-256"), rows),
+        table(("operating point", "in the comparison"), points),
+        table(("recording", "SHA-256"), files),
         paragraph(
             f"Model: {code(sources.model)}, SHA-256 <code>{sources.model_hash[:_SHOWN_HASH]}…</code>", "note"
         ),

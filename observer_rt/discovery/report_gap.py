@@ -18,12 +18,10 @@ def maps(findings: Findings) -> list[str]:
         if findings.discovery.effects
         else "With the best candidate, which is not enough"
     )
-    before = map_table(
-        "Model as given", [(item.before, item) for item in findings.where], findings.recordings
-    )
+    before = map_table("Model as given", [(item.before, item) for item in findings.where], findings.points)
     if findings.discovery.verdict is Verdict.NONE:
         return [before, legend()]
-    amended = map_table(after, [(item.after, item) for item in findings.where], findings.recordings)
+    amended = map_table(after, [(item.after, item) for item in findings.where], findings.points)
     equations = dict.fromkeys(
         EQUATION_WORDS[item.equation] for item in findings.where if item.equation is not None
     )

@@ -13,6 +13,7 @@ from observer_rt.discovery.result import Candidate, Discovery, FittedEffect
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.units import MEGAPASCAL, MILLIGRAM
 
+LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
 _LONGEST_BAR = 120  # px
 _CHECKS = (
     ("rail_line_offset", "line − rail pressure"),
@@ -117,7 +118,7 @@ def moved_pressure(moved: Consequence) -> str:
 
 def moved_mass(moved: Consequence) -> str:
     """By how much the injected mass moves, in mg."""
-    return f"{moved.mass / MILLIGRAM:+.2g}"
+    return f"{moved.mass / MILLIGRAM:+.2g}" if abs(moved.mass) >= LEAST_MASS else "0"
 
 
 def _sizes(candidate: Candidate) -> list[str]:

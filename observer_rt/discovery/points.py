@@ -1,0 +1,102 @@
+"""Recordings taken apart by operating point, and cut down to the stretches that are judged."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.discovery.data import (
+    COUNTED_LEAD,
+    MARGIN,
+    POINT_DURATION,
+    POINT_PRESSURE,
+    Event,
+    Measurement,
+)
+from observer_rt.discovery.openings import Opening
+from observer_rt.units import MEGAPASCAL, MILLISECOND
+
+
+@dataclass(frozen=True, eq=False)
+class OperatingPoint:
+    """The events of one recording at one rail pressure and duration. file: number of the recording."""
+
+    measurement: Measurement
+    file: int
+
+    @property
+    def name(self) -> str:
+        """Such as `100 MPa, 1.93 ms`."""
+        pressure = self.measurement.rail_pressure / MEGAPASCAL
+        return f"{pressure:.0f} MPa, {self.measurement.duration / MILLISECOND:.2f} ms"
+
+
+def by_operating_point(found: Sequence[Measurement]) -> tuple[OperatingPoint, ...]:
+    """Every recording's operating points, by rail pressure, then duration, in the order of the recordings."""
+    return tuple(
+        OperatingPoint(_part(measurement, events), number)
+        for number, measurement in enumerate(found)
+        for same_pressure in _clusters(measurement.events, _pressure(measurement), POINT_PRESSURE / 2.0)
+        for events in _clusters(same_pressure, _duration(measurement), POINT_DURATION / 2.0)
+    )
+
+
+def _clusters(events: Sequence[Event], value: Callable[[Event], float], gap: float) -> list[list[Event]]:
+    """Events in the order of a value, taken apart where it leaps by more than `gap`."""
+    clusters: list[list[Event]] = []
+    for event in sorted(events, key=value):
+        if clusters and value(event) - value(clusters[-1][-1]) <= gap:
+            clusters[-1].append(event)
+        else:
+            clusters.append([event])
+    return clusters
+
+
+def _pressure(measurement: Measurement) -> Callable[[Event], float]:
+    rail = measurement.recording.rail_pressure
+    lead = max(1, round(COUNTED_LEAD / measurement.interval))
+    return lambda event: float(np.mean(rail[event.openings[0].first - lead : event.openings[0].first]))
+
+
+def _duration(measurement: Measurement) -> Callable[[Event], float]:
+    return lambda event: sum(o.last - o.first + 1 for o in event.openings) * measurement.interval
+
+
+def _part(measurement: Measurement, events: Sequence[Event]) -> Measurement:
+    """Some events of a recording, one stretch after another; what lies between them is left out."""
+    recording = measurement.recording
+    margin = round(MARGIN / measurement.interval) + 1
+    ordered = sorted(events, key=lambda event: event.start)
+    stretches = [np.arange(event.start - margin, event.end + margin) for event in ordered]
+    kept = np.concatenate(stretches)
+    moved, begin = [], 0
+    for event, stretch in zip(ordered, stretches, strict=True):
+        moved.append(_moved(event, begin - int(stretch[0])))
+        begin += stretch.size
+
+    def cut(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.ascontiguousarray(values[kept])
+
+    rate = recording.injection_rate
+    part = replace(
+        recording,
+        time=np.arange(kept.size, dtype=np.float64) * measurement.interval,
+        rail_pressure=cut(recording.rail_pressure),
+        needle_lift=cut(recording.needle_lift),
+        line_pressure=cut(recording.line_pressure),
+        injection_rate=None if rate is None else cut(rate),
+    )
+    return replace(
+        measurement,
+        recording=part,
+        events=tuple(moved),
+        rail_pressure=float(np.mean([_pressure(measurement)(event) for event in ordered])),
+        duration=float(np.mean([_duration(measurement)(event) for event in ordered])),
+    )
+
+
+def _moved(event: Event, by: int) -> Event:
+    """An event some samples later."""
+    openings = tuple(Opening(o.first + by, o.last + by, o.rising, o.falling) for o in event.openings)
+    return Event(openings, event.start + by, event.counted + by, event.end + by)

@@ -143,7 +143,9 @@ def is_recorded_shut(observer: Observer, position: int) -> bool:
     """Whether an open needle is recorded as shut from `position` on (not while the ramp is still to come)."""
     if position < observer.memory[0].foot:
         return False
-    threshold = observer.memory[0].lift_off
+    memory = observer.memory[0]
+    # a ramp whose toe is missing ends at once: what is below the dead band is noise
+    threshold = memory.lift_on if observer.constants.timing.toe > 0 else memory.lift_off
     ahead = known(observer, position)
     for distance in range(min(ahead + 1, CONFIRM)):
         if observer.ring[(position + distance) & _MASK].needle_lift > threshold:
@@ -161,14 +163,18 @@ def keep_sinking(observer: Observer, position: int) -> bool:
     if memory.fall > 0.0:
         memory.sinking_lift -= memory.fall
     else:
+        foot = max(memory.event_opening, memory.foot)
         last = position - 1  # its interval may be cut, as at the foot of the opening
-        length = min(timing.ramp, last - max(memory.event_opening, memory.foot))
+        while last > foot and observer.ring[last & _MASK].needle_lift < memory.lift_on:
+            last -= 1  # noise kept the needle open after its recorded end
+        length = min(timing.ramp, last - foot)
         final = 1 if length > 1 else 0
         if length > 0:
             fall = _recorded_lift(observer, last - length) - _recorded_lift(observer, last - final)
             memory.fall = max(fall / (length - final), 0.0)
         shift = observer.constants.inputs.lift_shift
-        memory.sinking_lift = min(_recorded_lift(observer, last) - memory.fall, shift)
+        first_sunk = min(_recorded_lift(observer, last) - memory.fall, shift)
+        memory.sinking_lift = first_sunk - (position - 1 - last) * memory.fall
     if memory.fall == 0.0 or memory.sinking_lift <= 0.0:
         memory.fall = 0.0
         return False

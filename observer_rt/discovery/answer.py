@@ -22,7 +22,7 @@ from observer_rt.discovery.opinion import Opinion
 from observer_rt.discovery.overlays import typical_overlays
 from observer_rt.discovery.points import by_operating_point
 from observer_rt.discovery.result import Discovery, Verdict
-from observer_rt.discovery.show import gaps_of
+from observer_rt.discovery.show import amended_by, gaps_of
 from observer_rt.discovery.text import headline
 from observer_rt.errors import ObserverError
 from observer_rt.model.effective import EffectiveModel
@@ -90,7 +90,7 @@ def answer(
         gaps=gaps,
         candidates=of_candidates(found, measured, nominal),
         effects=of_effects(found, measured, nominal),
-        checks=standstill_checks(question.measured, evidence, nominal),
+        checks=standstill_checks(question.measured, evidence, nominal, amended_by(found, nominal)),
         opinion=_opinion(ask_observer, question),
         healthy_warning=warning,
         amended_model=amended_model if found.effects else None,

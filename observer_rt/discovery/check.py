@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.discovery.data import Measurement
-from observer_rt.discovery.hypothesis import Hypothesis, Sizing
-from observer_rt.discovery.likelihood import Evidence, Judged
+from observer_rt.discovery.likelihood import Evidence
 from observer_rt.estimation.phases import Phase
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import EffectiveModel
@@ -19,7 +18,8 @@ from observer_rt.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 
 SETTLED = 15e-3  # s after a closing, from which the line is at rest but for some ringing
 SIGNIFICANT = 5.0  # standard deviations
-SENSOR_EFFECTS = ("line_pressure_sensor_offset", "line_pressure_sensor_lag", "guide_leakage")
+SETTLED_EFFECTS = ("line_pressure_sensor_offset", "guide_leakage")
+LATE_EFFECT = "line_pressure_sensor_lag"
 _FEWEST_BLOCKS = 4
 _TOLERATED = {"rail_line_offset": 0.02 * MEGAPASCAL, "line_pressure_slope": 2 * MEGAPASCAL}  # SI
 
@@ -40,16 +40,19 @@ class Check:
 
 
 def standstill_checks(
-    measured: Sequence[Measurement], evidence: Evidence, nominal: EffectiveModel
+    measured: Sequence[Measurement], evidence: Evidence, nominal: EffectiveModel, amended: EffectiveModel
 ) -> tuple[Check, ...]:
-    """Offset, slope and noise of every recording; apparent offset, lag and leak of all from the shut needle alone."""
+    """Offset, slope and noise of every recording, and apparent sizes of sensor effects over all recordings.
+
+    Apparent offset and leak come from the settled needle alone. A lag does not show there, a ringing recorded late
+    being a ringing like any other: it is what is left of one beside the amended model, from opening to ringing.
+    """
     result: list[Check] = []
     for number, measurement in enumerate(measured):
         result += _of_recording(number, measurement, nominal.coefficients)
-    judged = evidence.judge(nominal)
-    if judged is not None:
-        result += [_apparent(evidence, judged, nominal, effect_id) for effect_id in SENSOR_EFFECTS]
-    return tuple(result)
+    for effect_id in SETTLED_EFFECTS:
+        result += _apparent(evidence, nominal, effect_id, settled=True)
+    return (*result, *_apparent(evidence, amended, LATE_EFFECT, settled=False))
 
 
 def _of_recording(number: int, measurement: Measurement, c: Coefficients) -> list[Check]:
@@ -134,25 +137,28 @@ def _check(name: str, number: int, value: float, sigma: float, si: float, unit: 
     return Check(name, number, value / si, sigma / si, unit, passed)
 
 
-def _apparent(evidence: Evidence, judged: Sequence[Judged], nominal: EffectiveModel, effect_id: str) -> Check:
-    """Size of an effect by one Gauss-Newton step on the innovations of the shut needle, as if it were alone.
+def _apparent(evidence: Evidence, model: EffectiveModel, effect_id: str, settled: bool) -> list[Check]:
+    """Size of an effect on top of a model by one Gauss-Newton step on the innovations, as if it were alone.
 
-    Only of the settled needle: right after a closing x~ still carries what happened while it was open.
+    settled: only of the settled needle, for right after a closing x~ still carries what happened while it was open.
     """
     effect = VOCABULARY[effect_id]
     parameter = effect.parameters[0]
-    sizing = Sizing(evidence, nominal, Hypothesis((effect,)))
     step = parameter.dead_zone
-    there = evidence.judge(sizing.hypothesis.model(nominal, np.array([step])))
+    here, there = evidence.judge(model), evidence.judge(effect.apply(model, (step,)))
+    if here is None or there is None:
+        return []
     along, length = 0.0, 0.0
-    for trial, before, after in zip(evidence.trials, judged, there or judged, strict=True):
-        shut = trial.phases == Phase.STANDSTILL
-        slope = (after.z[shut] - before.z[shut]) / step
-        along -= float(slope @ before.z[shut])
+    for trial, before, after in zip(evidence.trials, here, there, strict=True):
+        used = trial.phases == Phase.STANDSTILL if settled else np.ones(trial.phases.size, np.bool_)
+        slope = (after.z[used] - before.z[used]) / step
+        along -= float(slope @ before.z[used])
         length += float(slope @ slope)
     value = along / length if length > 0.0 else 0.0
     sigma = 1.0 / math.sqrt(length) if length > 0.0 else math.inf
     passed = abs(value) <= max(parameter.dead_zone, SIGNIFICANT * sigma)
-    return Check(
-        f"apparent_{effect_id}", None, value / parameter.si, sigma / parameter.si, parameter.unit, passed
-    )
+    return [
+        Check(
+            f"apparent_{effect_id}", None, value / parameter.si, sigma / parameter.si, parameter.unit, passed
+        )
+    ]

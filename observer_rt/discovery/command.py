@@ -104,7 +104,14 @@ def _write(options: DiscoverOptions, found: Answer, question: Question, source: 
     """Everything into the folder; a model that an earlier run left there and this one does not make is removed."""
     folder = options.out
     healthy = tuple(path.name for path in options.healthy)
-    sources = Sources(options.model.name, file_hash(options.model), question.hashes, healthy, datetime.now())
+    sources = Sources(
+        model=options.model.name,
+        model_hash=file_hash(options.model),
+        in_force=tuple(effect.id for effect in question.parameters.effects),
+        recordings=question.hashes,
+        healthy=healthy,
+        made=datetime.now(),
+    )
     with file_errors(folder):
         document = json.dumps(as_json(found.findings), indent=2)
         (folder / FINDINGS).write_text(document + "\n", encoding="utf-8")

@@ -32,6 +32,8 @@ _STYLE = {
     "path.simplify_threshold": 0.3,
 }
 
+_NO_METADATA = dict.fromkeys(("Date", "Creator", "Type", "Format"))
+
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
@@ -173,7 +175,7 @@ def _figure(width: float, height: float) -> Iterator[tuple[Figure, Callable[[], 
         def svg() -> str:
             text = io.StringIO()
             with mpl.rc_context(_STYLE):
-                figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+                figure.savefig(text, format="svg", metadata=_NO_METADATA)
             return text.getvalue()[text.getvalue().index("<svg") :]
 
         yield figure, svg

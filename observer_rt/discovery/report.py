@@ -29,10 +29,14 @@ _SHOWN_HASH = 16  # digits
 
 @dataclass(frozen=True)
 class Sources:
-    """What a report was made from. recordings: SHA-256 by file name; healthy: names of healthy recordings."""
+    """What a report was made from.
+
+    in_force: effects in the model already; recordings: SHA-256 by file name; healthy: names of healthy recordings.
+    """
 
     model: str
     model_hash: str
+    in_force: tuple[str, ...]
     recordings: Mapping[str, str]
     healthy: tuple[str, ...]
     made: datetime
@@ -63,10 +67,13 @@ def report(findings: Findings, overlays: Sequence[Overlay], sources: Sources) ->
 
 def _header(sources: Sources) -> str:
     made = sources.made.strftime("%Y-%m-%d %H:%M")
-    return (
-        f"<header><span>What is missing in {code(sources.model)}, by {len(sources.recordings)} recordings</span>"
-        f"<span>{made}</span></header>"
+    count = len(sources.recordings)
+    by = f"{count} recordings" if count > 1 else "one recording"
+    known = (
+        f" (in force there: {', '.join(code(one) for one in sources.in_force)})" if sources.in_force else ""
     )
+    what = f"What is missing in {code(sources.model)}{known}, by {by}"
+    return f"<header><span>{what}</span><span>{made}</span></header>"
 
 
 def _answer(findings: Findings) -> list[str]:

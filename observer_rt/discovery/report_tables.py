@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from html import escape
 
-from observer_rt.discovery.check import Check
+from observer_rt.discovery.check import LATE_EFFECT, SETTLED_EFFECTS, Check
 from observer_rt.discovery.consequences import Consequence
 from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.page import code, paragraph, table
@@ -139,17 +139,18 @@ def checks_table(checks: Sequence[Check], recordings: Sequence[str]) -> list[str
         [code(file), *(_figure(by_place.get((name, number))) for name, _ in columns)]
         for number, file in enumerate(recordings)
     ]
-    apparent = [check for check in checks if check.recording is None]
-    lines = [
-        f"{code(check.id.removeprefix('apparent_'))} {_figure(check)} {UNIT_SIGNS.get(check.unit, check.unit)}"
-        for check in apparent
-    ]
+    apparent = {
+        check.id.removeprefix("apparent_"): f"{_figure(check)} {UNIT_SIGNS.get(check.unit, check.unit)}"
+        for check in checks
+        if check.recording is None
+    }
+    settled = "; ".join(f"{code(name)} {size}" for name, size in apparent.items() if name in SETTLED_EFFECTS)
+    late = apparent.get(LATE_EFFECT)
     return [
         table(headings, rows, numbers=range(1, len(headings))),
-        paragraph(
-            f"Apparent sizes while the needle is shut, each as if it were alone: {'; '.join(lines)}. "
-            'What stands out is <span class="failed">red</span>; another effect may cause it.'
-        ),
+        paragraph(f"While the needle is shut, each as if it were alone: {settled}.") if settled else "",
+        paragraph(f"{code(LATE_EFFECT)} left beside what was found: {late}.") if late else "",
+        paragraph('What stands out is <span class="failed">red</span>; another effect may cause it.', "note"),
     ]
 
 

@@ -70,13 +70,19 @@ def winner_of(found: Discovery) -> tuple[Hypothesis, NDArray[np.float64]]:
     return effects, np.array([p.value for effect in found.effects for p in effect.parameters])
 
 
+def amended_by(found: Discovery, nominal: EffectiveModel) -> EffectiveModel:
+    """The nominal model with the effects found."""
+    hypothesis, theta = winner_of(found)
+    return hypothesis.model(nominal, theta)
+
+
 def gaps_of(found: Discovery, measured: Sequence[Measurement], nominal: EffectiveModel) -> Gaps:
     """The gaps: with the winner refitted to every second operating point, on the others.
 
     With one operating point there is nothing to hold out: it is fitted and shown.
     """
     hypothesis, theta = winner_of(found)
-    amended = hypothesis.model(nominal, theta)
+    amended = amended_by(found, nominal)
     fitted_on, held_out = every_second_point(measured)
     held_out = held_out or fitted_on
     refitted = _refitted(hypothesis, theta, [measured[i] for i in fitted_on], nominal)

@@ -1,0 +1,148 @@
+"""`observer-rt discover`: what it writes and prints; mistakes it names; an interruption it survives."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import observer_rt.discovery.command
+from observer_rt.config import load_injector
+from observer_rt.recording.files import read_recording, write_recording
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+from tests.cli.conftest import Command
+
+
+def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
+    found = tmp_path / "found"
+    done = command("discover", "--out", found, worn)
+    assert done.code == 0
+    assert done.out.startswith("named: orifice_area")
+    assert "MPa" in done.out
+    assert "mg" in done.out
+    assert {path.name for path in found.iterdir()} == {
+        "findings.json",
+        "amended.toml",
+        "report.html",
+        "fits.jsonl",
+    }
+    (effect,) = load_injector(found / "amended.toml").effects
+    assert effect.parameters["v_H"].value == pytest.approx(0.3, abs=0.02)
+    findings = json.loads((found / "findings.json").read_text())
+    assert findings["seconds"] > 0.0
+    assert len(findings["held_out"]) == 1  # two rail pressures in one recording
+    again = command("discover", "--model", found / "amended.toml", "--out", found, "--json", worn)
+    assert again.code == 0
+    assert json.loads(again.out)["verdict"] == "none"
+    assert json.loads(again.out) == json.loads((found / "findings.json").read_text())
+    assert not (found / "amended.toml").exists()  # that of another question
+
+
+def test_healthy_recordings_are_looked_at_first(
+    command: Command, worn: Path, healthy: Path, tmp_path: Path
+) -> None:
+    done = command("discover", "--out", tmp_path / "found", "--healthy", healthy, "--json", worn)
+    assert done.code == 0
+    findings = json.loads(done.out)
+    assert findings["effects"][0]["id"] == "orifice_area"
+    assert findings["healthy_warning"] == ""
+
+
+def test_a_model_that_is_wrong_on_healthy_recordings_is_told(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
+    done = command(
+        "discover", "--out", tmp_path / "found", "--healthy", _copy(worn, tmp_path), "--json", worn
+    )
+    assert done.code == 0
+    findings = json.loads(done.out)
+    assert "orifice_area" in findings["healthy_warning"]
+    assert findings["confidence"] <= 0.8
+
+
+def test_an_interrupted_search_goes_on_where_it_was(
+    command: Command, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_: object, memory: object, *__: object) -> None:
+        memory.put(("orifice_area",), np.array([0.3]), -1.0)  # type: ignore[attr-defined]
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(observer_rt.discovery.command, "answer", interrupted)
+        done = command("discover", "--out", tmp_path / "found", worn)
+    assert done.code == 1
+    assert "1 fitted candidates are kept" in done.err
+    assert "same command" in done.err
+    done = command("discover", "--out", tmp_path / "found", worn)
+    assert done.code == 0
+    assert "going on with 1" in done.err
+
+
+def test_without_recordings_there_is_nothing_to_find(command: Command, tmp_path: Path) -> None:
+    assert command("discover", "--out", tmp_path / "found").code == 2
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("no injection", "no complete injection"),
+        ("in bar", "rail_pressure"),
+        ("another sample rate", "sampled at"),
+        ("without rate", "no measured injection rate"),
+        ("given twice", "given twice"),
+        ("out is a file", "is a file"),
+        ("wrong column", "unknown column"),
+        ("cut short", "no complete injection"),
+    ],
+)
+def test_mistakes_are_named_before_anything_is_written(
+    command: Command, worn: Path, tmp_path: Path, fault: str, message: str
+) -> None:
+    out, other = tmp_path / "found", tmp_path / "other.csv"
+    recording = read_recording(worn)
+    match fault:
+        case "no injection":
+            write_recording(other, replace(recording, needle_lift=np.zeros(recording.samples)))
+        case "in bar":
+            write_recording(other, replace(recording, rail_pressure=recording.rail_pressure * 1e-2))
+        case "another sample rate":
+            write_recording(other, replace(recording, time=recording.time * 2.0))
+        case "without rate":
+            write_recording(other, replace(recording, injection_rate=None))
+        case "given twice":
+            other = worn
+        case "out is a file":
+            out.write_text("mine")
+            _copy(worn, tmp_path).rename(other)
+        case "wrong column":
+            other.write_text(worn.read_text().replace("needle_lift_mm", "needle_lift_inch", 1))
+        case "cut short":
+            lines = worn.read_text().splitlines(keepends=True)
+            other.write_text("".join(lines[:1000]))
+    done = command("discover", "--out", out, worn, other)
+    assert done.code == 2
+    assert message in done.err
+    assert "remedy" in done.err
+    assert not out.is_dir()
+
+
+@pytest.fixture(scope="session")
+def healthy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recording of a new nozzle."""
+    path = tmp_path_factory.mktemp("healthy") / "healthy.csv"
+    schedule = make_schedule([60e6, 120e6], 4, 0.05, [1.1e-3])
+    write_recording(
+        path, simulate(load_injector(), schedule, 50e3, (), NoiseLevels(), True, seed=4).recording
+    )
+    return path
+
+
+def _copy(recording: Path, folder: Path) -> Path:
+    path = folder / "copy.csv"
+    path.write_bytes(recording.read_bytes())
+    return path

@@ -1,0 +1,42 @@
+"""Shared by the tests of discovery: a worn injector and everything `discover` says of it."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from observer_rt.discovery.answer import Answer, Question, answer
+from observer_rt.discovery.candidates import NoMemory
+from observer_rt.discovery.data import measurements
+from observer_rt.discovery.opinion import Indicator, Opinion
+from observer_rt.model.effects import sized
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.recording.recording import Recording
+from tests.discovery.hidden import NOMINAL, recordings
+
+WEAR = 0.1
+WORN_POINTS = ((60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.9e-3))
+
+
+@dataclass(frozen=True, eq=False)
+class Worn:
+    """An injector with v_H = WEAR, measured rate and all, and the answer."""
+
+    question: Question
+    answer: Answer
+    shares: tuple[float, ...]
+
+
+def agrees(_: InjectorParameters, __: list[Recording]) -> Opinion:
+    """A learning observer that says the same."""
+    return Opinion((Indicator("orifice_area", WEAR, 0.002),), 10, 12, {})
+
+
+@pytest.fixture(scope="session")
+def worn() -> Worn:
+    """Four operating points of a worn injector."""
+    made = recordings((sized("orifice_area", v_H=WEAR),), measured_rate=True, points=WORN_POINTS)
+    names = {f"<{number}>.csv": f"{number:064x}" for number in range(len(made))}
+    question = Question(NOMINAL, measurements(made), (), names)
+    shares: list[float] = []
+    found = answer(question, NoMemory(), agrees, shares.append, "amended.toml")  # type: ignore[arg-type]
+    return Worn(question, found, tuple(shares))

@@ -1,0 +1,109 @@
+"""The amended injector file: everything kept, effects added, loaded by every command."""
+
+import tomllib
+from datetime import date
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.config import NOMINAL_INJECTOR, load_injector
+from observer_rt.discovery.add import InjectorText, in_force, reason_for, write_amended
+from observer_rt.discovery.amend import amendment
+from observer_rt.discovery.data import measurements
+from observer_rt.discovery.naming import Options, name_effects
+from observer_rt.errors import UserError
+from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.parameters import EffectInForce, EffectValue
+from tests.discovery.conftest import WEAR, Worn
+from tests.discovery.hidden import NOMINAL, recordings
+
+WORN = EffectInForce(
+    id="orifice_area", parameters={"v_H": EffectValue(value=0.1, ci95=(0.09, 0.11), unit="-")}
+)
+LEAK = EffectInForce(
+    id="guide_leakage", parameters={"c": EffectValue(value=1.5e-14, unit="m3/(s Pa)")}, origin="workshop"
+)
+
+
+def _file(folder: Path, *effects: EffectInForce) -> Path:
+    path = folder / "injector.toml"
+    path.write_text(InjectorText(NOMINAL_INJECTOR).with_effects(effects), encoding="utf-8")
+    return path
+
+
+def test_every_line_of_the_file_is_kept(tmp_path: Path) -> None:
+    given_text = NOMINAL_INJECTOR.read_text(encoding="utf-8")
+    amended = tmp_path / "amended.toml"
+    write_amended(amended, InjectorText(NOMINAL_INJECTOR), [WORN])
+    assert amended.read_text(encoding="utf-8").startswith(given_text)
+    loaded = load_injector(amended)
+    assert loaded.effects == (WORN,)
+    assert loaded.model_copy(update={"effects": ()}) == load_injector()
+
+
+def test_effects_in_force_are_replaced_and_comments_stay(tmp_path: Path) -> None:
+    path = _file(tmp_path, WORN, LEAK)
+    tables = '[[effects]]\nid = "seat_area"\n[effects.parameters.v_S]\nvalue = 0.1\nunit = "-"\n'
+    path.write_text(path.read_text(encoding="utf-8") + tables, encoding="utf-8")
+    assert len(load_injector(path).effects) == 3
+    text = InjectorText(path).with_effects([LEAK])
+    assert tomllib.loads(text)["effects"] == [
+        {
+            "id": "guide_leakage",
+            "parameters": {"c": {"value": 1.5e-14, "unit": "m3/(s Pa)"}},
+            "origin": "workshop",
+        }
+    ]
+    assert "# A_S(x_N) = pi * x_N" in text
+
+
+def test_effects_written_otherwise_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "inline.toml"
+    path.write_text('effects = [{ id = "seat_outflow" }]\n' + NOMINAL_INJECTOR.read_text(), encoding="utf-8")
+    assert load_injector(path).effects
+    with pytest.raises(UserError, match=r"\[\[effects\]\]") as error:
+        InjectorText(path)
+    assert "inline.toml" in str(error.value)
+
+
+@given(origin=st.text(), evidence=st.text(), value=st.floats(allow_nan=False, allow_infinity=False, width=64))
+def test_any_text_and_number_comes_back(origin: str, evidence: str, value: float) -> None:
+    effect = EffectInForce(
+        id="fuel_density",
+        parameters={"r": EffectValue(value=value, ci95=(value, value), unit="-")},
+        origin=origin.encode(errors="ignore").decode(),
+        evidence=evidence.encode(errors="ignore").decode(),
+    )
+    text = InjectorText(NOMINAL_INJECTOR).with_effects([effect])
+    (read,) = tomllib.loads(text)["effects"]
+    assert EffectInForce.model_validate(read) == effect
+
+
+def test_what_was_found_is_written_with_its_evidence(worn: Worn) -> None:
+    (effect,) = worn.answer.effects
+    assert effect.id == "orifice_area"
+    value = effect.parameters["v_H"]
+    assert value.ci95 is not None
+    assert value.ci95[0] < WEAR < value.ci95[1]
+    for name, digest in worn.question.hashes.items():
+        assert f"{name} sha256 {digest[:12]}" in effect.evidence
+    assert "named" in effect.evidence
+    assert date.fromisoformat(effect.date)
+
+
+def test_an_effect_found_on_top_of_one_in_force_becomes_one_total() -> None:
+    before = NOMINAL.model_copy(update={"effects": (LEAK, WORN)})
+    hidden = (sized("guide_leakage", c=1.5e-14), sized("orifice_area", v_H=0.3))
+    measured = measurements(recordings(hidden))
+    found = name_effects(effective_model(before), measured, Options(workers=2))
+    assert [effect.id for effect in found.effects] == ["orifice_area"]
+    amended = amendment(before, found, measured)
+    assert amended.kept == (LEAK,)
+    (total,) = amended.found
+    low, high = total.parameters[0].ci95
+    assert low - 0.5 * (high - low) < 0.3 < high + 0.5 * (high - low)
+    written = in_force(total, reason_for(found, total, {}), date(2026, 1, 31))
+    again = effective_model(NOMINAL.model_copy(update={"effects": (*amended.kept, written)}))
+    assert name_effects(again, measured, Options(workers=2)).effects == ()

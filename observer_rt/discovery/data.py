@@ -20,7 +20,6 @@ EVENT_GAP = 10e-3  # s of shut needle that end an event
 RESTING = 3e-3  # s after which a shut sac is at chamber pressure
 START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
 MARGIN = 80e-6  # s at both ends, for channels recorded late or early
-RATE_LEAD, RATE_TAIL = 0.1e-3, 0.0  # s beside an opening in which a measured rate counts
 FLOOR = NoiseLevels(rail_pressure=0.005 * MEGAPASCAL, line_pressure=0.005 * MEGAPASCAL, needle_lift=0.02e-6)
 RATE_FLOOR = 0.01 * MM3_PER_MS
 POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from observer_rt.discovery.data import (
     MARGIN,
-    RATE_LEAD,
-    RATE_TAIL,
     RESTING,
     START_MEAN,
     Measurement,
@@ -54,7 +52,6 @@ class Rows:
     """Where the samples of a recording lie in its batch."""
 
     def __init__(self, measurement: Measurement) -> None:
-        rate = measurement.recording.sample_rate
         events = measurement.events
         self.samples = np.concatenate([np.arange(e.start, e.end) for e in events])
         """(n,): the sample whose line pressure a row holds."""
@@ -65,12 +62,14 @@ class Rows:
         for event, bound in zip(events, self.bounds, strict=False):
             near = np.zeros(event.end - event.start, np.bool_)
             for opening in event.openings:
-                first = opening.first - event.start - round(RATE_LEAD * rate)
-                near[first : opening.last - event.start + round(RATE_TAIL * rate)] = True
+                near[opening.first - event.start : opening.last - event.start + 1] = True
             rows.append(bound + np.flatnonzero(near))
             times.append(event.start + np.flatnonzero(near))
         self.rate_rows = np.concatenate(rows)
-        """(m,): rows at which a measured rate is judged, when the line pressure is not recorded late."""
+        """(m,): rows at which a measured rate is judged, when the line pressure is not recorded late.
+
+        Those with an open needle: beside them it may be open a little, what the lift's noise hides.
+        """
         self.rate_samples = np.concatenate(times)
 
 

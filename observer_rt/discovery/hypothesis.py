@@ -12,6 +12,7 @@ from observer_rt.discovery.likelihood import Evidence
 from observer_rt.model.effect import Effect, EffectParameter
 from observer_rt.model.effective import EffectiveModel
 
+DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it scatter
 _STEP = 0.01  # of the dead zone, for finite differences
 _SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
 MOST_STARTS = 2  # from which a search begins
@@ -66,11 +67,17 @@ class Hypothesis:
 
     def is_plausible(self, theta: NDArray[np.float64]) -> bool:
         """Whether every effect has a size that matters and that no bound holds back: the sizes, not the shapes."""
-        return all(
-            abs(value - p.off) > p.dead_zone and p.lowest < value < p.highest
-            for p, value in zip(self.parameters, theta, strict=True)
-            if p.dead_zone > 0.0
+        return self.is_within_bounds(theta) and all(
+            abs(value - p.off) > DEAD_SHARE * p.dead_zone for p, value in self._sizes(theta)
         )
+
+    def is_within_bounds(self, theta: NDArray[np.float64]) -> bool:
+        """Whether no bound but `off` holds a size back."""
+        return all(value == p.off or p.lowest < value < p.highest for p, value in self._sizes(theta))
+
+    def _sizes(self, theta: NDArray[np.float64]) -> list[tuple[EffectParameter, float]]:
+        pairs = zip(self.parameters, theta, strict=True)
+        return [(p, float(value)) for p, value in pairs if p.dead_zone > 0.0]
 
 
 class Sizing:

@@ -15,7 +15,7 @@ from observer_rt.errors import UserError
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.learned import Learned
 from observer_rt.estimation.predictor import Setting, Window, prediction
-from observer_rt.model.coefficients import Coefficients, LineTerms
+from observer_rt.model.coefficients import LineTerms
 from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.network import constant_network
 from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
@@ -143,7 +143,7 @@ class Trial:
         return Inputs(self.measurement, model.inputs, model.coefficients)
 
     def _rate_noise(self, nominal: EffectiveModel) -> NDArray[np.float64]:
-        """Standard deviation of measured minus modelled rate (m,): its own noise, the lift's, and the law's error."""
+        """Standard deviation of measured minus modelled rate (m,): its own noise and the lift's."""
         noise = self.measurement.noise.needle_lift
         schedule = self._schedule(nominal)
         shifted = nominal.with_inputs(lift_shift=nominal.inputs.lift_shift + noise)
@@ -151,9 +151,7 @@ class Trial:
         _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule)
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule)
         rows = self._rows.rate_rows + late
-        own = np.full(rows.size, self.measurement.rate_noise)
-        by_law = _smoothing_error(rate[rows], nominal.coefficients)
-        return np.asarray(np.hypot(np.hypot(own, (other - rate)[rows]), by_law), np.float64)
+        return np.asarray(np.hypot(self.measurement.rate_noise, (other - rate)[rows]), np.float64)
 
     def _judged_rate(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
         """Residuals of the measured rate, its gain error estimated with its prior: exact for a Gaussian nuisance."""
@@ -162,15 +160,6 @@ class Trial:
         residual, scale = (self._rate - rate) / self._rate_sigma, rate / self._rate_sigma
         gain = float(scale @ residual) / (float(scale @ scale) + GAIN_ERROR**-2)
         return np.append(residual - gain * scale, gain / GAIN_ERROR)
-
-
-def _smoothing_error(rate: NDArray[np.float64], c: Coefficients) -> NDArray[np.float64]:
-    """What the orifice law, smooth below the transition pressure, may be wrong in a rate [m3/s] (n,)."""
-    lowest = c.transition / 3.0  # where the smooth law departs most, twice over: the sac fills by it, too
-    difference = np.maximum((rate / c.nozzle_flow) ** 2, lowest)
-    exact = c.nozzle_flow * np.sqrt(difference)
-    smooth = c.nozzle_flow * difference / (difference**2 + c.transition**2) ** 0.25
-    return np.where(rate > 0.0, 3.0 * (exact - smooth), 0.0)
 
 
 def evidence_of(found: Sequence[Measurement], nominal: EffectiveModel) -> "Evidence":

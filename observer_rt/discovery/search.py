@@ -28,7 +28,8 @@ class Found:
     """How the search ended. winner: the nominal model when nothing is accepted; rivals: as many effects, as good.
 
     ratio: of the winner's worst phase to its limit, above 1 when the winner does not explain the recordings;
-    fitted: all candidates; threshold: the gain an effect had to exceed.
+    fitted: all candidates; threshold: the gain an effect had to exceed; too_small: an effect within its dead zone
+    explains what is left.
     """
 
     nominal: Sized
@@ -37,11 +38,12 @@ class Found:
     fitted: tuple[Sized, ...]
     threshold: float
     ratio: float
+    too_small: bool
 
     @property
     def adequate(self) -> bool:
-        """Whether the winner explains the recordings."""
-        return self.ratio <= 1.0
+        """Whether the winner explains the recordings, or would with an effect too small to matter."""
+        return self.ratio <= 1.0 or self.too_small
 
     @property
     def soft(self) -> bool:
@@ -83,7 +85,13 @@ class Search:
             best, ratio = pair, self._ratio(pair)
             threshold = self._threshold(best)
         fitted = (nominal, *singles, *pairs)
-        return Found(nominal, best, self._rivals(best, fitted), fitted, threshold, ratio)
+        too_small = ratio > 1.0 and best is nominal and self._is_too_small(singles[0])
+        return Found(nominal, best, self._rivals(best, fitted), fitted, threshold, ratio, too_small)
+
+    def _is_too_small(self, single: Sized) -> bool:
+        """Whether a single explains the recordings by an effect within its dead zone."""
+        inside = single.hypothesis.is_within_bounds(single.theta) and not single.plausible
+        return inside and self._ratio(single) <= 1.0
 
     def _pairs(self, nominal: Sized, singles: Sequence[Sized], best: Sized, ratio: float) -> list[Sized]:
         """Pairs worth fitting: with the best single, with more leaders when it does not explain the recordings."""

@@ -19,6 +19,7 @@ from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.flows import normalised_area
 
+RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
 
 
@@ -58,17 +59,19 @@ class Rows:
         self.bounds = np.concatenate(([0], np.cumsum([e.end - e.start for e in events])))
         self.counted = np.concatenate([np.arange(e.start, e.end) >= e.counted for e in events])
         """(n,): rows whose innovation is judged."""
+        skipped = round(RATE_DELAY * measurement.recording.sample_rate)
         rows, times = [], []
         for event, bound in zip(events, self.bounds, strict=False):
             near = np.zeros(event.end - event.start, np.bool_)
             for opening in event.openings:
-                near[opening.first - event.start : opening.last - event.start + 1] = True
+                near[opening.first - event.start + skipped : opening.last - event.start + 1] = True
             rows.append(bound + np.flatnonzero(near))
             times.append(event.start + np.flatnonzero(near))
         self.rate_rows = np.concatenate(rows)
         """(m,): rows at which a measured rate is judged, when the line pressure is not recorded late.
 
-        Those with an open needle: beside them it may be open a little, what the lift's noise hides.
+        Those with an open needle, from RATE_DELAY on: a lift within its noise, and an orifice law that is smooth at
+        low pressure, say little of how the sac begins to fill.
         """
         self.rate_samples = np.concatenate(times)
 

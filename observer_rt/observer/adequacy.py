@@ -1,7 +1,7 @@
 """Whether an event can be believed: innovation statistics and plausibility against limits."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from observer_rt.estimation.phases import Phase, PhaseStatistics
@@ -80,19 +80,27 @@ def findings(statistics: PhaseStatistics, offset: float, lag: float) -> list[Fin
     return result
 
 
-UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.AMBIGUOUS_SCALE)
+UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.AMBIGUOUS_SCALE, Reason.SUDDEN_CHANGE)
+LONGEST_DOUBT = 3  # events
 
 
 class Doubt:
-    """What was learned is not carried while one event after the other is not explained by it."""
+    """What was learned is not carried where too many events are not explained by it.
+
+    A sudden change is one such event, changes all the time are many. An event that passed is explained, whatever
+    was before it.
+    """
 
     def __init__(self) -> None:
         self._events = 0
 
-    def is_too_much_after(self, found: Iterable[Finding]) -> bool:
+    def is_too_much_after(self, found: Collection[Finding]) -> bool:
         """Take in what an event was found to be; whether to carry the nominal model from it on."""
-        unexplained = any(finding.reason in UNEXPLAINED for finding in found)
-        self._events = self._events + 1 if unexplained else 0
+        if not found:
+            self._events = max(self._events - 1, 0)
+            return False
+        if any(finding.reason in UNEXPLAINED for finding in found):
+            self._events = min(self._events + 1, LONGEST_DOUBT)
         return self._events >= SET_ASIDE_AFTER
 
 

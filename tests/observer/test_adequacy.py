@@ -15,6 +15,7 @@ from observer_rt.estimation.phases import (
 from observer_rt.observer.adequacy import (
     LARGEST_LAG,
     LARGEST_OFFSET,
+    Doubt,
     Finding,
     Freezer,
     findings,
@@ -172,3 +173,25 @@ def test_stiffness_alone_or_with_wear_of_the_other_sign_is_no_inertance(stiffnes
 
 def test_vanished_nozzle_is_still_a_number() -> None:
     assert not looks_like_inertance(-1.0, 0.1)
+
+
+def doubts(*reasons: Reason | None) -> list[bool]:
+    """Whether the nominal model is carried after each of these events; None: it passed."""
+    doubt = Doubt()
+    return [doubt.is_too_much_after([] if r is None else [Finding(r)]) for r in reasons]
+
+
+def test_one_change_is_no_doubt_but_changes_all_the_time_are() -> None:
+    change = Reason.SUDDEN_CHANGE
+    assert doubts(change, None, None, change, None) == [False] * 5
+    assert doubts(change, change) == [False, True]
+    # what is named and corrected neither raises nor removes doubt
+    offset = Reason.PRESSURE_OFFSET
+    assert doubts(offset, offset, offset) == [False] * 3
+    assert doubts(change, offset, change, offset, None) == [False, False, True, True, False]
+
+
+def test_an_event_that_passed_ends_doubt_at_once_and_doubt_comes_back_sooner() -> None:
+    bad = Reason.MODEL_INADEQUATE
+    assert doubts(bad, bad, bad, bad, None, bad) == [False, True, True, True, False, True]
+    assert doubts(bad, bad, None, None, bad) == [False, True, False, False, False]

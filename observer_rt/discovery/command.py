@@ -50,7 +50,7 @@ def discover_files(
     measured = _measured([*paths, *options.healthy])
     refuse_rates_missing([one.recording for one in measured[: len(paths)]])
     question = Question(parameters, measured[: len(paths)], measured[len(paths) :], _hashes(paths))
-    _make_folder(options.out)
+    _make_folder(options)
     say_if_compiling(console)
     with file_errors(options.out):
         store = FitStore(options.out / FITS, problem_key(parameters, list(question.hashes.values())))
@@ -92,7 +92,14 @@ def _hashes(paths: Sequence[Path]) -> dict[str, str]:
     return {path.name if names[path.name] == 1 else str(path): file_hash(path) for path in paths}
 
 
-def _make_folder(folder: Path) -> None:
+def _make_folder(options: DiscoverOptions) -> None:
+    folder = options.out
+    if (folder / AMENDED).resolve() == options.model.resolve():
+        raise UserError(
+            f"--out {folder}",
+            f"holds the model to be amended as {AMENDED}",
+            "name another folder, or copy the model",
+        )
     if folder.exists() and not folder.is_dir():
         raise UserError(f"--out {folder}", "is a file", "name a folder")
     with file_errors(folder):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import observer_rt.discovery.command
-from observer_rt.config import load_injector
+from observer_rt.config import NOMINAL_INJECTOR, load_injector
 from observer_rt.recording.files import read_recording, write_recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
@@ -36,11 +36,22 @@ def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
     findings = json.loads((found / "findings.json").read_text())
     assert findings["seconds"] > 0.0
     assert len(findings["held_out"]) == 1  # two rail pressures in one recording
-    again = command("discover", "--model", found / "amended.toml", "--out", found, "--json", worn)
+    amended = tmp_path / "in_force.toml"
+    amended.write_bytes((found / "amended.toml").read_bytes())
+    again = command("discover", "--model", amended, "--out", found, "--json", worn)
     assert again.code == 0
     assert json.loads(again.out)["verdict"] == "none"
     assert json.loads(again.out) == json.loads((found / "findings.json").read_text())
     assert not (found / "amended.toml").exists()  # that of another question
+
+
+def test_the_model_given_is_never_overwritten(command: Command, worn: Path, tmp_path: Path) -> None:
+    model = tmp_path / "amended.toml"
+    model.write_bytes(NOMINAL_INJECTOR.read_bytes())
+    done = command("discover", "--model", model, "--out", tmp_path, worn)
+    assert done.code == 2
+    assert "name another folder" in done.err
+    assert model.read_bytes() == NOMINAL_INJECTOR.read_bytes()
 
 
 def test_healthy_recordings_are_looked_at_first(

@@ -1,5 +1,6 @@
 """Shared by the tests of discovery: a worn injector and everything `discover` says of it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pytest
@@ -26,7 +27,7 @@ class Worn:
     shares: tuple[float, ...]
 
 
-def agrees(_: InjectorParameters, __: list[Recording]) -> Opinion:
+def agrees(_: InjectorParameters, __: Sequence[Recording]) -> Opinion:
     """A learning observer that says the same."""
     return Opinion((Indicator("orifice_area", WEAR, 0.002),), 10, 12, {})
 
@@ -38,5 +39,5 @@ def worn() -> Worn:
     names = {f"<{number}>.csv": f"{number:064x}" for number in range(len(made))}
     question = Question(NOMINAL, measurements(made), (), names)
     shares: list[float] = []
-    found = answer(question, NoMemory(), agrees, shares.append, "amended.toml")  # type: ignore[arg-type]
+    found = answer(question, NoMemory(), agrees, shares.append, "amended.toml")
     return Worn(question, found, tuple(shares))

@@ -7,19 +7,20 @@ from observer_rt.discovery.data import measurements
 from observer_rt.discovery.likelihood import evidence_of
 from observer_rt.discovery.points import by_operating_point
 from observer_rt.model.effects import effective_model, sized
+from observer_rt.recording.recording import Recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.discovery.hidden import NOMINAL, recordings
 
 
-def _history(measured_rate: bool = False) -> list[object]:
+def _history(measured_rate: bool = False) -> list[Recording]:
     schedule = make_schedule([60e6, 140e6, 100e6], 6, 0.06, [0.6e-3, 1.9e-3])
     return [simulate(NOMINAL, schedule, 100e3, (), NoiseLevels(), measured_rate, seed=7).recording]
 
 
 def test_every_pressure_and_duration_is_a_point() -> None:
-    points = by_operating_point(measurements(_history()))  # type: ignore[arg-type]
+    points = by_operating_point(measurements(_history()))
     assert [point.name.split(",")[0] for point in points] == [
         *["60 MPa"] * 2,
         *["100 MPa"] * 2,
@@ -44,7 +45,7 @@ def test_a_model_explains_the_points_as_well_as_the_whole(hidden: str) -> None:
         "lift_offset": (sized("lift_offset", x_0=15e-6),),
         "channel_skew": (sized("channel_skew", d=23e-6),),
     }
-    whole = measurements(_history())  # type: ignore[arg-type]
+    whole = measurements(_history())
     parts = [point.measurement for point in by_operating_point(whole)]
     nominal, model = effective_model(NOMINAL), effective_model(NOMINAL, effects[hidden])
     together, apart = evidence_of(whole, nominal).judge(model), evidence_of(parts, nominal).judge(model)

@@ -287,9 +287,9 @@ def check(
         raise typer.Exit(1)
 
 
-app.command(
-    epilog="Example: observer-rt discover --model injector.toml --out found worn_1.csv worn_2.csv"
-)(discover)
+app.command(epilog="Example: observer-rt discover --model injector.toml --out found worn_1.csv worn_2.csv")(
+    discover
+)
 app.command(epilog="Example: observer-rt reproduce --out reproduced")(reproduce)
 
 

@@ -38,7 +38,7 @@ class Published:
 
 def amended_model(folder: Path, effects: tuple[SizedEffect, ...]) -> Path:
     """What `observer-rt discover` makes of six recordings with hidden effects."""
-    files = []
+    files: list[Path] = []
     for number, pressure in enumerate(RAIL_PRESSURES):
         for duration in ENERGIZING_TIMES:
             schedule = make_schedule([pressure], 2, 0.06, [duration])

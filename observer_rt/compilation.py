@@ -19,12 +19,7 @@ _KEEP_UNUSED = 14 * 24 * 3600  # s, for which the cache of another state of the 
 
 def use_own_cache() -> None:
     """Point Numba to the cache folder of this source; to be called before Numba is imported."""
-    package = Path(__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
-        digest.update(path.relative_to(package).as_posix().encode())
-        digest.update(path.read_bytes())
-    name = digest.hexdigest()[:16]
+    name = source_digest()[:16]
     if Path(os.environ.get(_VARIABLE, "")).name == name:
         return  # set by the process that started this one
     root = _writable_root()
@@ -34,6 +29,16 @@ def use_own_cache() -> None:
     os.environ[_VARIABLE] = str(folder)
     if "numba" in sys.modules:  # it has read its settings already
         sys.modules["numba"].config.CACHE_DIR = str(folder)
+
+
+def source_digest() -> str:
+    """SHA-256 (hexadecimal) of the package's source: two states of it never have the same."""
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def is_compiled() -> bool:

@@ -163,18 +163,14 @@ def keep_sinking(observer: Observer, position: int) -> bool:
     if memory.fall > 0.0:
         memory.sinking_lift -= memory.fall
     else:
-        foot = max(memory.event_opening, memory.foot)
         last = position - 1  # its interval may be cut, as at the foot of the opening
-        while last > foot and observer.ring[last & _MASK].needle_lift < memory.lift_on:
-            last -= 1  # noise kept the needle open after its recorded end
-        length = min(timing.ramp, last - foot)
+        length = min(timing.ramp, last - max(memory.event_opening, memory.foot))
         final = 1 if length > 1 else 0
         if length > 0:
             fall = _recorded_lift(observer, last - length) - _recorded_lift(observer, last - final)
             memory.fall = max(fall / (length - final), 0.0)
-        shift = observer.constants.inputs.lift_shift
-        first_sunk = min(_recorded_lift(observer, last) - memory.fall, shift)
-        memory.sinking_lift = first_sunk - (position - 1 - last) * memory.fall
+        highest = max(_recorded_lift(observer, position), observer.constants.inputs.lift_shift)
+        memory.sinking_lift = min(_recorded_lift(observer, last) - memory.fall, highest)
     if memory.fall == 0.0 or memory.sinking_lift <= 0.0:
         memory.fall = 0.0
         return False

@@ -122,6 +122,20 @@ def test_ramps_are_extended_to_where_the_needle_leaves_and_meets_its_seat(
     assert stream.count("injections_begun") == known.count("injections_begun") == 1
 
 
+def test_noise_behind_the_recorded_end_of_a_ramp_is_no_part_of_it() -> None:
+    """Above half the dead band it would keep the needle open, and the toe would be led on with next to no slope."""
+    lift = np.clip(8 * UM * np.minimum(np.arange(140) - 30.0, 110.0 - np.arange(140)), 0.0, 300 * UM)
+    recorded = np.maximum(lift - 20 * UM, 0.0)
+    end = int(np.flatnonzero(recorded)[-1])
+    recorded[end + 2 : end + 9 : 2] = 1.4 * UM
+    injector = INJECTOR.model_copy(update={"effects": (in_force(sized("lift_offset", x_0=20 * UM)),)})
+    stream = Stream(injector=injector).rest(5e-3)
+    pressure = np.full(lift.size, RAIL)
+    stream.feed(pressure, recorded, pressure).rest(2e-3)
+    area = stream.rows["seat_area"][500:640]
+    assert np.flatnonzero(area > 0.0)[-1] == np.flatnonzero(lift)[-1]
+
+
 def test_a_needle_that_does_not_open_has_no_toe() -> None:
     injector = INJECTOR.model_copy(update={"effects": (in_force(sized("lift_offset", x_0=20 * UM)),)})
     stream = Stream(injector=injector).rest(5e-3)

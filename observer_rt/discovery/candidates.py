@@ -41,6 +41,11 @@ class Sized:
         """Whether every effect has a size that matters and that no bound holds back."""
         return self.hypothesis.is_plausible(self.theta)
 
+    @property
+    def within_bounds(self) -> bool:
+        """Whether no bound holds a size back."""
+        return self.hypothesis.is_within_bounds(self.theta)
+
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The nominal model with these effects."""
         return self.hypothesis.model(nominal, self.theta)

@@ -154,11 +154,15 @@ def _lower(
         damped = information + damping * np.diag(diagonal[free])
         theta = here.theta.copy()
         theta[free] -= np.linalg.solve(damped, here.gradient[free])
-        theta = np.clip(theta, lowest, highest)
-        move = theta - here.theta
+        clipped = np.clip(theta, lowest, highest)
+        move = clipped - here.theta
         expected = -float(2.0 * here.gradient @ move + move @ here.information @ move)
         if expected < TOLERANCE:
-            return None, damping
+            if np.array_equal(clipped, theta):
+                return None, damping
+            damping *= MORE_DAMPING  # a bound bends the step: a shorter one may stay inside
+            continue
+        theta = clipped
         there = problem.residuals(theta)
         if there is not None and math.isfinite(there.statistic) and there.statistic < here.statistic:
             return (theta, there), damping * LESS_DAMPING

@@ -30,6 +30,9 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.effective import EffectiveModel
 
 RANKED = 8  # candidates listed
+INTERVAL_MARGIN = (
+    1.08  # for what a steady gain does not know: errors on independent plants are that much larger
+)
 _EXPECTED_MORE = 10  # fits of a usual search after the first of every effect, for the progress shown
 
 Progress = Callable[[float], None]
@@ -174,7 +177,9 @@ class _Verdict:
         if residuals is None or not hypothesis.effects:
             return ()
         at = Fit(linearise(sizing, sized.theta, residuals, hypothesis.ranges()), converged=True)
-        half = NORMAL_975 * at.sigmas() * math.sqrt(max(1.0, float(np.mean(residuals.z**2))))
+        half = (
+            INTERVAL_MARGIN * NORMAL_975 * at.sigmas() * math.sqrt(max(1.0, float(np.mean(residuals.z**2))))
+        )
         result = []
         for effect, values, halves in zip(
             hypothesis.effects, hypothesis.split(sized.theta), hypothesis.split(half), strict=True

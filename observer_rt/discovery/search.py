@@ -90,8 +90,7 @@ class Search:
 
     def _is_too_small(self, single: Sized) -> bool:
         """Whether a single explains the recordings by an effect within its dead zone."""
-        inside = single.hypothesis.is_within_bounds(single.theta) and not single.plausible
-        return inside and self._ratio(single) <= 1.0
+        return single.within_bounds and not single.plausible and self._ratio(single) <= 1.0
 
     def _pairs(self, nominal: Sized, singles: Sequence[Sized], best: Sized, ratio: float) -> list[Sized]:
         """Pairs worth fitting: with the best single, with more leaders when it does not explain the recordings."""
@@ -118,14 +117,20 @@ class Search:
 
         parts: fitted singles, of which a pair must beat each of its own.
         """
+        limit = np.inf
         for candidate in candidates:
             threshold = self._threshold(candidate)
             if ratio <= 1.0:
                 threshold = max(threshold, RELATIVE_GAIN * (nominal.statistic - smaller.statistic))
             own = [part for part in parts if set(part.hypothesis.ids) < set(candidate.hypothesis.ids)]
             gain = min(part.statistic for part in (smaller, *own)) - candidate.statistic
-            if gain > threshold and candidate.plausible:
+            if gain <= threshold or candidate.statistic > limit:
+                continue
+            if candidate.plausible:
                 return candidate
+            if len(candidate.hypothesis.effects) == 1 and candidate.within_bounds:
+                # too small to matter, and yet it explains better than what would follow
+                limit = min(limit, candidate.statistic + TIE)
         return None
 
     def _rivals(self, winner: Sized, fitted: Sequence[Sized]) -> tuple[Sized, ...]:

@@ -105,3 +105,16 @@ def test_steps_into_the_insoluble_are_shortened() -> None:
     found = _found(fit(Problem(fragile), np.array([-20.0]), (Range(-50.0, 50.0, 1e-5),)))
     assert found.at.theta[0] == pytest.approx(2.0, abs=0.1)
     assert fit(Problem(fragile), np.array([3.0]), (Range(-50.0, 50.0, 1e-5),)) is None
+
+
+def test_a_bound_on_the_way_does_not_end_the_search() -> None:
+    """Two parameters almost alike: the undamped step runs into a bound of one of them and leads uphill."""
+    nearly = REGRESSORS @ np.array([[1.0, 0.999], [0.0, 0.05]])
+
+    def slanted(theta: NDArray[np.float64]) -> Residuals:
+        return _residuals(NOISE + nearly @ (theta - np.array([4.0, 1.0])))
+
+    found = _found(
+        fit(Problem(slanted), np.array([1.2, 1.5]), (Range(-50.0, 50.0, 1e-4), Range(0.9, 2.0, 1e-4)))
+    )
+    assert found.statistic < _residuals(NOISE).statistic + 0.1

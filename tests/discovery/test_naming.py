@@ -73,6 +73,16 @@ def test_a_single_effect_is_named(hidden: SizedEffect, measured_rate: bool) -> N
     assert max(cell.excess for cell in found.after) < 5.0
 
 
+def test_an_effect_too_small_to_matter_is_not_taken_for_another() -> None:
+    points = ((60e6, 1.9e-3), (60e6, 0.6e-3), (140e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.2e-3))
+    found = name_effects(
+        MODEL, measurements(recordings((sized("channel_skew", d=1.2e-6),), points=points)), Options(workers=2)
+    )
+    nominal = next(one for one in found.ranking if not one.ids)
+    assert nominal.statistic > found.ranking[0].statistic + found.threshold  # it shows
+    assert found.verdict is Verdict.NONE
+
+
 def test_the_members_of_an_exact_class_count_as_one() -> None:
     found = _discover(sized("line_volume", r=0.1))
     assert found.verdict is Verdict.NAMED

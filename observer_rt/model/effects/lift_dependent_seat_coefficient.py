@@ -23,7 +23,7 @@ EFFECT = Effect(
     equation=Equation.SAC_PRESSURE,
     parameters=(
         EffectParameter(
-            "a", "-", 1.0, off=0.0, lowest=-0.8, highest=0.95, dead_zone=0.01, starts=(-0.2, 0.2)
+            "a", "-", 1.0, off=0.0, lowest=-0.8, highest=0.95, dead_zone=0.01, starts=(-0.2, -0.03, 0.03, 0.2)
         ),
         EffectParameter(
             "x_c",

@@ -141,9 +141,9 @@ def _ramp_lift(observer: Observer, position: int, foot: int) -> float:
 @njit(cache=True, nogil=True)
 def is_recorded_shut(observer: Observer, position: int) -> bool:
     """Whether an open needle is recorded as shut from `position` on (not while the ramp is still to come)."""
-    if position < observer.memory[0].foot:
-        return False
     memory = observer.memory[0]
+    if position < memory.foot:
+        return False
     # a ramp whose toe is missing ends at once: what is below the dead band is noise
     threshold = memory.lift_on if observer.constants.timing.toe > 0 else memory.lift_off
     ahead = known(observer, position)

@@ -135,7 +135,9 @@ def replay(
     recording: Annotated[
         Path,
         typer.Argument(
-            help="Recording (.csv, .mf4) or candump log (.log).", metavar="RECORDING", show_default=False
+            help="Recording (.csv, .mf4) or CAN log (.blf, .asc, .log, .trc, .mf4).",
+            metavar="RECORDING",
+            show_default=False,
         ),
     ],
     bench: BenchOption = EXAMPLE_BENCH,
@@ -156,13 +158,27 @@ def replay(
     windowed: Annotated[
         bool, typer.Option("--windowed", help="Only about 6 ms round each injection.")
     ] = False,
+    map_id: Annotated[
+        list[str] | None,
+        typer.Option("--map-id", help="Send under another identifier; repeatable.", metavar="FROM=TO"),
+    ] = None,
+    map_channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map-channel", help="Frames of this channel of a log onto that bus only.", metavar="FROM=TO"
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Send although others send the same identifiers.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Send a recording onto a bus as the measuring devices would, on an absolute time grid."""
     from observer_rt.recording.replay import ReplayOptions, replay_onto
 
     chosen = _with_link(_load(bench), interface, channel)
-    statistics = replay_onto(chosen, recording, ReplayOptions(speed, loop, start, stop, windowed), messages)
+    options = ReplayOptions(speed, loop, start, stop, windowed, map_id or (), map_channel or (), force)
+    statistics = replay_onto(chosen, recording, options, messages)
     if as_json:
         print(json.dumps(statistics.as_json(), indent=2))
     else:

@@ -51,6 +51,8 @@ class TimedFrame(NamedTuple):
     is_extended: bool
     is_fd: bool
     payload: bytes
+    channel: str = ""
+    """Of the log it comes from; none for a frame made from a recording."""
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def activation(
 @njit(cache=True, nogil=True, inline="always")
 def back_pressure_at(u_2: float, network: Network) -> float:
     """Rise of p_C at a seat area, in units of p_0."""
-    rise: float = network.back_pressure[0] + network.back_pressure[1] * min(u_2, 1.0)
+    rise: float = network.back_pressure[0] + network.back_pressure[1] * u_2
     return rise
 
 

@@ -81,8 +81,16 @@ class Linearisation:
 
         chi2 with m degrees of freedom when the belief is right.
         """
-        spread = self.information + self.information @ covariance @ self.information
-        return float(self.gradient @ np.linalg.solve(spread, self.gradient))
+        return float(self.gradient @ np.linalg.solve(self._spread(covariance), self.gradient))
+
+    def standard_scores(self, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """By how many standard deviations each parameter pulls up (m,), tested alone as in `score`; 0 without say."""
+        sigma = np.sqrt(np.diag(self._spread(covariance)))
+        return np.divide(-self.gradient, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
+
+    def _spread(self, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Covariance (m, m) of the gradient when a belief is right."""
+        return self.information + self.information @ covariance @ self.information
 
 
 class EventCost:

@@ -45,6 +45,7 @@ from observer_rt.observer.knowledge import (
 from observer_rt.observer.lateness import LagDoubt, lag_score
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import Constants, Reason
+from observer_rt.observer.trend import Trend
 
 BURN_IN = 0.5e-3  # s of the window before innovations count
 FIRST_ITERATIONS = 8
@@ -78,6 +79,7 @@ class Learner:
         self._freezer = Freezer()
         self._doubt = Doubt()
         self._lag_doubt = LagDoubt()
+        self._trend = Trend()
 
     @property
     def schedule(self) -> GainSchedule:
@@ -149,6 +151,8 @@ class Learner:
         score = first.score(prior.covariance)
         if QUICKER_SCORE < score <= CHANGE_SCORE:
             prior = prior.widened(QUICKER * self._rules.drift.vector(self._scale))
+        drift = self._rules.drift.vector(self._scale)
+        prior = prior.widened(self._trend.extra_after(first.standard_scores(prior.covariance), drift))
         fit = fitter.fit(first, prior, ITERATIONS)
         if score <= CHANGE_SCORE:
             return fit

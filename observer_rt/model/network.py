@@ -28,8 +28,8 @@ class Network(NamedTuple):
     """Weights of (7): `hidden` V (q, 6), `output` W (2, q), `bias` b (2,), and the back-pressure of the gate.
 
     back_pressure (2,): rise of p_C seen by the nozzle, in units of p_0: while the needle is open, and what comes on
-    top in proportion to u2 = A_S/A_0. It bends the gate G(x, u) of the nozzle flow near p_S = p_C as no bounded network
-    of x can.
+    top in proportion to u2 = A_S/A_0. It bends the gate G(x, u) of the nozzle flow near p_S = p_C as no bounded
+    network of x can.
     """
 
     hidden: NDArray[np.float64]
@@ -60,7 +60,8 @@ def fast_tanh(argument: float) -> float:
     p = quarter * (135135.0 + square * (17325.0 + square * (378.0 + square)))
     q = 135135.0 + square * (62370.0 + square * (3150.0 + square * 28.0))
     p, q = 2.0 * p * q, p * p + q * q
-    return 2.0 * p * q / (p * p + q * q)
+    result: float = 2.0 * p * q / (p * p + q * q)
+    return result
 
 
 @njit(cache=True, nogil=True, inline="always")

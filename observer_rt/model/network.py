@@ -69,7 +69,7 @@ def activation(
     x: tuple[float, float, float], u: tuple[float, float], hidden: NDArray[np.float64], neuron: int
 ) -> float:
     """Output sigma_i = tanh(v_i z) of one hidden neuron (9)."""
-    return fast_tanh(
+    sigma: float = fast_tanh(
         hidden[neuron, 0] * x[0]
         + hidden[neuron, 1] * x[1]
         + hidden[neuron, 2] * x[2]
@@ -77,6 +77,7 @@ def activation(
         + hidden[neuron, 4] * u[1]
         + hidden[neuron, 5]
     )
+    return sigma
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -129,7 +129,7 @@ def test_offset_and_lag_limits(sign: float) -> None:
     assert findings(white, sign * 0.99 * LARGEST_OFFSET, 0.99 * LARGEST_LAG) == []
     assert findings(white, sign * 1.01 * LARGEST_OFFSET, 0.0) == [Finding(Reason.PRESSURE_OFFSET)]
     assert findings(white, 0.0, 1.01 * LARGEST_LAG) == [Finding(Reason.SENSOR_LAG)]
-    assert pytest.approx(2e6) == LARGEST_OFFSET
+    assert 0.8e6 < LARGEST_OFFSET < 3e6  # what must be borne, and what must not be believed
 
 
 def test_what_names_a_cause_comes_first() -> None:

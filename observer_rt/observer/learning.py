@@ -121,9 +121,11 @@ class Learner:
             return self._frozen(window, in_force)
         verdict = Verdict.ADOPTED if better else Verdict.REJECTED
         outcome = self._outcome(verdict, window, in_force, doubts)
-        if self._doubt.is_too_much_after(outcome.findings):
+        because = self._doubt.after(outcome.findings)
+        if because is not None:
             nominal = replace(outcome.knowledge, in_force=np.zeros(PARAMETERS))
-            return replace(outcome, verdict=Verdict.SET_ASIDE, knowledge=nominal)
+            found = outcome.findings or (because,)
+            return replace(outcome, verdict=Verdict.SET_ASIDE, knowledge=nominal, findings=found)
         now = carried_covariance(self._theta, self._belief, self._rules.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried)
         return replace(outcome, resimulated=event)

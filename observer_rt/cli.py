@@ -8,14 +8,15 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.cli_discover import discover
-from observer_rt.cli_options import BenchOption, JsonOption, ModelOption, StateOption
+from observer_rt.cli_logs import convert, record
+from observer_rt.cli_options import BenchOption, FromChannelOption, JsonOption, ModelOption, StateOption
 from observer_rt.cli_reproduce import reproduce
 from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR
 from observer_rt.errors import ObserverError, UserError
@@ -251,7 +252,11 @@ def simulate(
 def evaluate(
     recordings: Annotated[
         list[Path],
-        typer.Argument(help="Recordings (.csv, .mf4).", metavar="RECORDING", show_default=False),
+        typer.Argument(
+            help="Recordings (.csv, .mf4) or CAN logs (.blf, .asc, .log, .trc, .mf4).",
+            metavar="RECORDING",
+            show_default=False,
+        ),
     ],
     bench: BenchOption = EXAMPLE_BENCH,
     model: ModelOption = None,
@@ -272,6 +277,7 @@ def evaluate(
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Figure (png, svg, pdf).", metavar="FILE")
     ] = None,
+    from_channel: FromChannelOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
@@ -280,7 +286,7 @@ def evaluate(
     evaluate_files(
         _load(bench, model),
         recordings,
-        EvaluateOptions(state, save_state, not no_learning, chain, output, plot, as_json),
+        EvaluateOptions(state, save_state, not no_learning, chain, output, plot, as_json, from_channel),
         messages,
     )
 
@@ -303,6 +309,8 @@ def check(
         raise typer.Exit(1)
 
 
+app.command(epilog="Example: observer-rt record --bench bench.toml --out bus.blf --rotate-size 500")(record)
+app.command(epilog="Example: observer-rt convert bus.blf recording.csv --bench bench.toml")(convert)
 app.command(epilog="Example: observer-rt discover --model injector.toml --out found worn_1.csv worn_2.csv")(
     discover
 )
@@ -316,10 +324,5 @@ def _load(path: Path, model: Path | None = None) -> "Bench":
 
 
 def _with_link(bench: "Bench", interface: str | None, channel: str | None) -> "Bench":
-    changes: dict[str, Any] = {}
-    if interface is not None:
-        changes["interface"] = interface
-    if channel is not None:
-        changes["channel"] = channel
-    config = bench.config.model_copy(update={"link": bench.config.link.model_copy(update=changes)})
-    return bench.model_copy(update={"config": config})
+    link = bench.config.link.replaced(interface, channel)
+    return bench.model_copy(update={"config": bench.config.model_copy(update={"link": link})})

@@ -81,6 +81,11 @@ class BlfWriter(LogWriter):
         body = MARKER.pack(0, white, red, 0, len(text), len(_GROUP), 0) + text + _GROUP
         self._add(TYPE_MARKER, body, self._latest)
 
+    @property
+    def size(self) -> int:
+        """Bytes in the file, without what is not packed yet."""
+        return self._file.tell()
+
     def flush(self) -> None:
         """Hand everything written so far to the disk; costs little, but some of the packing."""
         self._write_container()

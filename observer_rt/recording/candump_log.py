@@ -1,5 +1,6 @@
 """Logs as `candump -l` and `candump -L` write them: `(1700000000.000123) vcan0 100##1AABB`."""
 
+import os
 import re
 from collections import deque
 from collections.abc import Iterator
@@ -106,6 +107,7 @@ class CandumpWriter(LogWriter):
         super().__init__(path, start_ns)
         self._file = path.open("w", encoding="ascii", newline="\n")
         self._numbers = ChannelNumbers()
+        self._size = 0
 
     def write(self, entry: LogFrame) -> None:
         frame = entry.frame
@@ -122,15 +124,24 @@ class CandumpWriter(LogWriter):
             mark = f"##{flags:X}"
         identifier = f"{frame.frame_id:08X}" if frame.is_extended else f"{frame.frame_id:03X}"
         direction = " T" if entry.is_sent else ""
-        self._file.write(f"({stamp}) {channel} {identifier}{mark}{frame.payload.hex().upper()}{direction}\n")
+        self._write(f"({stamp}) {channel} {identifier}{mark}{frame.payload.hex().upper()}{direction}\n")
 
     def write_lost(self, frames: int) -> None:
         """Say, as a comment, that frames were lost before the next one."""
-        self._file.write(f"# {lost_note(frames)}\n")
+        self._write(f"# {lost_note(frames)}\n")
+
+    def _write(self, line: str) -> None:
+        self._size += self._file.write(line)
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far."""
+        return self._size
 
     def flush(self) -> None:
-        """Hand everything written so far to the operating system."""
+        """Hand everything written so far to the disk."""
         self._file.flush()
+        os.fsync(self._file.fileno())
 
     def close(self) -> None:
         self._file.close()

@@ -4,7 +4,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import ClassVar, NamedTuple, NoReturn
+from typing import ClassVar, NamedTuple, NoReturn, Self
 
 from observer_rt.bus.link import Frame
 from observer_rt.errors import UserError
@@ -174,7 +174,7 @@ class LogWriter(ABC):
     def close(self) -> None:
         """Complete the file."""
 
-    def __enter__(self) -> "LogWriter":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

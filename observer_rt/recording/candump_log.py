@@ -21,8 +21,8 @@ _LINE = re.compile(
     r"\((?P<seconds>\d+)(?:\.(?P<fraction>\d{1,9}))?\)"
     r"\s+(?P<channel>\S+)"
     r"\s+(?P<id>[0-7][0-9A-Fa-f]{2}|[0-3][0-9A-Fa-f]{7})"
-    r"(?:##(?P<flags>[0-9A-Fa-f])(?P<fd_data>(?:[0-9A-Fa-f]{2})*)"
-    r"|#(?:(?P<remote>[Rr])[0-9A-Fa-f]?|(?P<data>(?:[0-9A-Fa-f]{2})*))(?:_[0-9A-Fa-f])?)"
+    r"(?:##(?P<flags>[0-9A-Fa-f])(?P<fd_data>[0-9A-Fa-f]*)"
+    r"|#(?:(?P<remote>[Rr])[0-9A-Fa-f]?|(?P<data>[0-9A-Fa-f]*))(?:_[0-9A-Fa-f])?)"
     r"(?:\s+(?P<direction>[RT]))?"
 )
 _SCREEN_TEXT = re.compile(r"\s*(?:\([^)]*\)\s+)?\S+\s+(?:(?:TX|RX)[\sBE-]*\s+)?[0-9A-Fa-f]+\s+\[\d+\]")
@@ -66,12 +66,15 @@ class CandumpLog(LogReader):
             return None
         is_fd = match["flags"] is not None
         flags = int(match["flags"], 16) if is_fd else 0
+        data = match["fd_data"] if is_fd else match["data"]
+        if len(data) % 2:
+            self._refuse_line(number, text)
         return self.frame(
             number,
             int(match["seconds"]) * NANOSECONDS + int((match["fraction"] or "").ljust(STAMP_DIGITS, "0")),
             identifier,
             len(match["id"]) == 8,
-            bytes.fromhex(match["fd_data"] if is_fd else match["data"]),
+            bytes.fromhex(data),
             is_fd,
             match["channel"],
             bool(flags & BIT_RATE_SWITCH),

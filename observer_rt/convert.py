@@ -76,8 +76,8 @@ def _recording(source: Path, target: Path) -> str:
 
 def _decoded(source: Path, target: Path, bench: Bench, from_channel: str | None, console: Console) -> str:
     say_if_compiling(console)
-    with progress_bar(console, f"decoding {source.name}", None):
-        logged = read_logged(bench, source, from_channel)
+    with progress_bar(console, f"decoding {source.name}", 1.0) as progress:
+        logged = read_logged(bench, source, from_channel, progress)
     for note in logged.notes:
         say(console, note)
     with _replacing(target) as part:
@@ -100,7 +100,7 @@ def _frames(source: Path, target: Path, from_channel: str | None, console: Conso
         raise UserError(str(source), f"holds no data {what}", "; ".join(log.notes()))
     start_ns = min(entry.frame.stamp_ns for entry in first)
     with (
-        progress_bar(console, f"converting {source.name}", None) as progress,
+        progress_bar(console, f"converting {source.name}", 1.0) as progress,
         _replacing(target) as part,
         file_errors(target),
         LOG_WRITERS[target.suffix.lower()](part, start_ns) as writer,
@@ -110,7 +110,7 @@ def _frames(source: Path, target: Path, from_channel: str | None, console: Conso
             count += 1
             rounded += entry.frame.stamp_ns % STAMPS_OF_TRC != 0
             if count % FRAMES_PER_STEP == 0:
-                progress(count)
+                progress(log.share_read)
     for note in log.notes():
         say(console, note)
     if rounded and target.suffix.lower() == ".trc":

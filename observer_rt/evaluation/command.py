@@ -95,7 +95,8 @@ def _read(
             "is a CAN log, whose frames carry their own sample index",
             "convert the logs first: observer-rt convert LOG recording.csv --bench bench.toml",
         )
-    logged = read_logged(bench, path, options.from_channel)
+    with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
+        logged = read_logged(bench, path, options.from_channel, progress)
     for note in logged.notes:
         say(console, note)
     return logged

@@ -1,5 +1,6 @@
 """A CAN log as a recording: its frames through the daemon's own path, and what the observer was given of them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,8 +36,13 @@ class LoggedRecording:
     notes: tuple[str, ...]
 
 
-def read_logged(bench: Bench, path: Path, channel: str | None = None) -> LoggedRecording:
-    """Decode a log; channel: of the log, if the same messages are on several.
+def read_logged(
+    bench: Bench,
+    path: Path,
+    channel: str | None = None,
+    progress: Callable[[float], None] = lambda _: None,
+) -> LoggedRecording:
+    """Decode a log; channel: of the log, if the same messages are on several; progress: share done, 0 to 1.
 
     Raises `UserError` for a log that is malformed, holds no input of the bench, or in which the sample index begins
     anew.
@@ -52,6 +58,7 @@ def read_logged(bench: Bench, path: Path, channel: str | None = None) -> LoggedR
         if count % READ_EVERY == 0:
             pieces.append(core.rows(seen, core.processed))
             seen = core.processed
+            progress(frames.share_read)
     core.finish()
     rows = np.concatenate([*pieces, core.rows(seen, core.processed)])
     if len(rows) < 2:

@@ -54,6 +54,7 @@ class AscLog(LogReader):
         self._ended = False
         with self.path.open(encoding="utf-8", errors="replace") as file:
             for number, line in enumerate(file, start=1):
+                self._position += len(line)
                 words = line.split()
                 if not words:
                     continue

@@ -56,6 +56,7 @@ class BlfLog(LogReader):
             data = b""
             number = 0
             for part in self._parts(file, header):
+                self._position = file.tell()
                 data += part
                 position = 0
                 while (found := self._next(data, position, number + 1)) is not None:

@@ -42,6 +42,7 @@ class CandumpLog(LogReader):
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         with self.path.open(encoding="ascii", errors="replace") as file:
             for number, line in enumerate(file, start=1):
+                self._position += len(line)
                 text = line.strip()
                 if not line.endswith("\n"):
                     if text:  # what is left of a frame may look like a shorter one

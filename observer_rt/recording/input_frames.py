@@ -48,6 +48,11 @@ class InputFrames:
         """What the reader of the log has to say after the last reading."""
         return self._log.notes()
 
+    @property
+    def share_read(self) -> float:
+        """How much of the log was read, 0 to 1."""
+        return self._log.share_read
+
     def _refuse_empty(self, channels: list[str], others: list[int]) -> None:
         if not channels:
             raise UserError(str(self.path), "holds no data frame", "record it while frames are on the bus")

@@ -63,10 +63,18 @@ class LogReader(ABC):
         """Frames that whoever recorded the log says were lost."""
         self.remarks: list[str] = []
         self._reordered = 0
+        self._size = 0
+        self._position = 0
+
+    @property
+    def share_read(self) -> float:
+        """How much of the file was read, 0 to 1."""
+        return min(1.0, self._position / self._size) if self._size else 0.0
 
     def __iter__(self) -> Iterator[LogFrame]:
         self._reset()
         with file_errors(self.path):
+            self._size = self.path.stat().st_size
             yield from self._in_order(self._entries())
 
     @abstractmethod

@@ -64,6 +64,7 @@ class Mdf4Log(LogReader):
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         for number, record in enumerate(_from_file(self.path, self._records), start=1):
+            self._position = number
             yield number, self.frame(number, *record)
 
     def _records(self, file: MDF) -> Iterable[_Record]:
@@ -71,6 +72,7 @@ class Mdf4Log(LogReader):
         self.remote_frames = sum(
             file.groups[group].channel_group.cycles_nr for group in _groups(file, REMOTE)
         )
+        self._size = sum(file.groups[group].channel_group.cycles_nr for group in _groups(file, DATA))
         groups = [_group_records(file, group) for group in _groups(file, DATA)]
         return heapq.merge(*groups, key=itemgetter(0))
 

@@ -17,6 +17,7 @@ from observer_rt.recording.log import NANOSECONDS, LogFrame
 RECORDERS: dict[str, type[BlfWriter] | type[CandumpWriter]] = {".blf": BlfWriter, ".log": CandumpWriter}
 FLUSH_PERIOD = 1_000_000_000  # ns: no more than this is lost with the power
 REPORT_PERIOD = 250_000_000  # ns
+NUMBER_DIGITS = 4  # of the files of a series
 RECEIVE_TIMEOUT = 0.1  # s, after which the loop looks at its clock and its stop signal
 
 
@@ -63,14 +64,17 @@ class RecordStatistics:
 
 
 def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
-    """Raise `UserError` for a format that is not safe while recording, and for a file that is there already."""
+    """Raise `UserError` for a format that is not safe while recording, and for a file that is there already.
+
+    With `force` such files will be replaced, those of a numbered series all together.
+    """
     if path.suffix.lower() not in RECORDERS:
         raise UserError(
             f"--out {path}",
             f"'{path.suffix}' cannot be recorded into safely",
             f"record into {' or '.join(RECORDERS)}, then convert",
         )
-    existing = sorted(path.parent.glob(_numbered(path, "*"))) if limits.rotates else [path]
+    existing = _series(path) if limits.rotates else [path]
     there = next((file for file in existing if file.exists()), None)
     if there is not None and not force:
         raise UserError(f"--out {path}", f"{there} exists already", "name another file, or add --force")
@@ -145,7 +149,10 @@ class _Files:
         if self._writer is not None and self._is_full(now, self._writer):
             self.close()
         if self._writer is None:
-            number = f"{len(self.paths) + 1:04d}"
+            if self._limits.rotates and not self.paths:
+                for old in _series(self._path):  # or its rest would seem to belong to this one
+                    old.unlink()
+            number = f"{len(self.paths) + 1:0{NUMBER_DIGITS}d}"
             path = self._path.with_name(_numbered(self._path, number)) if self._limits.rotates else self._path
             self._writer = RECORDERS[path.suffix.lower()](path, frame.stamp_ns)
             self._begun = now
@@ -181,3 +188,8 @@ class _Files:
 
 def _numbered(path: Path, number: str) -> str:
     return f"{path.stem}_{number}{path.suffix}"
+
+
+def _series(path: Path) -> list[Path]:
+    """Numbered files that are there."""
+    return sorted(path.parent.glob(_numbered(path, "[0-9]" * NUMBER_DIGITS)))

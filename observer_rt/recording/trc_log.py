@@ -50,6 +50,7 @@ class TrcLog(LogReader):
         row_of: Callable[[list[str]], _Row] | None = None
         with self.path.open(encoding="utf-8", errors="replace") as file:
             for number, line in enumerate(file, start=1):
+                self._position += len(line)
                 text = line.strip()
                 if text.startswith(";"):
                     self._header(text, number)

@@ -177,3 +177,14 @@ def test_no_content_is_a_crash(tmp_path: Path, suffix: str, content: bytes) -> N
     path.write_bytes(content)
     with contextlib.suppress(UserError):
         list(open_log(path))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_how_much_was_read_is_known_while_reading(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    write_log(path, mixture(suffix, 200))
+    log = open_log(path)
+    shares = [log.share_read for _ in log]
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] <= shares[-1] <= 1.0
+    assert shares[-1] > 0.9

@@ -163,10 +163,19 @@ def test_paths_that_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "bus.log"
     check_recording_path(path, RecordLimits(), force=False)
     path.touch()
-    check_recording_path(path, RecordLimits(), force=True)
     check_recording_path(path, RecordLimits(frames=1, file_size=1000), force=False)
     with pytest.raises(UserError, match="exists already"):
         check_recording_path(path, RecordLimits(), force=False)
-    (tmp_path / "bus_0007.log").touch()
+    for name in ("bus_0007.log", "bus_0012.log", "bus_last.log"):
+        (tmp_path / name).touch()
     with pytest.raises(UserError, match=r"bus_0007\.log exists already"):
         check_recording_path(path, RecordLimits(file_size=1000), force=False)
+    check_recording_path(path, RecordLimits(file_size=1000), force=True)
+
+
+def test_a_series_replaces_the_whole_of_an_older_one(tmp_path: Path) -> None:
+    for name in ("bus_0001.log", "bus_0012.log", "bus_last.log", "bus.log"):
+        (tmp_path / name).touch()
+    stop = threading.Event()
+    run(tmp_path / "bus.log", Source(20, stop), stop, RecordLimits(file_size=10**6))
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["bus.log", "bus_0001.log", "bus_last.log"]

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.cli_discover import discover
-from observer_rt.cli_logs import convert, record
+from observer_rt.cli_logs import convert, record, replay
 from observer_rt.cli_options import BenchOption, FromChannelOption, JsonOption, ModelOption, StateOption
 from observer_rt.cli_reproduce import reproduce
 from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR
@@ -129,61 +129,6 @@ def run(
     from observer_rt.service.main import serve
 
     serve(_load(bench), state, view, messages)
-
-
-@app.command(epilog="Example: observer-rt replay recording.csv --bench bench.toml --speed 0.1")
-def replay(
-    recording: Annotated[
-        Path,
-        typer.Argument(
-            help="Recording (.csv, .mf4) or CAN log (.blf, .asc, .log, .trc, .mf4).",
-            metavar="RECORDING",
-            show_default=False,
-        ),
-    ],
-    bench: BenchOption = EXAMPLE_BENCH,
-    channel: Annotated[
-        str | None, typer.Option("--channel", help="CAN channel, instead of the bench's.")
-    ] = None,
-    interface: Annotated[
-        str | None, typer.Option("--interface", help="python-can interface, instead of the bench's.")
-    ] = None,
-    speed: Annotated[
-        float, typer.Option("--speed", help="1 = real time; 0 = as fast as the bus takes.", min=0.0)
-    ] = 1.0,
-    loop: Annotated[int, typer.Option("--loop", help="How often; 0 = until stopped.", min=0)] = 1,
-    start: Annotated[
-        float | None, typer.Option("--start", help="From this time of the recording [s].")
-    ] = None,
-    stop: Annotated[float | None, typer.Option("--stop", help="To this time of the recording [s].")] = None,
-    windowed: Annotated[
-        bool, typer.Option("--windowed", help="Only about 6 ms round each injection.")
-    ] = False,
-    map_id: Annotated[
-        list[str] | None,
-        typer.Option("--map-id", help="Send under another identifier; repeatable.", metavar="FROM=TO"),
-    ] = None,
-    map_channel: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--map-channel", help="Frames of this channel of a log onto that bus only.", metavar="FROM=TO"
-        ),
-    ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Send although others send the same identifiers.")
-    ] = False,
-    as_json: JsonOption = False,
-) -> None:
-    """Send a recording onto a bus as the measuring devices would, on an absolute time grid."""
-    from observer_rt.recording.replay import ReplayOptions, replay_onto
-
-    chosen = _with_link(_load(bench), interface, channel)
-    options = ReplayOptions(speed, loop, start, stop, windowed, map_id or (), map_channel or (), force)
-    statistics = replay_onto(chosen, recording, options, messages)
-    if as_json:
-        print(json.dumps(statistics.as_json(), indent=2))
-    else:
-        print(statistics.as_text())
 
 
 @app.command(
@@ -309,6 +254,7 @@ def check(
         raise typer.Exit(1)
 
 
+app.command(epilog="Example: observer-rt replay recording.csv --bench bench.toml --speed 0.1")(replay)
 app.command(epilog="Example: observer-rt record --bench bench.toml --out bus.blf --rotate-size 500")(record)
 app.command(epilog="Example: observer-rt convert bus.blf recording.csv --bench bench.toml")(convert)
 app.command(epilog="Example: observer-rt discover --model injector.toml --out found worn_1.csv worn_2.csv")(
@@ -321,8 +267,3 @@ def _load(path: Path, model: Path | None = None) -> "Bench":
     from observer_rt.config import load_bench
 
     return load_bench(path, model)
-
-
-def _with_link(bench: "Bench", interface: str | None, channel: str | None) -> "Bench":
-    link = bench.config.link.replaced(interface, channel)
-    return bench.model_copy(update={"config": bench.config.model_copy(update={"link": link})})

@@ -55,7 +55,8 @@ class InputFrames:
 
     def _refuse_empty(self, channels: list[str], others: list[int]) -> None:
         if not channels:
-            raise UserError(str(self.path), "holds no data frame", "record it while frames are on the bus")
+            notes = "; ".join(["holds no data frame", *self.notes()])
+            raise UserError(str(self.path), notes, "record it while frames are on the bus")
         if self._channel is not None and self._channel not in channels:
             raise UserError(
                 "--from-channel",

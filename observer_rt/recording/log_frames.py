@@ -15,7 +15,7 @@ from observer_rt.recording.recording_frames import Extent, refuse_unordered
 
 @dataclass(frozen=True)
 class LogExtent(Extent):
-    """Extent of a log, the (identifier, is extended) and channels of its frames, and what the reader has to say."""
+    """Extent of a log, the (identifier, is extended) and channels of its frames, and what is odd about it."""
 
     identifiers: frozenset[tuple[int, bool]]
     channels: tuple[str, ...]
@@ -52,7 +52,12 @@ class LogPart:
             duration, frames = frame.time, frames + 1
             identifiers.add((frame.frame_id, frame.is_extended))
             channels[frame.channel] = None
-        return LogExtent(duration, frames, frozenset(identifiers), tuple(channels), tuple(seen.notes))
+        notes = [*seen.notes]
+        if seen.unswitched:
+            notes.append(
+                f"{self.path}: {seen.unswitched} CAN FD frames did not switch the bit rate; sent, they all do"
+            )
+        return LogExtent(duration, frames, frozenset(identifiers), tuple(channels), tuple(notes))
 
     def _frames(self, seen: "_Seen") -> Iterator[TimedFrame]:
         start = 0.0 if self.start is None else self.start
@@ -73,6 +78,7 @@ class LogPart:
                 and (self.channels is None or entry.channel in self.channels)
             ):
                 selected += 1
+                seen.unswitched += frame.is_fd and not entry.bit_rate_switch
                 yield TimedFrame(
                     seen.until - start,
                     frame.frame_id,
@@ -116,6 +122,8 @@ class _Seen:
         self.channels: set[str] = set()
         self.until = 0.0
         """Time of the last frame read, selected or not, in seconds after the log's first."""
+        self.unswitched = 0
+        """CAN FD frames selected that did not switch the bit rate."""
         self.notes: list[str] = []
 
 

@@ -186,11 +186,10 @@ class _Run:
     def take(self, recording: Recording) -> None:
         if self._parts:
             self._framer.pause(round(PAUSE * recording.sample_rate))
-        self.take_frames(recording, self._framer.next_index, self._framer.frames(recording, whole(recording)))
+        frames = self._framer.frames(recording, whole(recording))
+        self.take_frames(recording, self._framer.next_index, map(_received, frames))
 
-    def take_frames(
-        self, recording: Recording, first_index: int, frames: Iterable[Frame | TimedFrame]
-    ) -> None:
+    def take_frames(self, recording: Recording, first_index: int, frames: Iterable[Frame]) -> None:
         """Observe frames, which carry the samples of a recording from an index on."""
         self._parts.append(_Part(recording, first_index))
         for count, frame in enumerate(frames):
@@ -233,3 +232,7 @@ class _Run:
             part.note(rows)
             part.note_nominal(nominal_rows)
         self._progress(self._seen)
+
+
+def _received(frame: TimedFrame) -> Frame:
+    return Frame(frame.frame_id, frame.payload, round(frame.time * 1e9), frame.is_extended, frame.is_fd)

@@ -195,7 +195,7 @@ class Learner:
         return bool(errors[0] < ADOPTION_TOLERANCE * errors[1])
 
     def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
-        """Fall back to phi = 0 and forget: what was learned belongs to another line. Not valid, whatever this event."""
+        """Fall back to phi = 0 and forget: what was learned belongs to another line. No event is valid meanwhile."""
         outcome = self._outcome(Verdict.FROZEN, window, in_force)
         found = outcome.findings or (Finding(Reason.MODEL_INADEQUATE, Phase.STANDSTILL),)
         fresh = no_knowledge(self._noise, self._scale, self._rules)

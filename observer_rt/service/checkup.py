@@ -16,7 +16,8 @@ from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.state import MAX_EVENT
 from observer_rt.paper.gain import doubts_about_gain
 from observer_rt.service.checkup_bus import bus_findings
-from observer_rt.service.checkup_host import interface_findings, real_time_findings, this_host
+from observer_rt.service.checkup_host import real_time_findings, this_host
+from observer_rt.service.checkup_interface import interface_findings, read_controller
 from observer_rt.service.core import bench_constants, configured_noise
 from observer_rt.service.findings import Finding, Level, as_json_document, as_table, failed, graded
 from observer_rt.service.learners import make_learner
@@ -40,7 +41,8 @@ def checkup(bench: Bench) -> list[Finding]:
     findings += _observer(bench)
     findings += real_time_findings(this_host())
     if bench.config.link.interface == "socketcan":
-        findings += interface_findings(bench.config.link)
+        link = bench.config.link
+        findings += interface_findings(link, read_controller(link.channel))
     return findings
 
 

@@ -50,6 +50,8 @@ class Reason(IntEnum):
     SUDDEN_CHANGE = 13  # the event contradicts what was learned before it
     AMBIGUOUS_SCALE = 14  # line stiffness and nozzle flow changed as if the line's inertance had
     UNTESTED = 15  # the training in use (the paper's) has no test of its result
+    TIME_BASE = 16  # the line pressure seems recorded late, not by a lag of its sensor
+    REVISED = 17  # what was learned from the injection changes its mass
 
 
 SAMPLE = np.dtype(

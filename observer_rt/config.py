@@ -39,7 +39,7 @@ class LinkConfig(_Section):
     interface: str = "socketcan"
     channel: str = "can0"
     fd: bool = True
-    bit_rate: Positive = 500e3  # bit/s, for the bus load `check` prints
+    bit_rate: Positive = 500e3  # bit/s, for `check`
     data_bit_rate: Positive = 5e6
 
 

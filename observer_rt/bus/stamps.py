@@ -23,9 +23,9 @@ ANCILLARY_BYTES = socket.CMSG_SPACE(_THREE_TIMESPECS.size)
 class StampReader:
     """Reads the stamps of one socket; those of the interface itself where it offers them.
 
-    The clock of an interface starts anywhere and is not adjusted: its stamps are carried to the computer's time by
-    one offset, that of the first frame. So they step with neither the computer's load nor its clock, and differ
-    from the computer's time by what the two have drifted apart since.
+    The clock of an interface starts anywhere and nobody sets it: its stamps are carried to the computer's time by
+    one offset, that of the first frame. Distances between stamps are those of the interface's clock, whatever the
+    computer's load or changes of its time; from that time they differ by what the two have drifted apart since.
     """
 
     def __init__(self, can_socket: socket.socket, channel: str) -> None:

@@ -49,7 +49,6 @@ class Daemon:
         self._watch = LinkWatch(self._channel, link, self._outbox)
         self._on_message = on_message or (lambda _: None)
         self._outages = 0
-        self._link_is_down = False
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning")
         self._bench = bench
         self.core = Core(bench, bus, knowledge, self._executor, on_report=on_report)
@@ -98,7 +97,7 @@ class Daemon:
     def _await_link(self, error: LinkDownError, stop: threading.Event) -> None:
         """Until the interface is back or `stop` is set; says why it waits, once for each reason."""
         self._outages += 1
-        self._link_is_down = True
+        self._frames_seen, self._last_input = self.core.counters.frames, 0  # what came before is past
         self._outbox.discard()  # by then they would be too old for anybody
         told = ""
         while not stop.is_set():
@@ -111,7 +110,6 @@ class Daemon:
             except LinkDownError as again:
                 error = again
             else:
-                self._link_is_down = False
                 self._on_message(f"{self._channel} is back")
                 return
 
@@ -131,7 +129,7 @@ class Daemon:
             self._last_input = now
         if frames == 0:
             return State.WAITING_FOR_DATA, Reason.STARTING
-        if self._link_is_down or now - self._last_input > INPUT_TIMEOUT * 1e9:
+        if now - self._last_input > INPUT_TIMEOUT * 1e9:
             return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
         return self.core.state
 

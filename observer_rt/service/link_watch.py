@@ -31,8 +31,8 @@ class LinkWatch:
             told.append(
                 f"{self._outbox.unsent - self._unsent} results were not sent, the transmit queue of "
                 f"{self._channel} is full\n"
-                "  remedy: check that another node acknowledges and the bus load, or lengthen the queue: "
-                f"sudo ip link set {self._channel} txqueuelen 1000"
+                "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
+                f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
             )
             self._unsent = self._outbox.unsent
         if told:

@@ -16,6 +16,7 @@ from observer_rt.config import load_bench
 from observer_rt.observer.state import Reason, State
 from observer_rt.recording.framing import Framer, TimedFrame, whole
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.warm_up import warm_up
 from tests.service.end_to_end import RATE, published_rates
 from tests.service.participants import ScriptedLink, bench_file, serving, until, worn_recording
 
@@ -73,7 +74,9 @@ def frames(bench: Path) -> list[TimedFrame]:
 
 def daemon_on(bench: Path, link: TroubledLink, messages: list[str]) -> Daemon:
     loaded = load_bench(bench)
-    return Daemon(loaded, map_bus(loaded), link, on_message=messages.append)
+    bus = map_bus(loaded)
+    warm_up(loaded, bus)
+    return Daemon(loaded, bus, link, on_message=messages.append)
 
 
 def test_an_interface_that_goes_and_comes_back(bench: Path, frames: list[TimedFrame]) -> None:

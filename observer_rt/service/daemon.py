@@ -24,6 +24,7 @@ from observer_rt.service.status import LinkFigures, status_values
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data
 RECONNECT_PERIOD = 0.1  # s between tries while the interface is down or away
+SILENCE = 10.0  # s without an outage, after which the same one is told again: some devices come and go
 LAST_FRAMES = 0.5  # s for the last results to be sent in
 
 
@@ -49,6 +50,7 @@ class Daemon:
         self._watch = LinkWatch(self._channel, link, self._outbox)
         self._on_message = on_message or (lambda _: None)
         self._outages = 0
+        self._last_outage = ("", -SILENCE)  # what was the matter, and when
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning")
         self._bench = bench
         self.core = Core(bench, bus, knowledge, self._executor, on_report=on_report)
@@ -95,23 +97,32 @@ class Daemon:
                 self._on_message(message)
 
     def _await_link(self, error: LinkDownError, stop: threading.Event) -> None:
-        """Until the interface is back or `stop` is set; says why it waits, once for each reason."""
+        """Until the interface is back or `stop` is set; says why it waits."""
         self._outages += 1
         self._frames_seen, self._last_input = self.core.counters.frames, 0  # what came before is past
         self._outbox.discard()  # by then they would be too old for anybody
-        told = ""
+        told = False
         while not stop.is_set():
-            if str(error) != told:
-                told = str(error)
-                self._on_message(f"waiting for the interface: {error}")
+            told = self._tell_outage(str(error)) or told
             stop.wait(RECONNECT_PERIOD)
             try:
                 self.link.reconnect()
             except LinkDownError as again:
                 error = again
             else:
-                self._on_message(f"{self._channel} is back")
+                if told:
+                    self._on_message(f"{self._channel} is back")
                 return
+
+    def _tell_outage(self, reason: str) -> bool:
+        """Whether there was something new to tell."""
+        before, when = self._last_outage
+        now = time.monotonic()
+        self._last_outage = reason, now
+        is_new = reason != before or now - when > SILENCE
+        if is_new:
+            self._on_message(f"waiting for the interface: {reason}")
+        return is_new
 
     def _finish(self) -> None:
         """Publish what is complete, and a last status frame, as far as the link takes them."""

@@ -112,6 +112,22 @@ def test_a_changed_reason_is_told(bench: Path) -> None:
     assert "there is no interface can5" in messages[1]
 
 
+def test_a_device_that_comes_and_goes_is_told_once(bench: Path) -> None:
+    class LooseLink(TroubledLink):
+        """Can be connected, and fails at once."""
+
+        def reconnect(self) -> None:
+            pass
+
+    link, messages = LooseLink(), list[str]()
+    link.plugged.clear()
+    daemon = daemon_on(bench, link, messages)
+    with serving(daemon):
+        until(lambda: daemon.troubles >= 5)
+    assert len(messages) == 2
+    assert messages[1] == "can5 is back"
+
+
 def test_it_can_be_stopped_while_it_waits(bench: Path, frames: list[TimedFrame]) -> None:
     link, messages = TroubledLink(frames), list[str]()
     daemon = daemon_on(bench, link, messages)

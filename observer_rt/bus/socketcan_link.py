@@ -161,7 +161,7 @@ class SocketCanLink(Link):
                 self._dropped += more
             else:
                 stamp_ns = self._stamps.read(kind, value) or stamp_ns
-        return stamp_ns
+        return stamp_ns or time.time_ns()  # the kernel begins to stamp a moment after it was asked to
 
     def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
         deadline = time.monotonic() + SEND_PATIENCE_S

@@ -115,6 +115,7 @@ STATUS_SIGNALS = (
     "RepeatedFrames",
     "OldFrames",
     "DroppedFrames",
+    "LinkTroubles",
     "Restarts",
     "Adoptions",
     "RejectedAdoptions",

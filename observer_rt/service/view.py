@@ -19,7 +19,7 @@ from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS
 SHOWN = 8  # injections in the table, where the terminal has the lines
 WIDEST, HIGHEST = 120, 18  # characters, of the view and its plot
 AROUND = 4  # characters beside the plot: the panel's border and padding
-ABOVE = 9  # lines for the panel's border, the status, the table's heading and a line to spare
+ABOVE = 10  # lines for the panel's border, the status, the table's heading and a line to spare
 LOWEST = 6  # lines of the plot
 
 
@@ -94,7 +94,13 @@ class View:
         )
         line.append(
             f" frames {counters.frames}  samples {counters.samples}  lost {counters.lost_samples}  "
-            f"dropped {self._daemon.dropped}  CRC {counters.crc_errors}  sequence {counters.sequence_errors}",
+            f"dropped {self._daemon.dropped}  CRC {counters.crc_errors}  sequence {counters.sequence_errors}\n",
+            style="dim",
+        )
+        link = self._daemon.link
+        line.append(
+            f" link {link.condition.state}, stamps by {link.stamp_source}, unsent {self._daemon.unsent}, "
+            f"troubles {self._daemon.troubles}",
             style="dim",
         )
         return line

@@ -53,6 +53,8 @@ class TimedFrame(NamedTuple):
     payload: bytes
     channel: str = ""
     """Of the log it comes from; none for a frame made from a recording."""
+    bit_rate_switch: bool = True
+    """Of a CAN FD frame."""
 
 
 @dataclass(frozen=True)

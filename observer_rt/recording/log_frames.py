@@ -52,12 +52,7 @@ class LogPart:
             duration, frames = frame.time, frames + 1
             identifiers.add((frame.frame_id, frame.is_extended))
             channels[frame.channel] = None
-        notes = [*seen.notes]
-        if seen.unswitched:
-            notes.append(
-                f"{self.path}: {seen.unswitched} CAN FD frames did not switch the bit rate; sent, they all do"
-            )
-        return LogExtent(duration, frames, frozenset(identifiers), tuple(channels), tuple(notes))
+        return LogExtent(duration, frames, frozenset(identifiers), tuple(channels), tuple(seen.notes))
 
     def _frames(self, seen: "_Seen") -> Iterator[TimedFrame]:
         start = 0.0 if self.start is None else self.start
@@ -78,7 +73,6 @@ class LogPart:
                 and (self.channels is None or entry.channel in self.channels)
             ):
                 selected += 1
-                seen.unswitched += frame.is_fd and not entry.bit_rate_switch
                 yield TimedFrame(
                     seen.until - start,
                     frame.frame_id,
@@ -86,6 +80,7 @@ class LogPart:
                     frame.is_fd,
                     frame.payload,
                     entry.channel,
+                    entry.bit_rate_switch,
                 )
         seen.notes = log.notes()
         if not selected:
@@ -122,8 +117,6 @@ class _Seen:
         self.channels: set[str] = set()
         self.until = 0.0
         """Time of the last frame read, selected or not, in seconds after the log's first."""
-        self.unswitched = 0
-        """CAN FD frames selected that did not switch the bit rate."""
         self.notes: list[str] = []
 
 

@@ -87,7 +87,9 @@ def play(
             _sleep(due - now, stop)
             report.reached(frame.time - max(0, due - time.monotonic_ns()) / NANOSECONDS * speed)
             continue
-        links.get(frame.channel, link).send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd)
+        links.get(frame.channel, link).send(
+            frame.frame_id, frame.payload, frame.is_extended, frame.is_fd, frame.bit_rate_switch
+        )
         sent += 1
         if math.isfinite(speed):
             lateness.add(now - due)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from observer_rt.bus.link import Frame, Link
+from observer_rt.bus.link import Frame, Link, LinkDownError
 from observer_rt.errors import UserError
 from observer_rt.recording.blf_writer import BlfWriter
 from observer_rt.recording.candump_log import CandumpWriter
@@ -17,6 +17,7 @@ from observer_rt.recording.log import NANOSECONDS, LogFrame
 RECORDERS: dict[str, type[BlfWriter] | type[CandumpWriter]] = {".blf": BlfWriter, ".log": CandumpWriter}
 FLUSH_PERIOD = 1_000_000_000  # ns: no more than this is lost with the power
 REPORT_PERIOD = 250_000_000  # ns
+RECONNECT_PERIOD = 0.2  # s between two attempts, while the interface is away
 NUMBER_DIGITS = 4  # of the files of a series
 RECEIVE_TIMEOUT = 0.1  # s, after which the loop looks at its clock and its stop signal
 
@@ -38,10 +39,14 @@ class RecordLimits:
 
 @dataclass
 class RecordStatistics:
-    """What was recorded so far: frames, frames lost before they reached the recorder, time [s], files."""
+    """What was recorded so far: frames, frames lost before they reached the recorder, time [s], files.
+
+    outages: how often the interface went down or away; what came meanwhile nobody counts.
+    """
 
     frames: int = 0
     lost: int = 0
+    outages: int = 0
     duration: float = 0.0
     files: list[Path] = field(default_factory=list)
 
@@ -49,15 +54,15 @@ class RecordStatistics:
         """One line for the screen."""
         rate = self.frames / self.duration if self.duration else 0.0
         names = ", ".join(str(path) for path in self.files) or "no file, for no frame came in"
-        return (
-            f"{self.frames} frames in {self.duration:.1f} s ({rate:.0f} a second), {self.lost} lost; {names}"
-        )
+        away = f", interface away {self.outages} times" if self.outages else ""
+        return f"{self.frames} frames in {self.duration:.1f} s ({rate:.0f} a second), {self.lost} lost{away}; {names}"
 
     def as_json(self) -> dict[str, Any]:
         """The same for a program."""
         return {
             "frames": self.frames,
             "lost_frames": self.lost,
+            "outages": self.outages,
             "duration_s": self.duration,
             "files": [str(path) for path in self.files],
         }
@@ -90,12 +95,14 @@ def record(
 ) -> RecordStatistics:
     """Write every frame of a link until `stop` is set or a limit reached; a file begins with its first frame.
 
-    Bit rate switch is noted for every CAN FD frame, as links do not tell. `report` is called some times a second.
+    Bit rate switch is noted for every CAN FD frame, as links do not tell. An interface that goes away is waited for.
+    `report` is called some times a second.
 
     Raises:
-        RunError: the link failed, or the disk is full; what was written before can be read.
+        RunError: the link failed for good, or the disk is full; what was written before can be read.
     """
     files = _Files(path, channel, limits)
+    receiver = _Receiver(link, stop)
     statistics = RecordStatistics(files=files.paths)
     start = time.monotonic_ns()
     next_flush, next_report = start + FLUSH_PERIOD, start
@@ -103,8 +110,9 @@ def record(
     with file_errors(path):
         try:
             while not stop.is_set():
-                frame = link.receive(RECEIVE_TIMEOUT)
+                frame = receiver.next()
                 now = time.monotonic_ns()
+                statistics.outages = receiver.outages
                 statistics.duration = (now - start) / NANOSECONDS
                 lost = link.dropped - lost_before
                 if lost > statistics.lost:
@@ -130,6 +138,29 @@ def _reached(statistics: RecordStatistics, limits: RecordLimits) -> bool:
     return (limits.duration is not None and statistics.duration >= limits.duration) or (
         limits.frames is not None and statistics.frames >= limits.frames
     )
+
+
+class _Receiver:
+    """Frames of a link whose interface may go away and come back."""
+
+    def __init__(self, link: Link, stop: threading.Event) -> None:
+        self.outages = 0
+        self._link = link
+        self._stop = stop
+        self._is_down = False
+
+    def next(self) -> Frame | None:
+        """The next frame; None if none came for a while, or none can."""
+        try:
+            if self._is_down:
+                self._link.reconnect()
+                self._is_down = False
+            return self._link.receive(RECEIVE_TIMEOUT)
+        except LinkDownError:
+            self.outages += not self._is_down
+            self._is_down = True
+            self._stop.wait(RECONNECT_PERIOD)
+            return None
 
 
 class _Files:

@@ -81,6 +81,17 @@ def test_log_is_sent_as_recorded(command: Command, bus: can.BusABC, tmp_path: Pa
     assert (second.arbitration_id, second.is_extended_id, second.is_fd) == (0x456, True, False)
 
 
+def test_the_bit_rate_is_switched_as_recorded(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
+    log = tmp_path / "bus.log"
+    log.write_text("(100.0) can0 123##1AA\n(100.1) can0 123##0AA\n(100.2) can0 123#AA\n")
+    assert command("replay", log, *ON_BUS, "--speed", "0").code == 0
+    assert [(m.is_fd, m.bitrate_switch) for m in received(bus)] == [
+        (True, True),
+        (True, False),
+        (False, False),
+    ]
+
+
 def test_frames_go_out_under_other_identifiers(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
     log = tmp_path / "bus.log"
     log.write_text("(100.000000) can0 123##1AABBCC\n(100.001000) can0 00000456#DD\n")

@@ -71,6 +71,27 @@ def write(tmp_path: Path) -> Callable[[list[LogFrame], str], Path]:
     return write
 
 
+@pytest.fixture
+def classic_bench(tmp_path: Path) -> Bench:
+    """Two samples in a frame of 8 bytes, one message a signal, 20 kHz."""
+    lines = ['VERSION ""', "BU_: Daq"]
+    text = '[[dbc]]\nfile = "classic.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n[sampling]\nrate_hz = 20e3\n'
+    for number, (role, code) in enumerate(
+        (
+            ("rail_pressure", '(0.005,-10) [0|0] "MPa"'),
+            ("needle_lift", '(0.01,-50) [0|0] "um"'),
+            ("line_pressure", '(0.005,-10) [0|0] "MPa"'),
+        )
+    ):
+        lines += [f"BO_ {0x300 + number} {role}_frame: 8 Daq", ' SG_ Index : 0|32@1+ (1,0) [0|0] "" Daq']
+        lines += [f" SG_ {role}_{k} : {32 + 16 * k}|16@1+ {code} Daq" for k in range(2)]
+        text += f'[signals.{role}]\nmessage = "{role}_frame"\nindex = "Index"\npattern = "{role}_{{}}"\n'
+    (tmp_path / "classic.dbc").write_text("\n".join(lines) + "\n")
+    path = tmp_path / "bench.toml"
+    path.write_text(text)
+    return load_bench(path)
+
+
 Write = Callable[[list[LogFrame], str], Path]
 
 
@@ -84,6 +105,20 @@ def test_the_same_frames_give_the_same_in_every_format(write: Write, suffix: str
     for name, values in vars(expected().evaluations[0].trace).items():
         found = getattr(history.evaluations[0].trace, name)
         np.testing.assert_array_equal(found[: len(values)], values)
+
+
+@pytest.mark.parametrize("suffix", sorted(LOG_WRITERS))
+def test_the_same_classic_frames_give_the_same_in_every_format(
+    write: Write, classic_bench: Bench, suffix: str
+) -> None:
+    schedule = make_schedule([60e6], 2, 0.05, [1.1e-3])
+    recording = simulate(load_injector(), schedule, 20e3, (), NoiseLevels(), seed=4).recording
+    path = write(log_of(recording, whole(recording), classic_bench), suffix)
+    logged = read_logged(classic_bench, path)
+    assert logged.notes == ()
+    known = evaluate(classic_bench, [recording])
+    assert len(known.evaluations[0].reports) == 2
+    assert evaluate_log(classic_bench, logged).frames == known.frames
 
 
 def test_a_classic_format_refuses_the_frames(write: Write) -> None:

@@ -25,8 +25,8 @@ def log(tmp_path: Path) -> Path:
 def test_a_log_is_sent_as_recorded(log: Path) -> None:
     assert list(log_frames(LogPart(log))) == [
         TimedFrame(0.0, 0x100, False, True, b"\xaa\x01", "can0"),
-        TimedFrame(0.25, 0x200, False, False, b"\x01\x02", "can0"),
-        TimedFrame(0.5, 0x1ABCDEF0, True, True, b"", "can0"),
+        TimedFrame(0.25, 0x200, False, False, b"\x01\x02", "can0", False),
+        TimedFrame(0.5, 0x1ABCDEF0, True, True, b"", "can0", False),
         TimedFrame(1.0, 0x100, False, True, b"\xaa\x02", "can1"),
     ]
     extent = LogPart(log).extent()
@@ -103,10 +103,3 @@ def test_a_malformed_log_is_refused_before_anything_is_sent(log: Path) -> None:
         file.write("(1700000001.500000) can0 100##1A\n")
     with pytest.raises(UserError, match="line 5"):
         LogPart(log).extent()
-
-
-def test_a_bit_rate_not_switched_is_told(tmp_path: Path) -> None:
-    path = tmp_path / "bus.log"
-    path.write_text("(1.5) can0 100##0AA\n(1.6) can0 100##1AA\n(1.7) can0 100#AA\n")
-    (note,) = LogPart(path).extent().notes
-    assert "1 CAN FD frames did not switch the bit rate" in note

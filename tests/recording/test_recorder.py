@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.link import Frame, Link
+from observer_rt.bus.link import Frame, Link, LinkDownError
 from observer_rt.errors import RunError, UserError
 from observer_rt.recording.logs import open_log
 from observer_rt.recording.recorder import (
@@ -44,7 +44,9 @@ class Source(Link):
         is_fd = self.given % 2 == 0
         return Frame(0x100 + self.given % 7, bytes(8), START + self.given * 1000, False, is_fd)
 
-    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
+    def send(
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+    ) -> None:
         raise AssertionError("a recorder sends nothing")
 
     @property
@@ -147,6 +149,32 @@ def test_a_failure_leaves_what_was_recorded(tmp_path: Path, failure: Exception) 
     with pytest.raises(RunError):
         run(path, source, stop, RecordLimits())
     assert len(list(open_log(path))) == 50
+
+
+def test_an_interface_that_goes_away_is_waited_for(tmp_path: Path) -> None:
+    stop, path = threading.Event(), tmp_path / "bus.blf"
+
+    class Unplugged(Source):
+        away = 0
+
+        def receive(self, timeout_s: float) -> Frame | None:
+            if self.given == 50 and not self.away:
+                self.away = 3
+            if self.away:
+                raise LinkDownError("can0 is down")
+            return super().receive(timeout_s)
+
+        def reconnect(self) -> None:
+            self.away -= 1
+            if self.away:
+                raise LinkDownError("can0 is still down")
+            self.given = 51
+
+    statistics = run(path, Unplugged(100, stop), stop, RecordLimits())
+    assert (statistics.frames, statistics.outages) == (99, 1)
+    assert "interface away 1 times" in statistics.as_text()
+    stamps = [entry.frame.stamp_ns for entry in open_log(path)]
+    assert stamps == [START + n * 1000 for n in range(1, 101) if n != 51]
 
 
 def test_without_a_frame_there_is_no_file(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import can
 import pytest
 
 from observer_rt.bus.link import Link, open_link
@@ -81,3 +82,12 @@ def test_other_senders_are_noticed(vcan: str) -> None:
     finally:
         over.set()
         sender.join()
+
+
+def test_the_bit_rate_switch_is_sent_as_asked(vcan: str) -> None:
+    frames = [TimedFrame(0.0, 0x321, False, True, bytes(12), "", switched) for switched in (True, False)]
+    with can.Bus(interface="socketcan", channel=vcan, fd=True) as bus:
+        with open_link("socketcan", vcan, True, []) as link:
+            play(frames, link, math.inf)
+        received = [bus.recv(1.0) for _ in frames]
+    assert [message.bitrate_switch for message in received if message] == [True, False]

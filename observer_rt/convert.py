@@ -13,13 +13,13 @@ from observer_rt.errors import UserError
 from observer_rt.evaluation.logged import read_logged
 from observer_rt.recording.files import READERS, WRITERS, file_errors, read_recording, write_recording
 from observer_rt.recording.logs import LOG_READERS, LOG_WRITERS, MDF4, is_log, open_log
+from observer_rt.recording.trc_log import MICROSECOND, TrcWriter
 from observer_rt.screen import progress_bar, say, say_if_compiling
 
 FIRST_FRAMES = (
     1000  # among which the earliest is looked for: drivers swap frames, channels have their own time
 )
 FRAMES_PER_STEP = 5000  # of the progress bar
-STAMPS_OF_TRC = 1000  # ns
 
 
 def convert(
@@ -108,12 +108,12 @@ def _frames(source: Path, target: Path, from_channel: str | None, console: Conso
         for entry in chain(first, entries):
             writer.write(entry)
             count += 1
-            rounded += entry.frame.stamp_ns % STAMPS_OF_TRC != 0
+            rounded += entry.frame.stamp_ns % MICROSECOND != 0
             if count % FRAMES_PER_STEP == 0:
                 progress(log.share_read)
     for note in log.notes():
         say(console, note)
-    if rounded and target.suffix.lower() == ".trc":
+    if rounded and LOG_WRITERS[target.suffix.lower()] is TrcWriter:
         say(console, f"{target}: {rounded} stamps are rounded to whole microseconds")
     return f"{target}: {count} frames"
 

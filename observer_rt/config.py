@@ -42,6 +42,11 @@ class LinkConfig(_Section):
     bit_rate: Positive = 500e3  # bit/s, for `check`
     data_bit_rate: Positive = 5e6
 
+    def replaced(self, interface: str | None, channel: str | None) -> "LinkConfig":
+        """The same with another interface or channel; None keeps it."""
+        changes = {"interface": interface, "channel": channel}
+        return self.model_copy(update={key: value for key, value in changes.items() if value is not None})
+
 
 class DatabaseConfig(_Section):
     file: str  # relative to the bench file; or the name of a database shipped with the package

@@ -1,18 +1,20 @@
 """Recordings through the same core as the daemon, as fast as the machine allows."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.link import Frame
 from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench
 from observer_rt.errors import UserError
+from observer_rt.evaluation.logged import LoggedRecording
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import State
-from observer_rt.recording.framing import Framer, bench_for, whole
+from observer_rt.recording.framing import Framer, TimedFrame, bench_for, whole
 from observer_rt.recording.recording import Recording
 from observer_rt.service.core import Core, Counters
 from observer_rt.service.learners import LearnerFactory, make_learner
@@ -89,6 +91,20 @@ def evaluate(
     run = _Run(bench, map_bus(bench), knowledge, learning, progress, learner_of)
     for recording in recordings:
         run.take(recording)
+    run.finish()
+    return run.history()
+
+
+def evaluate_log(
+    bench: Bench,
+    log: LoggedRecording,
+    knowledge: Knowledge | None = None,
+    learning: bool = True,
+    progress: Progress | None = None,
+) -> History:
+    """Evaluate the frames of a CAN log as they are, as the daemon would have on the bus; else as `evaluate`."""
+    run = _Run(bench, map_bus(bench), knowledge, learning, progress, make_learner)
+    run.take_frames(log.recording, log.first_index, log.frames)
     run.finish()
     return run.history()
 
@@ -170,8 +186,13 @@ class _Run:
     def take(self, recording: Recording) -> None:
         if self._parts:
             self._framer.pause(round(PAUSE * recording.sample_rate))
-        self._parts.append(_Part(recording, self._framer.next_index))
-        for count, frame in enumerate(self._framer.frames(recording, whole(recording))):
+        frames = self._framer.frames(recording, whole(recording))
+        self.take_frames(recording, self._framer.next_index, map(_received, frames))
+
+    def take_frames(self, recording: Recording, first_index: int, frames: Iterable[Frame]) -> None:
+        """Observe frames, which carry the samples of a recording from an index on."""
+        self._parts.append(_Part(recording, first_index))
+        for count, frame in enumerate(frames):
             self._frames += self._core.handle(frame.frame_id, frame.is_extended, frame.payload)
             self._nominal.handle(frame.frame_id, frame.is_extended, frame.payload)
             if count % _READ_EVERY == 0:
@@ -211,3 +232,7 @@ class _Run:
             part.note(rows)
             part.note_nominal(nominal_rows)
         self._progress(self._seen)
+
+
+def _received(frame: TimedFrame) -> Frame:
+    return Frame(frame.frame_id, frame.payload, round(frame.time * 1e9), frame.is_extended, frame.is_fd)

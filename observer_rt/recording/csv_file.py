@@ -94,6 +94,10 @@ def _read_header(path: Path) -> list[Column]:
     known = {column.header: column for column in COLUMNS}
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         header = file.readline().strip()
+    if not header:
+        raise UserError(
+            str(path), "is empty, or begins with an empty line", "begin it with the names of the columns"
+        )
     place = f"{path}, line 1"
     expected = f"the header is {','.join(known)} in any order, the last column optional"
     if ";" in header:

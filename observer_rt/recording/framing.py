@@ -51,6 +51,10 @@ class TimedFrame(NamedTuple):
     is_extended: bool
     is_fd: bool
     payload: bytes
+    channel: str = ""
+    """Of the log it comes from; none for a frame made from a recording."""
+    bit_rate_switch: bool = True
+    """Of a CAN FD frame."""
 
 
 @dataclass(frozen=True)

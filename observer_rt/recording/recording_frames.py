@@ -9,8 +9,8 @@ import numpy as np
 
 from observer_rt.bus.mapping import BusMap
 from observer_rt.errors import UserError
-from observer_rt.recording.candump_log import CLASSIC_LENGTH
 from observer_rt.recording.framing import Framer, Span, TimedFrame, whole, windows
+from observer_rt.recording.log import CLASSIC_LENGTH
 from observer_rt.recording.recording import Recording
 
 ENCODED_AT_ONCE = 1000  # samples, so that encoding delays no frame by much

@@ -109,7 +109,7 @@ class NoiseConfig(_Section):
 class OutputsConfig(_Section):
     """Messages the results go out in; signals are found in them by their names in observer_fd.dbc."""
 
-    injection_rate: str = "InjectionRate"
+    injection_rate: str | Literal[False] = "InjectionRate"  # false: not published
     injection_summary: str = "InjectionSummary"
     status: str = "ObserverStatus"
     injector_id: Annotated[int, Field(ge=0, le=255)] = 1

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping import MAX_INPUTS, ROLES
+from observer_rt.bus.inputs import MAX_INPUTS, ROLES
 from observer_rt.config import Role
 from observer_rt.continuity import Break
 

@@ -2,66 +2,41 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import can.util
 import numpy as np
 from cantools.database.can import Database, Message
 from numpy.typing import NDArray
 
-from observer_rt.bus.codec import signal_table
 from observer_rt.bus.database import MessageLayout, find_message, find_signal, load_database, signal_names
+from observer_rt.bus.e2e import UNPROTECTED
+from observer_rt.bus.inputs import INPUT_GROUP, INPUT_MESSAGE, ROLES, Inputs, InputTables
+from observer_rt.bus.outputs import (
+    STATUS_SIGNALS,
+    SUMMARY_SIGNALS,
+    OutputMessage,
+    RateMessage,
+    output_message,
+    protected_layout,
+    rate_message,
+)
+from observer_rt.bus.sample_groups import SampleGroup, sample_groups
 from observer_rt.config import Bench, Role, SignalConfig
 from observer_rt.errors import UserError
 from observer_rt.units import LENGTH_UNITS, PRESSURE_UNITS
 
 EXTENDED = 1 << 32  # added to the id of an extended frame, so that one number names a frame
-E2E_PROFILE = 5
 INDEX_BITS = 32  # of the sample index in every input message
-ROLES = tuple(Role)
-MAX_INPUTS = len(ROLES)
 _UNITS = {
     Role.RAIL_PRESSURE: PRESSURE_UNITS,
     Role.NEEDLE_LIFT: LENGTH_UNITS,
     Role.LINE_PRESSURE: PRESSURE_UNITS,
 }
 
-INPUT_MESSAGE = np.dtype(
-    [
-        ("key", np.int64),
-        ("length", np.int64),  # bytes, by the database
-        ("padded_length", np.int64),  # bytes, as CAN FD carries a message of this length
-        ("data_id", np.int64),  # of E2E, -1 for an unprotected message
-        ("samples", np.int64),  # of every role, in one frame
-        ("roles", np.int64),  # bit r: carries ROLES[r]
-        ("position", np.int64, (MAX_INPUTS,)),  # of a role's first sample among the decoded values
-        ("factor", np.float64, (MAX_INPUTS,)),  # to SI
-        ("first_signal", np.int64),  # rows of the signal table: the sample index, then the samples
-        ("signal_count", np.int64),
-    ],
-    align=True,
-)
-
 
 def frame_key(frame_id: int, is_extended: bool) -> int:
     """One number for id and format of a frame."""
     return frame_id + (EXTENDED if is_extended else 0)
-
-
-class Inputs(NamedTuple):
-    """What compiled code needs to decode the input frames."""
-
-    messages: NDArray[np.void]  # INPUT_MESSAGE
-    signals: NDArray[np.void]  # SIGNAL, of all messages one after another
-
-
-@dataclass(frozen=True)
-class OutputMessage:
-    """A message the results go out in: `names` of the known signals present in it, and their table."""
-
-    layout: MessageLayout
-    names: tuple[str, ...]
-    table: NDArray[np.void]
 
 
 @dataclass(frozen=True)
@@ -70,56 +45,10 @@ class BusMap:
 
     inputs: Inputs
     input_layouts: tuple[MessageLayout, ...]
-    rate: OutputMessage
-    rate_samples: int
+    rate: RateMessage | None
+    """None: the injection rate is not published."""
     summary: OutputMessage
     status: OutputMessage
-
-
-HEADER_SIGNALS = ("SampleIndex", "Valid", "Learning", "State")
-RATE_PATTERN = "InjectionRate_{:02d}"
-SUMMARY_SIGNALS = (
-    *HEADER_SIGNALS,
-    "EndIndex",
-    "InjectionNumber",
-    "EventNumber",
-    "PhiVersion",
-    "InjectorId",
-    "Reason",
-    "Mass",
-    "MassSigma",
-    "Volume",
-    "RailPressureAtStart",
-    "PeakInjectionRate",
-    "NozzleWear",
-    "NozzleWearSigma",
-    "SeatWear",
-    "SeatWearSigma",
-    "LinePressureOffset",
-)
-STATUS_SIGNALS = (
-    *HEADER_SIGNALS,
-    "Reason",
-    "InjectorId",
-    "VersionMajor",
-    "VersionMinor",
-    "VersionPatch",
-    "ModelHash",
-    "DatabaseHash",
-    "SamplesProcessed",
-    "LostSamples",
-    "InterpolatedSamples",
-    "CrcErrors",
-    "SequenceErrors",
-    "LengthErrors",
-    "RepeatedFrames",
-    "OldFrames",
-    "DroppedFrames",
-    "Restarts",
-    "Adoptions",
-    "RejectedAdoptions",
-    "LateAdoptions",
-)
 
 
 def map_bus(bench: Bench) -> BusMap:
@@ -130,18 +59,18 @@ def map_bus(bench: Bench) -> BusMap:
     databases = [load_database(path) for path in bench.databases]
     inputs, layouts = _map_inputs(bench, databases)
     outputs = bench.config.outputs
-    rate_message = _message(bench, databases, "outputs.injection_rate", outputs.injection_rate)
-    rates = signal_names(rate_message, RATE_PATTERN)
+    rate = None
+    if outputs.injection_rate:
+        rate = rate_message(_message(bench, databases, "outputs.injection_rate", outputs.injection_rate))
     return BusMap(
         inputs=inputs,
         input_layouts=layouts,
-        rate=_output(rate_message, (*HEADER_SIGNALS, *rates)),
-        rate_samples=len(rates),
-        summary=_output(
+        rate=rate,
+        summary=output_message(
             _message(bench, databases, "outputs.injection_summary", outputs.injection_summary),
             SUMMARY_SIGNALS,
         ),
-        status=_output(_message(bench, databases, "outputs.status", outputs.status), STATUS_SIGNALS),
+        status=output_message(_message(bench, databases, "outputs.status", outputs.status), STATUS_SIGNALS),
     )
 
 
@@ -155,56 +84,58 @@ def _message(bench: Bench, databases: Sequence[Database], key: str, name: str) -
         raise UserError(f"{bench.path}: {key}", f"{error.place} {error.problem}", error.remedy) from None
 
 
-def _output(message: Message, known: Sequence[str]) -> OutputMessage:
-    present = {signal.name for signal in message.signals}
-    names = tuple(name for name in known if name in present)
-    layout = MessageLayout.of(message)
-    _require_known_profile(layout)
-    return OutputMessage(layout, names, signal_table(message, names))
-
-
 def _map_inputs(bench: Bench, databases: Sequence[Database]) -> tuple[Inputs, tuple[MessageLayout, ...]]:
     by_message: dict[str, list[Role]] = {}
     for role in ROLES:
         by_message.setdefault(bench.config.signals.of(role).message, []).append(role)
-    rows = np.zeros(len(by_message), INPUT_MESSAGE)
-    tables = []
+    tables = InputTables()
     layouts = []
-    first_signal = 0
-    for row, (name, roles) in zip(rows, by_message.items(), strict=True):
+    for name, roles in by_message.items():
         message = _message(bench, databases, f"signals.{roles[0]}.message", name)
-        table = _map_message(bench, message, roles, row)
-        row["first_signal"], row["signal_count"] = first_signal, len(table)
-        first_signal += len(table)
-        tables.append(table)
-        layouts.append(MessageLayout.of(message))
-    return Inputs(rows, np.concatenate(tables)), tuple(layouts)
+        layout = protected_layout(message)
+        layouts.append(layout)
+        row = np.zeros((), INPUT_MESSAGE)
+        row["key"] = frame_key(layout.frame_id, layout.is_extended)
+        row["length"] = layout.length
+        row["padded_length"] = can.util.dlc2len(can.util.len2dlc(layout.length))
+        row["e2e_profile"] = layout.e2e_profile or UNPROTECTED
+        row["data_id"] = layout.e2e_data_id or 0
+        _map_message(bench, message, roles, row, tables)
+    return tables.inputs(), tuple(layouts)
 
 
-def _map_message(bench: Bench, message: Message, roles: Sequence[Role], row: np.void) -> NDArray[np.void]:
-    layout = MessageLayout.of(message)
-    _require_known_profile(layout)
-    row["key"] = frame_key(layout.frame_id, layout.is_extended)
-    row["length"] = layout.length
-    row["padded_length"] = can.util.dlc2len(can.util.len2dlc(layout.length))
-    row["data_id"] = -1 if layout.e2e_data_id is None else layout.e2e_data_id
-    names: list[str] = [_index_signal(bench, message, roles)]
+def _map_message(
+    bench: Bench, message: Message, roles: Sequence[Role], row: NDArray[np.void], tables: InputTables
+) -> None:
+    samples: dict[Role, tuple[str, ...]] = {}
+    streams: dict[tuple[str, tuple[SampleGroup, ...]], list[Role]] = {}
     for role in roles:
         config = bench.config.signals.of(role)
-        samples = _sample_names(bench, message, role, config)
-        if row["samples"] not in (0, len(samples)):
+        samples[role] = _sample_names(bench, message, role, config)
+        if row["samples"] not in (0, len(samples[role])):
             raise UserError(
                 f"{bench.path}: signals.{role}",
-                f"has {len(samples)} samples a frame, other signals of {message.name} have {row['samples']}",
+                f"has {len(samples[role])} samples a frame, other signals of {message.name} have {row['samples']}",
                 "name as many samples for every signal of a message",
             )
-        number = ROLES.index(role)
-        row["samples"] = len(samples)
-        row["roles"] |= 1 << number
-        row["position"][number] = len(names)
-        row["factor"][number] = _factor(bench, message, role, samples)
-        names.extend(samples)
-    return signal_table(message, names)
+        row["samples"] = len(samples[role])
+        index = _index_signal(bench, message, role)
+        groups = _sample_groups(bench, message, role, samples[role], index)
+        streams.setdefault((index, groups), []).append(role)
+    for (index, groups), together in streams.items():
+        for group in groups:
+            group_row = np.zeros((), INPUT_GROUP)
+            group_row["stream"] = tables.streams
+            names = [index]
+            for role in together:
+                number = ROLES.index(role)
+                group_row["roles"] |= 1 << number
+                group_row["position"][number] = len(names)
+                group_row["factor"][number] = _factor(bench, message, role, samples[role])
+                names.extend(samples[role][group.offset : group.offset + group.count])
+            tables.add_group(group_row, message, names, group)
+        tables.streams += 1
+    tables.add_message(row, message, [group for _, groups in streams for group in groups])
 
 
 def _sample_names(bench: Bench, message: Message, role: Role, config: SignalConfig) -> tuple[str, ...]:
@@ -216,19 +147,29 @@ def _sample_names(bench: Bench, message: Message, role: Role, config: SignalConf
         ) from None
 
 
-def _index_signal(bench: Bench, message: Message, roles: Sequence[Role]) -> str:
-    names = {bench.config.signals.of(role).index for role in roles}
-    name = names.pop()
-    if names or not any(signal.name == name for signal in message.signals):
+def _sample_groups(
+    bench: Bench, message: Message, role: Role, samples: Sequence[str], index: str
+) -> tuple[SampleGroup, ...]:
+    try:
+        return sample_groups(message, samples, index)
+    except UserError as error:
         raise UserError(
-            f"{bench.path}: signals.{roles[0]}.index",
+            f"{bench.path}: signals.{role}", f"{error.place} {error.problem}", error.remedy
+        ) from None
+
+
+def _index_signal(bench: Bench, message: Message, role: Role) -> str:
+    name = bench.config.signals.of(role).index
+    if not any(signal.name == name for signal in message.signals):
+        raise UserError(
+            f"{bench.path}: signals.{role}.index",
             f"message {message.name} has no signal {name!r} that carries its sample index",
             "name the signal with the index of the frame's first sample; messages without one cannot be used yet",
         )
     signal = find_signal(message, name)
     if (signal.length, signal.is_signed, signal.scale, signal.offset) != (INDEX_BITS, False, 1, 0):
         raise UserError(
-            f"{bench.path}: signals.{roles[0]}.index",
+            f"{bench.path}: signals.{role}.index",
             f"{name} of message {message.name} is no unsigned number of {INDEX_BITS} bits in steps of 1",
             "name such a signal; an index that wraps earlier cannot be told from a device that starts anew",
         )
@@ -245,12 +186,3 @@ def _factor(bench: Bench, message: Message, role: Role, samples: Sequence[str]) 
             f'add unit = "..." with one of {", ".join(units)}',
         )
     return units[stated]
-
-
-def _require_known_profile(layout: MessageLayout) -> None:
-    if layout.e2e_profile not in (None, E2E_PROFILE):
-        raise UserError(
-            f"message {layout.name}",
-            f"is protected by E2E profile {layout.e2e_profile}",
-            f"only profile {E2E_PROFILE} is supported",
-        )

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from observer_rt.bus.codec import encode
 from observer_rt.bus.database import MessageLayout
 from observer_rt.bus.e2e import protect
-from observer_rt.bus.mapping import MAX_INPUTS, ROLES, BusMap
+from observer_rt.bus.inputs import MAX_INPUTS, ROLES
+from observer_rt.bus.mapping import BusMap
+from observer_rt.bus.multiplexing import is_selected
 from observer_rt.config import EXAMPLE_BENCH, Bench, SamplingConfig
 from observer_rt.errors import UserError
 from observer_rt.recording.recording import Recording
@@ -116,11 +118,10 @@ class Framer:
         self._index += recording.samples
 
     def _encode(self, number: int, values: NDArray[np.float64], index: int) -> NDArray[np.uint8]:
-        message = self._bus.inputs.messages[number]
-        first = int(message["first_signal"])
-        table = self._bus.inputs.signals[first : first + int(message["signal_count"])]
-        payloads: NDArray[np.uint8] = _payloads(values, index, message, table, self._counters[number])
-        self._counters[number] = (self._counters[number] + len(payloads)) & 0xFF
+        payloads: NDArray[np.uint8] = _payloads(
+            values, index, self._bus.inputs, number, self._counters[number]
+        )
+        self._counters[number] += len(payloads)
         return payloads
 
     def _in_order(
@@ -130,8 +131,10 @@ class Framer:
         position = [0] * len(encoded)
 
         def due(number: int) -> int:
-            samples = int(self._bus.inputs.messages[number]["samples"])
-            return span.start + (position[number] + 1) * samples - 1
+            message = self._bus.inputs.messages[number]
+            block, kind = divmod(position[number], int(message["kind_count"]))
+            end = int(self._bus.inputs.kinds[int(message["first_kind"]) + kind]["end"])
+            return span.start + block * int(message["samples"]) + end - 1
 
         while any(position[number] < len(encoded[number]) for number in range(len(encoded))):
             number = min(
@@ -146,22 +149,32 @@ def _timed(layout: MessageLayout, time: float, payload: NDArray[np.uint8]) -> Ti
 
 
 @njit(cache=True, nogil=True)
-def _payloads(values, index, message, table, counter):  # type: ignore[no-untyped-def]
-    """Frames (n, length) of one message for samples (m, MAX_INPUTS) [SI] from `index` on."""
-    samples = message.samples
-    count = (values.shape[0] + samples - 1) // samples
-    result = np.zeros((count, message.length), np.uint8)
-    numbers = np.empty(message.signal_count)
-    for block in range(count):
-        numbers[:] = np.nan
-        numbers[0] = (index + block * samples) & 0xFFFFFFFF
-        for role in range(MAX_INPUTS):
-            if (message.roles >> role) & 1:
-                for k in range(min(samples, values.shape[0] - block * samples)):
-                    numbers[message.position[role] + k] = (
-                        values[block * samples + k, role] / message.factor[role]
-                    )
-        encode(numbers, table, result[block])
-        if message.data_id >= 0:
-            protect(result[block], message.length, message.data_id, counter + block)
+def _payloads(values, index, inputs, number, counter):  # type: ignore[no-untyped-def]
+    """Frames (n, length) of one input message for samples (m, MAX_INPUTS) [SI] from `index` on."""
+    message = inputs.messages[number]
+    kinds = message.kind_count
+    blocks = (values.shape[0] + message.samples - 1) // message.samples
+    result = np.zeros((blocks * kinds, message.length), np.uint8)
+    for frame in range(blocks * kinds):
+        payload = result[frame]
+        first = frame // kinds * message.samples
+        payload[:] = inputs.kinds[message.first_kind + frame % kinds].blank[: message.length]
+        for g in range(message.first_group, message.first_group + message.group_count):
+            group = inputs.groups[g]
+            if is_selected(payload, inputs.selection, group.first_condition, group.condition_count):
+                _fill(payload, values, index, first, inputs, group)
+        protect(payload, message.length, message.e2e_profile, message.data_id, counter + frame)
     return result
+
+
+@njit(cache=True, nogil=True)
+def _fill(payload, values, index, first, inputs, group):  # type: ignore[no-untyped-def]
+    """Encode the samples of a group, for the block that begins at row `first`."""
+    numbers = np.full(group.signal_count, np.nan)
+    numbers[0] = (index + first) & 0xFFFFFFFF
+    for role in range(MAX_INPUTS):
+        if (group.roles >> role) & 1:
+            start = first + group.offset
+            for k in range(min(group.samples, values.shape[0] - start)):
+                numbers[group.position[role] + k] = values[start + k, role] / group.factor[role]
+    encode(numbers, inputs.signals[group.first_signal : group.first_signal + group.signal_count], payload)

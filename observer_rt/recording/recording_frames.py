@@ -58,7 +58,7 @@ def recording_extent(
     """Extent of one loop of `recording_frames`. Raises `UserError` when nothing is selected."""
     part, spans = _selected(recording, bus, windowed, start, stop)
     frames = sum(
-        -(-(span.end - span.start) // int(message["samples"]))
+        -(-(span.end - span.start) // int(message["samples"])) * int(message["kind_count"])
         for span in spans
         for message in bus.inputs.messages
     )

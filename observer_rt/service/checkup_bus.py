@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from observer_rt.bus.database import MessageLayout
+from observer_rt.bus.inputs import ROLES
 from observer_rt.bus.load import frame_time
-from observer_rt.bus.mapping import ROLES, BusMap, frame_key
+from observer_rt.bus.mapping import BusMap, frame_key
 from observer_rt.config import Bench, LinkConfig, Role
-from observer_rt.recording.bus_range import message_of, role_range, role_resolution
+from observer_rt.recording.bus_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.service.core import configured_noise
 from observer_rt.service.findings import Finding, Level, graded
 from observer_rt.units import LENGTH_UNITS, MEGAPASCAL, MICROMETRE, MILLISECOND, PRESSURE_UNITS
@@ -53,12 +54,14 @@ def expected_load(bench: Bench, bus: BusMap) -> BusLoad:
         return frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
 
     blocks = [
-        (time_of(layout), int(message["samples"]))
+        (time_of(layout) * int(message["kind_count"]), int(message["samples"]))
         for layout, message in zip(bus.input_layouts, bus.inputs.messages, strict=True)
     ]
-    blocks.append((time_of(bus.rate.layout), bus.rate_samples))
-    other = INJECTIONS_PER_SECOND * time_of(bus.summary.layout)
-    other += time_of(bus.status.layout) / (bench.config.outputs.status_period_ms * MILLISECOND)
+    if bus.rate is not None:
+        blocks.append((time_of(bus.rate.layout), bus.rate.samples))
+    other = INJECTIONS_PER_SECOND * len(bus.summary.pages) * time_of(bus.summary.layout)
+    status_period = bench.config.outputs.status_period_ms * MILLISECOND
+    other += len(bus.status.pages) * time_of(bus.status.layout) / status_period
     samples = round(WINDOW * rate)
     return BusLoad(
         continuous=other + sum(time * rate / size for time, size in blocks),
@@ -67,7 +70,8 @@ def expected_load(bench: Bench, bus: BusMap) -> BusLoad:
 
 
 def _layouts(bus: BusMap) -> list[MessageLayout]:
-    return [*bus.input_layouts, bus.rate.layout, bus.summary.layout, bus.status.layout]
+    outputs = [bus.rate, bus.summary, bus.status]
+    return [*bus.input_layouts, *(output.layout for output in outputs if output is not None)]
 
 
 def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:
@@ -81,7 +85,7 @@ def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:
     noise: float = getattr(configured_noise(bench), role.value)
     text = (
         f"{role}: {layout.name} 0x{layout.frame_id:X}, {int(message['samples'])} samples a frame in "
-        f"{_unit(role, float(message['factor'][ROLES.index(role)]))}, {limits.lowest / factor:.6g} to "
+        f"{_unit(role, role_factor(bus, role))}, {limits.lowest / factor:.6g} to "
         f"{limits.highest / factor:.6g} {unit} in steps of {resolution / factor:.3g} {unit}"
     )
     if not (limits.lowest <= 0.0 and limits.highest >= needed):
@@ -99,7 +103,7 @@ def _sample_periods(bench: Bench, bus: BusMap) -> list[Finding]:
     rate = bench.config.sampling.rate_hz
     expected = 1e9 / rate
     findings = [Finding("sampling", Level.OK, f"{rate:g} Hz, a sample every {expected:.6g} ns")]
-    for layout in (*bus.input_layouts, bus.rate.layout):
+    for layout in (*bus.input_layouts, *([bus.rate.layout] if bus.rate else [])):
         stated = layout.sample_period_ns
         if stated is not None and abs(stated - expected) > PERIOD_TOLERANCE:
             findings.append(

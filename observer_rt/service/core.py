@@ -131,11 +131,11 @@ class Core:
         self._pipeline = Pipeline(
             bus.inputs,
             make_receiver(),
-            make_alignment(len(bus.inputs.messages), dead_band(noise.needle_lift)[0]),
+            make_alignment(bus.inputs.stream_count, dead_band(noise.needle_lift)[0]),
             self._observer,
-            make_publisher(bus.rate, bus.rate_samples, self._learning),
+            make_publisher(bus.rate, self._learning),
         )
-        self._rate_layout = bus.rate.layout
+        self._rate_layout = bus.rate.layout if bus.rate else None
         self._summary_writer = FrameWriter(bus.summary)
         self._on_report = on_report or (lambda _: None)
         self._known = start
@@ -267,7 +267,7 @@ class Core:
             memory["injections_reported"] += 1
             report = self._report(injection, event, outcome)
             values = summary_values(report, self._injector_id, self._learning, self._pressure_scale)
-            self._frames.append(self._summary_writer.write(values))
+            self._frames += self._summary_writer.write(values)
             self._on_report(report)
 
     def _report(self, injection: np.void, event: np.void, outcome: Outcome | None) -> InjectionReport:
@@ -314,6 +314,8 @@ class Core:
         publisher = self._pipeline.publisher
         count = int(publisher.memory["frames"][0])
         layout = self._rate_layout
+        if layout is None:
+            return
         for frame in publisher.out[:count]:
             payload = frame["payload"][: int(frame["length"])].tobytes()
             self._frames.append(OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload))

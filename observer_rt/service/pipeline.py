@@ -10,24 +10,28 @@ from observer_rt.bus import e2e
 from observer_rt.bus.alignment import Alignment, Placing, decide, place_block, store
 from observer_rt.bus.codec import decode
 from observer_rt.bus.e2e import E2EStatus
-from observer_rt.bus.mapping import MAX_INPUTS, ROLES, Inputs
+from observer_rt.bus.inputs import MAX_INPUTS, MAX_SIGNALS, ROLES, Inputs
+from observer_rt.bus.multiplexing import is_selected
 from observer_rt.config import Role
 from observer_rt.observer.state import Observer
 from observer_rt.observer.step import advance_stream, push
 from observer_rt.service.publisher import Publisher, publish
 
 MAX_COUNTER_STEP = 15  # larger steps of the E2E counter are a wrong sequence, not a few lost frames
-MAX_SIGNALS = 256
 _ACCEPTED = int(Placing.ACCEPTED)
-_REPEATED = int(Placing.REPEATED)
-_OLD = int(Placing.OLD)
+_RESTARTED = int(Placing.RESTARTED)
 _RAIL = ROLES.index(Role.RAIL_PRESSURE)
 _LIFT = ROLES.index(Role.NEEDLE_LIFT)
 _LINE = ROLES.index(Role.LINE_PRESSURE)
 
 RECEIVER = np.dtype(
     [
-        ("last_counter", np.int64, (MAX_INPUTS,)),  # -1: none yet
+        ("last_counter", np.int64, (MAX_INPUTS,)),  # of every message, -1: none yet
+        (
+            "interrupted",
+            np.int8,
+            (MAX_INPUTS,),
+        ),  # of every stream, 1: its last frame is not the counter's last
         ("values", np.float64, (MAX_SIGNALS,)),
         ("frames", np.int64),  # accepted as ours, good or bad
         ("crc_errors", np.int64),
@@ -86,34 +90,58 @@ def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8]) -> None:
     if payload.size not in (message.length, message.padded_length):
         receiver.length_errors += 1
         return
-    if message.data_id >= 0 and not e2e.check(payload, message.length, message.data_id):
+    if not e2e.check(payload, message.length, message.e2e_profile, message.data_id):
         receiver.crc_errors += 1
         return
-    table = pipeline.inputs.signals[message.first_signal : message.first_signal + message.signal_count]
-    decode(payload, table, receiver.values)
-    counter = payload[e2e.COUNTER_BYTE]
+    counter = e2e.frame_counter(payload, message.e2e_profile)
     last = receiver.last_counter[number]
-    status = e2e.classify(counter, last, last >= 0, MAX_COUNTER_STEP)
-    contiguous = message.data_id >= 0 and status == E2EStatus.OK
-    placing, start = place_block(
-        pipeline.alignment, number, int(receiver.values[0]), message.samples, contiguous
-    )
-    if placing in (_REPEATED, _OLD):
+    max_step = min(MAX_COUNTER_STEP, e2e.counter_values(message.e2e_profile) // 2)
+    status = e2e.classify(counter, last, last >= 0, max_step, message.e2e_profile)
+    follows = message.e2e_profile != e2e.UNPROTECTED and status == E2EStatus.OK
+    found, placed, restarted = 0, 0, False
+    for g in range(message.first_group, message.first_group + message.group_count):
+        group = pipeline.inputs.groups[g]
+        if not is_selected(payload, pipeline.inputs.selection, group.first_condition, group.condition_count):
+            continue
+        found |= 1 << group.stream
+        placing = _take_group(pipeline, group, payload, follows and receiver.interrupted[group.stream] == 0)
+        if placing in (_ACCEPTED, _RESTARTED):
+            placed |= 1 << group.stream
+            restarted |= placing == _RESTARTED
+    if found != 0 and placed == 0:
         return
+    for g in range(message.first_group, message.first_group + message.group_count):
+        stream = pipeline.inputs.groups[g].stream
+        if (placed >> stream) & 1:
+            receiver.interrupted[stream] = 0
+        elif not follows:
+            receiver.interrupted[stream] = 1
     if (
-        placing == _ACCEPTED
+        not restarted
         and (status == E2EStatus.WRONG_SEQUENCE or status == E2EStatus.REPEATED)
-        and message.data_id >= 0
+        and message.e2e_profile != e2e.UNPROTECTED
     ):
         receiver.sequence_errors += 1
     receiver.last_counter[number] = counter
-    for role in range(MAX_INPUTS):
-        if (message.roles >> role) & 1:
-            for k in range(message.samples):
-                value = receiver.values[message.position[role] + k]
-                store(pipeline.alignment, start + k, role, value * message.factor[role])
     decide(pipeline.alignment)
     _feed(pipeline)
+
+
+@njit(cache=True, nogil=True)
+def _take_group(pipeline: Pipeline, group, payload, contiguous):  # type: ignore[no-untyped-def]
+    """Decode and align the samples of one group; contiguous: by the counter, since the stream's last frame."""
+    values = pipeline.receiver[0].values
+    table = pipeline.inputs.signals[group.first_signal : group.first_signal + group.signal_count]
+    decode(payload, table, values)
+    index = (int(values[0]) + group.offset) & 0xFFFFFFFF
+    placing, start = place_block(pipeline.alignment, group.stream, index, group.samples, contiguous)
+    if placing in (_ACCEPTED, _RESTARTED):
+        for role in range(MAX_INPUTS):
+            if (group.roles >> role) & 1:
+                for k in range(group.samples):
+                    value = values[group.position[role] + k]
+                    store(pipeline.alignment, start + k, role, value * group.factor[role])
+    return placing
 
 
 @njit(cache=True, nogil=True)

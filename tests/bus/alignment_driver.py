@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from observer_rt.bus.alignment import Placing, decide, make_alignment, place_block, store
-from observer_rt.bus.mapping import ROLES
+from observer_rt.bus.inputs import ROLES
 from observer_rt.config import Role
 from observer_rt.continuity import Break
 

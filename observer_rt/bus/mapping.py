@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.codec import signal_table
 from observer_rt.bus.database import MessageLayout, find_message, find_signal, load_database, signal_names
+from observer_rt.bus.timing import Following, following, map_timing, number_signal
 from observer_rt.config import Bench, Role, SignalConfig
 from observer_rt.errors import UserError
 from observer_rt.units import LENGTH_UNITS, PRESSURE_UNITS
 
 EXTENDED = 1 << 32  # added to the id of an extended frame, so that one number names a frame
 E2E_PROFILE = 5
-INDEX_BITS = 32  # of the sample index in every input message
 ROLES = tuple(Role)
 MAX_INPUTS = len(ROLES)
 _UNITS = {
@@ -36,7 +36,7 @@ INPUT_MESSAGE = np.dtype(
         ("roles", np.int64),  # bit r: carries ROLES[r]
         ("position", np.int64, (MAX_INPUTS,)),  # of a role's first sample among the decoded values
         ("factor", np.float64, (MAX_INPUTS,)),  # to SI
-        ("first_signal", np.int64),  # rows of the signal table: the sample index, then the samples
+        ("first_signal", np.int64),  # rows of the signal table: index or counter, if any, then the samples
         ("signal_count", np.int64),
     ],
     align=True,
@@ -53,6 +53,7 @@ class Inputs(NamedTuple):
 
     messages: NDArray[np.void]  # INPUT_MESSAGE
     signals: NDArray[np.void]  # SIGNAL, of all messages one after another
+    timing: NDArray[np.void]  # TIMING
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ class BusMap:
 
     inputs: Inputs
     input_layouts: tuple[MessageLayout, ...]
+    following: tuple[Following | None, ...]  # how a message that is not on the grid follows it
     rate: OutputMessage
     rate_samples: int
     summary: OutputMessage
@@ -135,6 +137,7 @@ def map_bus(bench: Bench) -> BusMap:
     return BusMap(
         inputs=inputs,
         input_layouts=layouts,
+        following=tuple(following(bench, inputs.timing, inputs.messages["roles"].tolist())),
         rate=_output(rate_message, (*HEADER_SIGNALS, *rates)),
         rate_samples=len(rates),
         summary=_output(
@@ -170,6 +173,7 @@ def _map_inputs(bench: Bench, databases: Sequence[Database]) -> tuple[Inputs, tu
     rows = np.zeros(len(by_message), INPUT_MESSAGE)
     tables = []
     layouts = []
+    messages = []
     first_signal = 0
     for row, (name, roles) in zip(rows, by_message.items(), strict=True):
         message = _message(bench, databases, f"signals.{roles[0]}.message", name)
@@ -178,7 +182,9 @@ def _map_inputs(bench: Bench, databases: Sequence[Database]) -> tuple[Inputs, tu
         first_signal += len(table)
         tables.append(table)
         layouts.append(MessageLayout.of(message))
-    return Inputs(rows, np.concatenate(tables)), tuple(layouts)
+        messages.append((message, roles))
+    timing = map_timing(bench, messages, rows["samples"].tolist())
+    return Inputs(rows, np.concatenate(tables), timing), tuple(layouts)
 
 
 def _map_message(bench: Bench, message: Message, roles: Sequence[Role], row: np.void) -> NDArray[np.void]:
@@ -188,7 +194,8 @@ def _map_message(bench: Bench, message: Message, roles: Sequence[Role], row: np.
     row["length"] = layout.length
     row["padded_length"] = can.util.dlc2len(can.util.len2dlc(layout.length))
     row["data_id"] = -1 if layout.e2e_data_id is None else layout.e2e_data_id
-    names: list[str] = [_index_signal(bench, message, roles)]
+    number = number_signal(bench, message, roles)
+    names: list[str] = [] if number is None else [number.name]
     for role in roles:
         config = bench.config.signals.of(role)
         samples = _sample_names(bench, message, role, config)
@@ -198,11 +205,11 @@ def _map_message(bench: Bench, message: Message, roles: Sequence[Role], row: np.
                 f"has {len(samples)} samples a frame, other signals of {message.name} have {row['samples']}",
                 "name as many samples for every signal of a message",
             )
-        number = ROLES.index(role)
+        place = ROLES.index(role)
         row["samples"] = len(samples)
-        row["roles"] |= 1 << number
-        row["position"][number] = len(names)
-        row["factor"][number] = _factor(bench, message, role, samples)
+        row["roles"] |= 1 << place
+        row["position"][place] = len(names)
+        row["factor"][place] = _factor(bench, message, role, samples)
         names.extend(samples)
     return signal_table(message, names)
 
@@ -214,25 +221,6 @@ def _sample_names(bench: Bench, message: Message, role: Role, config: SignalConf
         raise UserError(
             f"{bench.path}: signals.{role}", f"{error.place} {error.problem}", error.remedy
         ) from None
-
-
-def _index_signal(bench: Bench, message: Message, roles: Sequence[Role]) -> str:
-    names = {bench.config.signals.of(role).index for role in roles}
-    name = names.pop()
-    if names or not any(signal.name == name for signal in message.signals):
-        raise UserError(
-            f"{bench.path}: signals.{roles[0]}.index",
-            f"message {message.name} has no signal {name!r} that carries its sample index",
-            "name the signal with the index of the frame's first sample; messages without one cannot be used yet",
-        )
-    signal = find_signal(message, name)
-    if (signal.length, signal.is_signed, signal.scale, signal.offset) != (INDEX_BITS, False, 1, 0):
-        raise UserError(
-            f"{bench.path}: signals.{roles[0]}.index",
-            f"{name} of message {message.name} is no unsigned number of {INDEX_BITS} bits in steps of 1",
-            "name such a signal; an index that wraps earlier cannot be told from a device that starts anew",
-        )
-    return name
 
 
 def _factor(bench: Bench, message: Message, role: Role, samples: Sequence[str]) -> float:

@@ -13,6 +13,7 @@ from observer_rt.bus.codec import encode
 from observer_rt.bus.database import MessageLayout
 from observer_rt.bus.e2e import protect
 from observer_rt.bus.mapping import MAX_INPUTS, ROLES, BusMap
+from observer_rt.bus.timing import Numbering
 from observer_rt.config import EXAMPLE_BENCH, Bench, SamplingConfig
 from observer_rt.errors import UserError
 from observer_rt.recording.recording import Recording
@@ -22,6 +23,8 @@ WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x
 WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
 RATE_TOLERANCE = 1e-6  # relative, between recording and bench
 OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
+_BY_INDEX = int(Numbering.INDEX)
+_BY_COUNTER = int(Numbering.COUNTER)
 
 
 def bench_for(bench: Bench, recording: Recording) -> Bench:
@@ -52,6 +55,11 @@ class TimedFrame(NamedTuple):
     is_fd: bool
     payload: bytes
 
+    @property
+    def stamp_ns(self) -> int:
+        """When it was received by a receiver without delay, in whole nanoseconds."""
+        return round(self.time * 1e9)
+
 
 @dataclass(frozen=True)
 class Span:
@@ -80,6 +88,11 @@ def windows(recording: Recording) -> list[Span]:
     return spans
 
 
+def grid_samples(bus: BusMap, number: int) -> int:
+    """Samples of the grid from one frame of an input message to its next."""
+    return int(bus.inputs.messages[number]["samples"]) * int(bus.inputs.timing[number]["steps"])
+
+
 class Framer:
     """Turns recordings into frames; its counters and sample index go on from one recording to the next."""
 
@@ -98,8 +111,13 @@ class Framer:
 
         The index then begins a frame of every message, so that no frame sent before reaches into it.
         """
-        block = math.lcm(*(int(message["samples"]) for message in self._bus.inputs.messages))
-        self._index = -(-(self._index + samples) // block) * block
+        before = self._index
+        block = math.lcm(*(grid_samples(self._bus, n) for n in range(len(self._bus.input_layouts))))
+        self._index = -(-(before + samples) // block) * block
+        for number, timing in enumerate(self._bus.inputs.timing):
+            if timing["numbering"] != Numbering.INDEX:  # their counters go on with time
+                passed = (self._index - before) // grid_samples(self._bus, number)
+                self._counters[number] += passed
 
     def frames(self, recording: Recording, spans: Sequence[Span]) -> Iterator[TimedFrame]:
         """Frames of the spans in order of time: each is sent with its last sample.
@@ -108,19 +126,22 @@ class Framer:
         """
         values = np.column_stack([getattr(recording, role.value) for role in ROLES])
         for span in spans:
-            encoded = [
-                self._encode(number, values[span.start : span.end], self._index + span.start)
-                for number in range(len(self._bus.input_layouts))
-            ]
+            encoded = [self._encode(number, values, span) for number in range(len(self._bus.input_layouts))]
             yield from self._in_order(encoded, span, 1.0 / recording.sample_rate)
         self._index += recording.samples
 
-    def _encode(self, number: int, values: NDArray[np.float64], index: int) -> NDArray[np.uint8]:
+    def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> NDArray[np.uint8]:
         message = self._bus.inputs.messages[number]
+        timing = self._bus.inputs.timing[number]
+        steps = int(timing["steps"])
+        first_index = -(-(self._index + span.start) // steps)  # of its own samples
+        rows = slice(first_index * steps - self._index, span.end, steps)
         first = int(message["first_signal"])
         table = self._bus.inputs.signals[first : first + int(message["signal_count"])]
-        payloads: NDArray[np.uint8] = _payloads(values, index, message, table, self._counters[number])
-        self._counters[number] = (self._counters[number] + len(payloads)) & 0xFF
+        payloads: NDArray[np.uint8] = _payloads(
+            values[rows], first_index, message, timing, table, self._counters[number]
+        )
+        self._counters[number] += len(payloads)
         return payloads
 
     def _in_order(
@@ -131,7 +152,9 @@ class Framer:
 
         def due(number: int) -> int:
             samples = int(self._bus.inputs.messages[number]["samples"])
-            return span.start + (position[number] + 1) * samples - 1
+            steps = int(self._bus.inputs.timing[number]["steps"])
+            first = -(-(self._index + span.start) // steps) * steps - self._index
+            return first + ((position[number] + 1) * samples - 1) * steps
 
         while any(position[number] < len(encoded[number]) for number in range(len(encoded))):
             number = min(
@@ -146,7 +169,7 @@ def _timed(layout: MessageLayout, time: float, payload: NDArray[np.uint8]) -> Ti
 
 
 @njit(cache=True, nogil=True)
-def _payloads(values, index, message, table, counter):  # type: ignore[no-untyped-def]
+def _payloads(values, index, message, timing, table, counter):  # type: ignore[no-untyped-def]
     """Frames (n, length) of one message for samples (m, MAX_INPUTS) [SI] from `index` on."""
     samples = message.samples
     count = (values.shape[0] + samples - 1) // samples
@@ -154,7 +177,10 @@ def _payloads(values, index, message, table, counter):  # type: ignore[no-untype
     numbers = np.empty(message.signal_count)
     for block in range(count):
         numbers[:] = np.nan
-        numbers[0] = (index + block * samples) & 0xFFFFFFFF
+        if timing.numbering == _BY_INDEX:
+            numbers[0] = (index + block * samples) & 0xFFFFFFFF
+        elif timing.numbering == _BY_COUNTER:
+            numbers[0] = (counter + block) % timing.modulus
         for role in range(MAX_INPUTS):
             if (message.roles >> role) & 1:
                 for k in range(min(samples, values.shape[0] - block * samples)):

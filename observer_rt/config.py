@@ -55,7 +55,11 @@ class SignalConfig(_Section):
     signals: tuple[str, ...] | None = None
     pattern: str | None = None
     time_base: str = "device"
-    index: str = "SampleIndex"  # signal with the index of the message's first sample
+    index: str | None = None  # signal with the index of the frame's first sample; "": none
+    counter: str | None = None  # signal that counts the frames of a message without index
+    rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
+    max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
+    delay_us: Annotated[float, Field(ge=0, le=1e6)] | None = None  # from a frame's last sample to its stamp
     unit: str | None = None  # replaces the unit of the bus database
 
     @model_validator(mode="after")
@@ -79,14 +83,6 @@ class SignalsConfig(_Section):
         """The mapping of a role."""
         mapping: SignalConfig = getattr(self, role.value)
         return mapping
-
-    @model_validator(mode="after")
-    def _one_time_base(self) -> Self:
-        if len({self.of(role).time_base for role in Role}) > 1:
-            raise ValueError(
-                "all three signals must have the same 'time_base': their samples share one index"
-            )
-        return self
 
 
 class SamplingConfig(_Section):

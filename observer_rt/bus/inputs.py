@@ -41,16 +41,24 @@ INPUT_MESSAGE = np.dtype(
     align=True,
 )
 
+# Samples of one or more roles that come together and are aligned with those of other streams.
+INPUT_STREAM = np.dtype(
+    [
+        ("samples", np.int64),  # of every role, in all frames that share one sample index
+        ("roles", np.int64),  # bit r: carries ROLES[r]
+    ],
+    align=True,
+)
+
 # Consecutive samples that one frame carries: all of a message's, or those under one selector value.
 INPUT_GROUP = np.dtype(
     [
-        ("stream", np.int64),  # groups of the same roles make up one stream of samples
+        ("stream", np.int64),  # that the group is a part of
         ("offset", np.int64),  # of the first sample from the frame's sample index
         ("samples", np.int64),  # of every role
-        ("roles", np.int64),  # bit r: carries ROLES[r]
         ("position", np.int64, (MAX_INPUTS,)),  # of a role's first sample among the decoded values
         ("factor", np.float64, (MAX_INPUTS,)),  # to SI
-        ("first_signal", np.int64),  # rows of the signal table: the sample index, then the samples
+        ("first_signal", np.int64),  # rows of the signal table: index or counter, if any, then the samples
         ("signal_count", np.int64),
         ("first_condition", np.int64),  # rows of the conditions that a frame with this group meets
         ("condition_count", np.int64),
@@ -73,24 +81,22 @@ class Inputs(NamedTuple):
     """What compiled code needs to decode the input frames."""
 
     messages: NDArray[np.void]  # INPUT_MESSAGE
+    streams: NDArray[np.void]  # INPUT_STREAM
     groups: NDArray[np.void]  # INPUT_GROUP, of all messages one after another
     signals: NDArray[np.void]  # SIGNAL, of all groups one after another
     selection: Selection
     kinds: NDArray[np.void]  # INPUT_KIND
 
-    @property
-    def stream_count(self) -> int:
-        """Streams of samples that are aligned with each other."""
-        return int(self.groups["stream"].max()) + 1
+    timing: NDArray[np.void]  # TIMING, of every stream
 
 
 class InputTables:
     """Rows of `Inputs`, message after message."""
 
     def __init__(self) -> None:
-        self.streams = 0
-        self._messages: list[NDArray[np.void]] = []
         self._groups: list[NDArray[np.void]] = []
+        self._streams: list[tuple[int, int]] = []
+        self._messages: list[NDArray[np.void]] = []
         self._kinds: list[NDArray[np.void]] = []
         self._signals = [np.zeros(0, SIGNAL)]
         self._selectors = [np.zeros(0, SIGNAL)]
@@ -99,12 +105,13 @@ class InputTables:
     def add_group(
         self, row: NDArray[np.void], message: Message, names: Sequence[str], group: SampleGroup
     ) -> None:
-        """Add a group of the message that comes next; `names` of its sample index and its samples."""
+        """Add a group of the stream that comes next; `names` of its index or counter and its samples."""
         if len(names) > MAX_SIGNALS:
             raise UserError(
                 f"message {message.name}",
                 f"{len(names)} signals of a frame are mapped, at most {MAX_SIGNALS}",
             )
+        row["stream"] = len(self._streams)
         row["offset"], row["samples"] = group.offset, group.count
         row["first_signal"], row["signal_count"] = _rows(self._signals), len(names)
         self._signals.append(signal_table(message, names))
@@ -114,6 +121,15 @@ class InputTables:
         self._selectors.append(selection.selectors)
         self._conditions.append(selection.conditions)
         self._groups.append(row)
+
+    def add_stream(self, samples: int, roles: int) -> None:
+        """Add the stream whose groups were added just before, with `samples` of its `roles` (bits) a round."""
+        self._streams.append((samples, roles))
+
+    @property
+    def stream_samples(self) -> list[int]:
+        """Samples of every role that the frames with one sample index carry, by stream."""
+        return [samples for samples, _ in self._streams]
 
     def add_message(self, row: NDArray[np.void], message: Message, groups: Sequence[SampleGroup]) -> None:
         """Add a message whose groups were added just before."""
@@ -128,14 +144,16 @@ class InputTables:
         row["kind_count"] = len(self._kinds) - row["first_kind"]
         self._messages.append(row)
 
-    def inputs(self) -> Inputs:
-        """All that was added."""
+    def inputs(self, timing: NDArray[np.void]) -> Inputs:
+        """All that was added, with the timing of every stream."""
         return Inputs(
             np.array(self._messages, INPUT_MESSAGE),
+            np.array(self._streams, INPUT_STREAM),
             np.array(self._groups, INPUT_GROUP),
             np.concatenate(self._signals),
             Selection(np.concatenate(self._selectors), np.concatenate(self._conditions)),
             np.array(self._kinds, INPUT_KIND),
+            timing,
         )
 
 

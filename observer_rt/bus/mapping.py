@@ -1,6 +1,7 @@
 """From bench file and bus database to arrays: which frames carry which samples, which carry the results."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import can.util
@@ -20,13 +21,13 @@ from observer_rt.bus.outputs import (
     protected_layout,
     rate_message,
 )
-from observer_rt.bus.sample_groups import SampleGroup, sample_groups
-from observer_rt.config import Bench, Role, SignalConfig
+from observer_rt.bus.sample_groups import SampleGroup, require_carried, sample_groups
+from observer_rt.bus.timing import INDEX_BITS, Following, following, map_timing, number_signal
+from observer_rt.config import Bench, Role
 from observer_rt.errors import UserError
 from observer_rt.units import LENGTH_UNITS, PRESSURE_UNITS
 
 EXTENDED = 1 << 32  # added to the id of an extended frame, so that one number names a frame
-INDEX_BITS = 32  # of the sample index in every input message
 _UNITS = {
     Role.RAIL_PRESSURE: PRESSURE_UNITS,
     Role.NEEDLE_LIFT: LENGTH_UNITS,
@@ -45,10 +46,17 @@ class BusMap:
 
     inputs: Inputs
     input_layouts: tuple[MessageLayout, ...]
+    following: tuple[Following | None, ...]  # how a stream that is not on the grid follows it
     rate: RateMessage | None
     """None: the injection rate is not published."""
     summary: OutputMessage
     status: OutputMessage
+
+
+def stream_of(bus: BusMap, role: Role) -> int:
+    """Number of the stream that carries a role."""
+    bit = 1 << ROLES.index(role)
+    return next(n for n, stream in enumerate(bus.inputs.streams) if int(stream["roles"]) & bit)
 
 
 def map_bus(bench: Bench) -> BusMap:
@@ -65,6 +73,7 @@ def map_bus(bench: Bench) -> BusMap:
     return BusMap(
         inputs=inputs,
         input_layouts=layouts,
+        following=tuple(following(bench, inputs.timing, inputs.streams["roles"].tolist())),
         rate=rate,
         summary=output_message(
             _message(bench, databases, "outputs.injection_summary", outputs.injection_summary),
@@ -78,10 +87,8 @@ def _message(bench: Bench, databases: Sequence[Database], key: str, name: str) -
     for database in databases:
         if any(message.name == name for message in database.messages):
             return find_message(database, name)
-    try:
+    with _named(f"{bench.path}: {key}"):
         return find_message(databases[0], name)
-    except UserError as error:
-        raise UserError(f"{bench.path}: {key}", f"{error.place} {error.problem}", error.remedy) from None
 
 
 def _map_inputs(bench: Bench, databases: Sequence[Database]) -> tuple[Inputs, tuple[MessageLayout, ...]]:
@@ -90,6 +97,7 @@ def _map_inputs(bench: Bench, databases: Sequence[Database]) -> tuple[Inputs, tu
         by_message.setdefault(bench.config.signals.of(role).message, []).append(role)
     tables = InputTables()
     layouts = []
+    streams = []
     for name, roles in by_message.items():
         message = _message(bench, databases, f"signals.{roles[0]}.message", name)
         layout = protected_layout(message)
@@ -100,18 +108,22 @@ def _map_inputs(bench: Bench, databases: Sequence[Database]) -> tuple[Inputs, tu
         row["padded_length"] = can.util.dlc2len(can.util.len2dlc(layout.length))
         row["e2e_profile"] = layout.e2e_profile or UNPROTECTED
         row["data_id"] = layout.e2e_data_id or 0
-        _map_message(bench, message, roles, row, tables)
-    return tables.inputs(), tuple(layouts)
+        streams += [(message, together) for together in _map_message(bench, message, roles, row, tables)]
+    timing = map_timing(bench, streams, tables.stream_samples)
+    _require_one_rate(bench, streams, timing["steps"].tolist())
+    return tables.inputs(timing), tuple(layouts)
 
 
 def _map_message(
     bench: Bench, message: Message, roles: Sequence[Role], row: NDArray[np.void], tables: InputTables
-) -> None:
+) -> list[list[Role]]:
+    """Add a message to the tables; returns the roles of each of its streams."""
     samples: dict[Role, tuple[str, ...]] = {}
-    streams: dict[tuple[str, tuple[SampleGroup, ...]], list[Role]] = {}
+    streams: dict[tuple[SampleGroup, ...], list[Role]] = {}
     for role in roles:
-        config = bench.config.signals.of(role)
-        samples[role] = _sample_names(bench, message, role, config)
+        with _named(f"{bench.path}: signals.{role}"):
+            samples[role] = signal_names(message, bench.config.signals.of(role).names)
+            groups = sample_groups(message, samples[role])
         if row["samples"] not in (0, len(samples[role])):
             raise UserError(
                 f"{bench.path}: signals.{role}",
@@ -119,61 +131,53 @@ def _map_message(
                 "name as many samples for every signal of a message",
             )
         row["samples"] = len(samples[role])
-        index = _index_signal(bench, message, role)
-        groups = _sample_groups(bench, message, role, samples[role], index)
-        streams.setdefault((index, groups), []).append(role)
-    for (index, groups), together in streams.items():
+        streams.setdefault(groups, []).append(role)
+    for groups, together in streams.items():
+        number = number_signal(bench, message, together)
+        if number is not None:
+            with _named(f"{bench.path}: signals.{together[0]}"):
+                require_carried(message, number.name, groups)
+        if any(group.conditions for group in groups) and (number is None or number.length != INDEX_BITS):
+            raise UserError(
+                f"{bench.path}: signals.{together[0]}.index",
+                f"{message.name} sends samples in turns under a multiplexer, but no sample index with them",
+                "name the signal with the index of the frame's first sample",
+            )
         for group in groups:
             group_row = np.zeros((), INPUT_GROUP)
-            group_row["stream"] = tables.streams
-            names = [index]
+            names = [] if number is None else [number.name]
             for role in together:
-                number = ROLES.index(role)
-                group_row["roles"] |= 1 << number
-                group_row["position"][number] = len(names)
-                group_row["factor"][number] = _factor(bench, message, role, samples[role])
+                place = ROLES.index(role)
+                group_row["position"][place] = len(names)
+                group_row["factor"][place] = _factor(bench, message, role, samples[role])
                 names.extend(samples[role][group.offset : group.offset + group.count])
             tables.add_group(group_row, message, names, group)
-        tables.streams += 1
-    tables.add_message(row, message, [group for _, groups in streams for group in groups])
+        tables.add_stream(int(row["samples"]), sum(1 << ROLES.index(role) for role in together))
+    tables.add_message(row, message, [group for groups in streams for group in groups])
+    return list(streams.values())
 
 
-def _sample_names(bench: Bench, message: Message, role: Role, config: SignalConfig) -> tuple[str, ...]:
+def _require_one_rate(
+    bench: Bench, streams: Sequence[tuple[Message, list[Role]]], steps: Sequence[int]
+) -> None:
+    """Streams of one message share its index."""
+    names = [message.name for message, _ in streams]
+    for (message, roles), ratio in zip(streams, steps, strict=True):
+        if ratio > 1 and names.count(message.name) > 1:
+            raise UserError(
+                f"{bench.path}: signals.{roles[0]}.rate_hz",
+                f"{message.name} carries other signals under the same sample index",
+                "leave rate_hz out: all signals of one message are sampled alike",
+            )
+
+
+@contextmanager
+def _named(place: str) -> Iterator[None]:
+    """Errors that name message and signal also name the place in the bench file."""
     try:
-        return signal_names(message, config.names)
+        yield
     except UserError as error:
-        raise UserError(
-            f"{bench.path}: signals.{role}", f"{error.place} {error.problem}", error.remedy
-        ) from None
-
-
-def _sample_groups(
-    bench: Bench, message: Message, role: Role, samples: Sequence[str], index: str
-) -> tuple[SampleGroup, ...]:
-    try:
-        return sample_groups(message, samples, index)
-    except UserError as error:
-        raise UserError(
-            f"{bench.path}: signals.{role}", f"{error.place} {error.problem}", error.remedy
-        ) from None
-
-
-def _index_signal(bench: Bench, message: Message, role: Role) -> str:
-    name = bench.config.signals.of(role).index
-    if not any(signal.name == name for signal in message.signals):
-        raise UserError(
-            f"{bench.path}: signals.{role}.index",
-            f"message {message.name} has no signal {name!r} that carries its sample index",
-            "name the signal with the index of the frame's first sample; messages without one cannot be used yet",
-        )
-    signal = find_signal(message, name)
-    if (signal.length, signal.is_signed, signal.scale, signal.offset) != (INDEX_BITS, False, 1, 0):
-        raise UserError(
-            f"{bench.path}: signals.{role}.index",
-            f"{name} of message {message.name} is no unsigned number of {INDEX_BITS} bits in steps of 1",
-            "name such a signal; an index that wraps earlier cannot be told from a device that starts anew",
-        )
-    return name
+        raise UserError(place, f"{error.place} {error.problem}", error.remedy) from None
 
 
 def _factor(bench: Bench, message: Message, role: Role, samples: Sequence[str]) -> float:

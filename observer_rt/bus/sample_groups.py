@@ -19,12 +19,11 @@ class SampleGroup:
     conditions: Conditions
 
 
-def sample_groups(message: Message, samples: Sequence[str], index: str) -> tuple[SampleGroup, ...]:
-    """The groups that make up the list `samples`, in its order; `index` is the signal with their sample index.
+def sample_groups(message: Message, samples: Sequence[str]) -> tuple[SampleGroup, ...]:
+    """The groups that make up the list `samples`, in its order.
 
     Raises:
-        UserError: the list goes back to an earlier group, frames may carry two groups of it, or a frame with
-            samples does not carry the index.
+        UserError: the list goes back to an earlier group, or one frame may carry two groups of it.
     """
     groups: list[SampleGroup] = []
     for conditions, names in groupby(samples, lambda name: conditions_of(message, name)):
@@ -38,11 +37,15 @@ def sample_groups(message: Message, samples: Sequence[str], index: str) -> tuple
                 "are listed or the multiplexing changes",
                 "list the samples in the order they are taken, those of one frame together",
             )
+    return tuple(groups)
+
+
+def require_carried(message: Message, index: str, groups: Sequence[SampleGroup]) -> None:
+    """Raise `UserError` unless every frame with these samples also carries the signal `index`."""
     for group in groups:
         if not conditions_of(message, index) <= group.conditions:
             raise UserError(
                 f"message {message.name}",
-                f"frames with {samples[group.offset]} need not carry the sample index {index}",
+                f"sends {index} only with other samples than the {group.count} from number {group.offset} on",
                 "name an index that is in every frame with these samples",
             )
-    return tuple(groups)

@@ -20,6 +20,7 @@ from observer_rt.service.output import OutputFrame
 from observer_rt.service.report import InjectionReport
 
 Progress = Callable[[int], None]  # samples done
+NANOSECONDS = 1e9  # in a second
 PAUSE = 1.0  # s, between two recordings of a history
 _READ_EVERY = 64  # frames between two looks at the observer's memory
 
@@ -161,6 +162,10 @@ class _Run:
         )
         self._nominal = Core(bench, bus, learning=False)
         self._framer = Framer(bus)
+        self._delays = {
+            (layout.frame_id, layout.is_extended): round(float(timing["delay"]) * NANOSECONDS)
+            for layout, timing in zip(bus.input_layouts, bus.inputs.timing, strict=True)
+        }
         self._progress = progress or (lambda _: None)
         self._seen = 0
         self._nominal_seen = 0
@@ -170,10 +175,13 @@ class _Run:
     def take(self, recording: Recording) -> None:
         if self._parts:
             self._framer.pause(round(PAUSE * recording.sample_rate))
-        self._parts.append(_Part(recording, self._framer.next_index))
+        first_index = self._framer.next_index
+        self._parts.append(_Part(recording, first_index))
+        start = round(first_index / recording.sample_rate * NANOSECONDS)
         for count, frame in enumerate(self._framer.frames(recording, whole(recording))):
-            self._frames += self._core.handle(frame.frame_id, frame.is_extended, frame.payload)
-            self._nominal.handle(frame.frame_id, frame.is_extended, frame.payload)
+            stamp = start + frame.stamp_ns + self._delays[frame.frame_id, frame.is_extended]
+            self._frames += self._core.handle(frame.frame_id, frame.is_extended, frame.payload, stamp)
+            self._nominal.handle(frame.frame_id, frame.is_extended, frame.payload, stamp)
             if count % _READ_EVERY == 0:
                 self._read()
         self._read()

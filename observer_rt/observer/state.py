@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.continuity import Break
+from observer_rt.continuity import Break, Doubt
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.estimation.sensor import Sensor
 from observer_rt.model.coefficients import Coefficients
@@ -50,6 +50,10 @@ class Reason(IntEnum):
     SUDDEN_CHANGE = 13  # the event contradicts what was learned before it
     AMBIGUOUS_SCALE = 14  # line stiffness and nozzle flow changed as if the line's inertance had
     UNTESTED = 15  # the training in use (the paper's) has no test of its result
+    TIME_BASE = (
+        Doubt.TIME_BASE
+    )  # when samples were taken, or the line pressure against the others, is in doubt
+    INPUT_STALE = 18  # one of the inputs stays away while others come
 
 
 SAMPLE = np.dtype(
@@ -61,6 +65,7 @@ SAMPLE = np.dtype(
         ("line_pressure", np.float64),
         ("interpolated", np.bool_),
         ("broken", np.int8),  # Break
+        ("doubt", np.int8),  # Doubt
         # as computed
         ("seat_area", np.float64),  # u2
         ("resting", np.bool_),

@@ -87,7 +87,8 @@ def _groups(bus: BusMap, number: int, role: Role) -> list[np.void]:
     message = bus.inputs.messages[number]
     first = int(message["first_group"])
     groups = bus.inputs.groups[first : first + int(message["group_count"])]
-    return [group for group in groups if int(group["roles"]) >> ROLES.index(role) & 1]
+    roles = bus.inputs.streams["roles"]
+    return [group for group in groups if int(roles[group["stream"]]) >> ROLES.index(role) & 1]
 
 
 def _samples(bus: BusMap, role: Role) -> list[NDArray[np.void]]:

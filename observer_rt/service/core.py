@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import make_alignment
-from observer_rt.bus.mapping import BusMap, frame_key
-from observer_rt.config import Bench
+from observer_rt.bus.alignment_memory import make_alignment
+from observer_rt.bus.mapping import BusMap, frame_key, stream_of
+from observer_rt.bus.timekeeping import make_timekeeping
+from observer_rt.bus.timing import SLOTS
+from observer_rt.config import Bench, Role
 from observer_rt.errors import UserError
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.effects import effective_model
@@ -131,7 +133,10 @@ class Core:
         self._pipeline = Pipeline(
             bus.inputs,
             make_receiver(),
-            make_alignment(bus.inputs.stream_count, dead_band(noise.needle_lift)[0]),
+            make_timekeeping(
+                bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
+            ),
+            make_alignment(bus.following, dead_band(noise.needle_lift)[0]),
             self._observer,
             make_publisher(bus.rate, self._learning),
         )
@@ -145,10 +150,14 @@ class Core:
         self._free_rows: FreeNetwork | None = None
         self._frames: list[OutputFrame] = []
 
-    def handle(self, frame_id: int, is_extended: bool, payload: bytes) -> list[OutputFrame]:
-        """Take one received frame; frames that are not ours are ignored. Returns the frames to send."""
+    def handle(self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int) -> list[OutputFrame]:
+        """Take one received frame; frames that are not ours are ignored. Returns the frames to send.
+
+        stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames. Where all
+        messages of one time base carry an index, it changes no result.
+        """
         data = np.frombuffer(payload, np.uint8)
-        waiting = handle(self._pipeline, frame_key(frame_id, is_extended), data)
+        waiting = handle(self._pipeline, frame_key(frame_id, is_extended), data, stamp_ns)
         return self._go_on(waiting)
 
     def finish(self) -> list[OutputFrame]:
@@ -176,6 +185,12 @@ class Core:
         """State and reason of the last processed sample."""
         if self.processed == 0:
             return State.STARTING, Reason.STARTING
+        alignment = self._pipeline.alignment.memory[0]
+        if (
+            alignment["followers"]["stale"].any()
+            or alignment["newest"] - alignment["next_index"] > SLOTS // 2
+        ):
+            return State.DEGRADED, Reason.INPUT_STALE
         row = self._observer.ring[(self.processed - 1) % RING]
         return State(int(row["state"])), Reason(int(row["reason"]))
 

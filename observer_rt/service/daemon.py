@@ -60,7 +60,9 @@ class Daemon:
                 frame = self._link.receive(RECEIVE_TIMEOUT)
                 now = time.monotonic_ns()
                 if frame is not None:
-                    self._send(self.core.handle(frame.frame_id, frame.is_extended, frame.payload))
+                    self._send(
+                        self.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
+                    )
                 if now >= next_status:
                     self._send_status(now)
                     next_status = now + self._status_period

@@ -77,10 +77,10 @@ def test_frames_of_others_change_nothing(bench: Path, frames: list[Frame], resul
     core = Core(loaded, map_bus(loaded))
     out = []
     for frame in frames:
-        out += core.handle(0x7FF, False, b"\x00" * 8)
-        out += core.handle(frame.frame_id, True, frame.payload)  # an extended frame with our number
-        out += core.handle(frame.frame_id, False, frame.payload)
-        out += core.handle(0x200, False, frame.payload)  # our own output, by somebody else
+        out += core.handle(0x7FF, False, b"\x00" * 8, 0)
+        out += core.handle(frame.frame_id, True, frame.payload, 0)  # an extended frame with our number
+        out += core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+        out += core.handle(0x200, False, frame.payload, 0)  # our own output, by somebody else
     assert out + core.finish() == result.frames
     assert core.counters.frames == len(frames)
 
@@ -148,7 +148,7 @@ def test_learning_switched_off(bench: Path, frames: list[Frame]) -> None:
     loaded = load_bench(bench)
     core = Core(loaded, map_bus(loaded), learning=False)
     for frame in frames:
-        core.handle(frame.frame_id, False, frame.payload)
+        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
     core.finish()
     assert core.counters.adoptions == 0
     assert core.counters.events == 3
@@ -166,7 +166,7 @@ def test_learning_that_is_late_is_skipped_and_counted(bench: Path, frames: list[
     loaded = load_bench(bench)
     core = Core(loaded, map_bus(loaded), executor=NeverDone())
     for frame in frames:
-        core.handle(frame.frame_id, False, frame.payload)
+        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
     assert core.counters.late_adoptions == 3
     assert core.counters.adoptions == 0
     assert core.counters.samples > 14_900

@@ -45,6 +45,7 @@ class LinkConfig(_Section):
 
 class DatabaseConfig(_Section):
     file: str  # relative to the bench file; or the name of a database shipped with the package
+    lenient: bool = False  # read it although signals overlap or do not fit
 
 
 class SignalConfig(_Section):

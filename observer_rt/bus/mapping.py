@@ -3,13 +3,15 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 import can.util
 import numpy as np
 from cantools.database.can import Database, Message
 from numpy.typing import NDArray
 
-from observer_rt.bus.database import MessageLayout, find_message, find_signal, load_database, signal_names
+from observer_rt.bus.database import MessageLayout, find_message, find_signal, signal_names
+from observer_rt.bus.database_file import load_database, overlooked
 from observer_rt.bus.e2e import UNPROTECTED
 from observer_rt.bus.inputs import INPUT_GROUP, INPUT_MESSAGE, ROLES, Inputs, InputTables
 from observer_rt.bus.outputs import (
@@ -41,6 +43,15 @@ def frame_key(frame_id: int, is_extended: bool) -> int:
 
 
 @dataclass(frozen=True)
+class KnownMessage:
+    """A message that some database defines; `key` as by `frame_key`."""
+
+    name: str
+    key: int
+    path: Path
+
+
+@dataclass(frozen=True)
 class BusMap:
     """Everything the bench file says of the bus, compiled."""
 
@@ -51,6 +62,10 @@ class BusMap:
     """None: the injection rate is not published."""
     summary: OutputMessage
     status: OutputMessage
+    known: tuple[KnownMessage, ...]
+    """All messages of all databases, used or not."""
+    overlooked: tuple[str, ...]
+    """What is wrong with databases that were read leniently."""
 
 
 def stream_of(bus: BusMap, role: Role) -> int:
@@ -64,7 +79,8 @@ def map_bus(bench: Bench) -> BusMap:
 
     Raises `UserError` naming bench file, key and what the database has instead.
     """
-    databases = [load_database(path) for path in bench.databases]
+    files = list(zip(bench.databases, bench.config.dbc, strict=True))
+    databases = [load_database(path, entry.lenient) for path, entry in files]
     inputs, layouts = _map_inputs(bench, databases)
     outputs = bench.config.outputs
     rate = None
@@ -80,6 +96,17 @@ def map_bus(bench: Bench) -> BusMap:
             SUMMARY_SIGNALS,
         ),
         status=output_message(_message(bench, databases, "outputs.status", outputs.status), STATUS_SIGNALS),
+        known=tuple(
+            KnownMessage(message.name, frame_key(message.frame_id, message.is_extended_frame), path)
+            for (path, _), database in zip(files, databases, strict=True)
+            for message in database.messages
+        ),
+        overlooked=tuple(
+            f"{path}: {complaint}"
+            for (path, entry), database in zip(files, databases, strict=True)
+            if entry.lenient
+            for complaint in overlooked(database)
+        ),
     )
 
 

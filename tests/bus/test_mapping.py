@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.database import find_message, load_database
+from observer_rt.bus.database import find_message
+from observer_rt.bus.database_file import load_database
 from observer_rt.bus.e2e import UNPROTECTED
 from observer_rt.bus.mapping import BusMap, frame_key, map_bus
 from observer_rt.config import EXAMPLE_BENCH, PACKAGE_DATA, load_bench

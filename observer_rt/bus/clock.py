@@ -19,13 +19,13 @@ WINDOW = 0.2e9  # ns
 MAX_DRIFT = 500e-6  # of any clock worth the name; more is a wrong sample rate in the bench file
 STEP = 1e6  # ns that the lowest stamps of a window may leave the line by before the clock counts as set anew
 USUAL_GAIN = 0.25  # of the greatest delay of a window, in what is usual
-BATCHED = 0.25  # of a frame's cycle, within which two frames arrived together
-FEW_BATCHED = 0.1  # share of such frames, above which the stamps are those of batches
+FEW_TOGETHER = 0.1  # share of frames closer than a bus can carry them, above which stamps are those of batches
 
 CLOCK = np.dtype(
     [
         ("interval", np.float64),  # ns, nominal, between two samples
         ("samples", np.int64),  # of a frame
+        ("shortest", np.float64),  # ns from one frame to the next that a bus can do
         ("begun", np.bool_),
         ("first_index", np.int64),
         ("first_stamp", np.int64),  # ns
@@ -36,7 +36,7 @@ CLOCK = np.dtype(
         ("lowest_at", np.float64),  # samples after the first
         ("latest", np.float64),  # ns, of the delays
         ("frames", np.int64),
-        ("together", np.int64),  # frames that arrived with their predecessor
+        ("together", np.int64),  # frames that came sooner after their predecessor than a bus can carry them
         # finished windows
         ("points", np.int64),
         ("places", np.float64, (POINTS,)),  # samples after the first
@@ -66,9 +66,13 @@ class Jitter(NamedTuple):
     greatest: float
 
 
-def make_clock(interval: float, samples: int) -> NDArray[np.void]:
-    """A clock (1,) that has seen no stamp; `interval` [s] between samples, of which a frame has `samples`."""
+def make_clock(interval: float, samples: int, shortest: float) -> NDArray[np.void]:
+    """A clock (1,) that has seen no stamp; `interval` [s] between samples, of which a frame has `samples`.
+
+    shortest: time [s] from one frame to the next that a bus can do, 0 where there is none.
+    """
     clock = np.zeros(1, CLOCK)
+    clock["shortest"] = shortest * 1e9
     clock["interval"] = interval * 1e9
     clock["samples"] = samples
     clock["residual"] = math.inf
@@ -129,7 +133,7 @@ def take_stamp(clock, index: int, stamp: int) -> bool:  # type: ignore[no-untype
         clock.delay_max = max(clock.delay_max, delay)
     clock.latest = max(clock.latest, delay)
     clock.frames += 1
-    if clock.frames > 1 and stamp - clock.last_stamp < BATCHED * clock.samples * clock.interval:
+    if clock.frames > 1 and stamp - clock.last_stamp < clock.shortest:
         clock.together += 1
     clock.last_stamp = stamp
     if above < clock.lowest:
@@ -168,7 +172,7 @@ def _open_window(clock, start: float) -> None:  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _close_window(clock, now: float) -> None:  # type: ignore[no-untyped-def]
     """Take the lowest stamp of the window into the line, or begin a new line when it does not belong to it."""
-    batched = clock.together > FEW_BATCHED * clock.frames
+    batched = clock.together > FEW_TOGETHER * clock.frames
     off_line = clock.lowest - clock.offset - clock.drift * clock.lowest_at
     clock.raised = off_line if clock.points >= ENOUGH_POINTS else 0.0
     if clock.points >= ENOUGH_POINTS and abs(off_line) > STEP:

@@ -18,6 +18,9 @@ ENOUGH_POINTS = 4  # from which on the line is trusted
 WINDOW = 0.2e9  # ns
 MAX_DRIFT = 500e-6  # of any clock worth the name; more is a wrong sample rate in the bench file
 STEP = 1e6  # ns that the lowest stamps of a window may leave the line by before the clock counts as set anew
+PROMPT = 2e3  # ns of delay, within which a frame came without waiting
+FEW_PROMPT = 1 / 3  # share of such frames, below which it is not sure that any did
+LEAST_OF_DELAYS = 0.1  # of the mean delay, that the least one may then have
 USUAL_GAIN = 0.25  # of the greatest delay of a window, in what is usual
 FEW_TOGETHER = 0.1  # share of frames closer than a bus can carry them, above which stamps are those of batches
 
@@ -36,6 +39,8 @@ CLOCK = np.dtype(
         ("lowest_at", np.float64),  # samples after the first
         ("latest", np.float64),  # ns, of the delays
         ("frames", np.int64),
+        ("prompt", np.int64),
+        ("waited", np.float64),  # ns, sum of the delays
         ("together", np.int64),  # frames that came sooner after their predecessor than a bus can carry them
         # finished windows
         ("points", np.int64),
@@ -119,7 +124,6 @@ def take_stamp(clock, index: int, stamp: int) -> bool:  # type: ignore[no-untype
         clock.first_index = index
         clock.first_stamp = stamp
         _open_window(clock, 0.0)
-        clock.together = 0
     place = float(index - clock.first_index)
     above = excess(clock, index, stamp)
     delay = above - clock.offset - clock.drift * place
@@ -132,6 +136,8 @@ def take_stamp(clock, index: int, stamp: int) -> bool:  # type: ignore[no-untype
         clock.delay_squares += delay * delay
         clock.delay_max = max(clock.delay_max, delay)
     clock.latest = max(clock.latest, delay)
+    clock.waited += delay
+    clock.prompt += delay < PROMPT
     clock.frames += 1
     if clock.frames > 1 and stamp - clock.last_stamp < clock.shortest:
         clock.together += 1
@@ -166,13 +172,14 @@ def _open_window(clock, start: float) -> None:  # type: ignore[no-untyped-def]
     clock.lowest = math.inf
     clock.latest = 0.0
     clock.frames = 0
+    clock.prompt = 0
+    clock.waited = 0.0
     clock.together = 0
 
 
 @njit(cache=True, nogil=True)
 def _close_window(clock, now: float) -> None:  # type: ignore[no-untyped-def]
     """Take the lowest stamp of the window into the line, or begin a new line when it does not belong to it."""
-    batched = clock.together > FEW_TOGETHER * clock.frames
     off_line = clock.lowest - clock.offset - clock.drift * clock.lowest_at
     clock.raised = off_line if clock.points >= ENOUGH_POINTS else 0.0
     if clock.points >= ENOUGH_POINTS and abs(off_line) > STEP:
@@ -191,9 +198,11 @@ def _close_window(clock, now: float) -> None:  # type: ignore[no-untyped-def]
         clock.usual += USUAL_GAIN * (clock.spread - clock.usual)
     if clock.points >= ENOUGH_POINTS:
         _draw_line(clock)
-        if batched:
+        if clock.together > FEW_TOGETHER * clock.frames:
             # all frames of a batch carry its time: when each was sent lies somewhere within a cycle
             clock.residual += clock.samples * clock.interval
+        if clock.prompt < FEW_PROMPT * clock.frames:
+            clock.residual += LEAST_OF_DELAYS * clock.waited / clock.frames
     _open_window(clock, now)
 
 

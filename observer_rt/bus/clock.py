@@ -18,14 +18,17 @@ ENOUGH_POINTS = 4  # from which on the line is trusted
 WINDOW = 0.2e9  # ns
 MAX_DRIFT = 500e-6  # of any clock worth the name; more is a wrong sample rate in the bench file
 STEP = 1e6  # ns that the lowest stamps of a window may leave the line by before the clock counts as set anew
+PROMPT = 2e3  # ns of delay, within which a frame came without waiting
+FEW_PROMPT = 1 / 3  # share of such frames, below which it is not sure that any did
+LEAST_OF_DELAYS = 0.1  # of the mean delay, that the least one may then have
 USUAL_GAIN = 0.25  # of the greatest delay of a window, in what is usual
-BATCHED = 0.25  # of a frame's cycle, within which two frames arrived together
-FEW_BATCHED = 0.1  # share of such frames, above which the stamps are those of batches
+FEW_TOGETHER = 0.1  # share of frames closer than a bus can carry them, above which stamps are those of batches
 
 CLOCK = np.dtype(
     [
         ("interval", np.float64),  # ns, nominal, between two samples
         ("samples", np.int64),  # of a frame
+        ("shortest", np.float64),  # ns from one frame to the next that a bus can do
         ("begun", np.bool_),
         ("first_index", np.int64),
         ("first_stamp", np.int64),  # ns
@@ -36,7 +39,9 @@ CLOCK = np.dtype(
         ("lowest_at", np.float64),  # samples after the first
         ("latest", np.float64),  # ns, of the delays
         ("frames", np.int64),
-        ("together", np.int64),  # frames that arrived with their predecessor
+        ("prompt", np.int64),
+        ("waited", np.float64),  # ns, sum of the delays
+        ("together", np.int64),  # frames that came sooner after their predecessor than a bus can carry them
         # finished windows
         ("points", np.int64),
         ("places", np.float64, (POINTS,)),  # samples after the first
@@ -66,9 +71,13 @@ class Jitter(NamedTuple):
     greatest: float
 
 
-def make_clock(interval: float, samples: int) -> NDArray[np.void]:
-    """A clock (1,) that has seen no stamp; `interval` [s] between samples, of which a frame has `samples`."""
+def make_clock(interval: float, samples: int, shortest: float) -> NDArray[np.void]:
+    """A clock (1,) that has seen no stamp; `interval` [s] between samples, of which a frame has `samples`.
+
+    shortest: time [s] from one frame to the next that a bus can do, 0 where there is none.
+    """
     clock = np.zeros(1, CLOCK)
+    clock["shortest"] = shortest * 1e9
     clock["interval"] = interval * 1e9
     clock["samples"] = samples
     clock["residual"] = math.inf
@@ -115,7 +124,6 @@ def take_stamp(clock, index: int, stamp: int) -> bool:  # type: ignore[no-untype
         clock.first_index = index
         clock.first_stamp = stamp
         _open_window(clock, 0.0)
-        clock.together = 0
     place = float(index - clock.first_index)
     above = excess(clock, index, stamp)
     delay = above - clock.offset - clock.drift * place
@@ -128,8 +136,10 @@ def take_stamp(clock, index: int, stamp: int) -> bool:  # type: ignore[no-untype
         clock.delay_squares += delay * delay
         clock.delay_max = max(clock.delay_max, delay)
     clock.latest = max(clock.latest, delay)
+    clock.waited += delay
+    clock.prompt += delay < PROMPT
     clock.frames += 1
-    if clock.frames > 1 and stamp - clock.last_stamp < BATCHED * clock.samples * clock.interval:
+    if clock.frames > 1 and stamp - clock.last_stamp < clock.shortest:
         clock.together += 1
     clock.last_stamp = stamp
     if above < clock.lowest:
@@ -162,13 +172,14 @@ def _open_window(clock, start: float) -> None:  # type: ignore[no-untyped-def]
     clock.lowest = math.inf
     clock.latest = 0.0
     clock.frames = 0
+    clock.prompt = 0
+    clock.waited = 0.0
     clock.together = 0
 
 
 @njit(cache=True, nogil=True)
 def _close_window(clock, now: float) -> None:  # type: ignore[no-untyped-def]
     """Take the lowest stamp of the window into the line, or begin a new line when it does not belong to it."""
-    batched = clock.together > FEW_BATCHED * clock.frames
     off_line = clock.lowest - clock.offset - clock.drift * clock.lowest_at
     clock.raised = off_line if clock.points >= ENOUGH_POINTS else 0.0
     if clock.points >= ENOUGH_POINTS and abs(off_line) > STEP:
@@ -187,9 +198,11 @@ def _close_window(clock, now: float) -> None:  # type: ignore[no-untyped-def]
         clock.usual += USUAL_GAIN * (clock.spread - clock.usual)
     if clock.points >= ENOUGH_POINTS:
         _draw_line(clock)
-        if batched:
+        if clock.together > FEW_TOGETHER * clock.frames:
             # all frames of a batch carry its time: when each was sent lies somewhere within a cycle
             clock.residual += clock.samples * clock.interval
+        if clock.prompt < FEW_PROMPT * clock.frames:
+            clock.residual += LEAST_OF_DELAYS * clock.waited / clock.frames
     _open_window(clock, now)
 
 

@@ -67,7 +67,7 @@ def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leadi
     count = len(timing)
     clocks, counts = np.zeros(count, CLOCK), np.zeros(count, COUNTING)
     for number, row in enumerate(timing):
-        clocks[number] = make_clock(float(row["interval"]), int(samples[number]))[0]
+        clocks[number] = make_clock(float(row["interval"]), int(samples[number]), float(row["shortest"]))[0]
         counts[number] = make_counting(int(row["modulus"]))[0]
     return Timekeeping(memory, timing, clocks, counts, np.zeros(count, SHIFT))
 

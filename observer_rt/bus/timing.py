@@ -25,6 +25,7 @@ INDEX_BITS = 32
 CLASSIC_LENGTH = 8  # bytes
 LONGEST_COUNTER = 16  # bits
 HELD_CYCLES = 2.5  # of a slower signal, where the bench file states no max_hold_ms: one may be lost
+SHORTEST = 0.5  # of the time a frame takes on the bus
 TOLERANCE = 2e-6  # s that the time of lift or line pressure may be unknown by: 0.25 MPa of the line pressure
 RAIL_TOLERANCE = 20e-6  # s, the same of the rail pressure, which changes slowly
 SLOW_TOLERANCE = 0.05  # of the interval of a slower one
@@ -59,6 +60,7 @@ TIMING = np.dtype(
         ("steps", np.int64),  # samples of the grid from one sample of the message to its next
         ("interval", np.float64),  # s between two samples of the message
         ("delay", np.float64),  # s from a frame's last sample to its stamp, without waiting
+        ("shortest", np.float64),  # s from one frame to the next, below which the stamps are not those of a bus
         ("hold", np.float64),  # s, of a slower signal
         ("tolerance", np.float64),  # s that its time may be unknown by
     ],
@@ -190,20 +192,18 @@ def _map_message(bench: Bench, message: Message, roles: Sequence[Role], samples:
     if tuple(roles) == (Role.RAIL_PRESSURE,):
         row["tolerance"] = max(RAIL_TOLERANCE, SLOW_TOLERANCE * row["interval"])
     delay = _agreed(bench, message, roles, "delay_us")
-    link = bench.config.link
-    if delay is not None:
-        row["delay"] = delay * MICROSECOND
-    elif not _is_virtual(link):
-        is_fd = (
-            layout.is_fd or layout.length > CLASSIC_LENGTH
-        )  # what the database forgot to say, `check` does
-        row["delay"] = frame_time(layout.length, is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
+    on_bus = _time_on_bus(layout, bench.config.link)
+    row["delay"] = on_bus if delay is None else delay * MICROSECOND
+    row["shortest"] = SHORTEST * on_bus
     _set_hold(bench, message, roles, samples, row)
 
 
-def _is_virtual(link: LinkConfig) -> bool:
-    """Whether frames take no time on the bus."""
-    return link.interface == "virtual" or link.channel.startswith("vcan")
+def _time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
+    """s that a frame takes; none where the bus is not a real one."""
+    if link.interface == "virtual" or link.channel.startswith("vcan"):
+        return 0.0
+    is_fd = layout.is_fd or layout.length > CLASSIC_LENGTH  # where the database forgot to say so, `check` does
+    return frame_time(layout.length, is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
 
 
 def _steps(bench: Bench, message: Message, roles: Sequence[Role]) -> int:

@@ -127,7 +127,7 @@ def _run(window: Window, setting: Setting, learned: Learned, result: OpenLoop) -
         if u[1] < 1.0:
             h_area += by_chamber * network.back_pressure[1]
         result.slopes[k, _BACK_PRESSURE] = c.nozzle_flow * by_chamber
-        result.slopes[k, _BACK_PRESSURE + 1] = c.nozzle_flow * by_chamber * min(u[1], 1.0)
+        result.slopes[k, _BACK_PRESSURE + 1] = c.nozzle_flow * by_chamber * u[1]
         result.rate[k] = c.nozzle_flow * flow * (1.0 + change)
         for i, h in enumerate((h_1, h_2, h_3, h_area)):
             result.gradient[k, i] = c.nozzle_flow * h

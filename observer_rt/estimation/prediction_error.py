@@ -66,13 +66,31 @@ class Linearisation:
         """information @ (the minimum of the quadratic approximation), (m,)."""
         return self.information @ self.theta - self.gradient
 
+    def expected(self, theta: NDArray[np.float64]) -> float:
+        """The cost at another theta (m,) by the quadratic approximation."""
+        step = theta - self.theta
+        return self.value + float(self.gradient @ step) + 0.5 * float(step @ self.information @ step)
+
+    def moved(self, theta: NDArray[np.float64], value: float) -> "Linearisation":
+        """The same quadratic approximation round another theta (m,), where the cost was found to be `value`."""
+        gradient = self.gradient + self.information @ (theta - self.theta)
+        return Linearisation(theta, value, gradient, self.information)
+
     def score(self, covariance: NDArray[np.float64]) -> float:
         """Score test of a prior belief with this covariance (m, m) and its mean here: g' (G + G C G)^-1 g.
 
         chi2 with m degrees of freedom when the belief is right.
         """
-        spread = self.information + self.information @ covariance @ self.information
-        return float(self.gradient @ np.linalg.solve(spread, self.gradient))
+        return float(self.gradient @ np.linalg.solve(self._spread(covariance), self.gradient))
+
+    def standard_scores(self, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """By how many standard deviations each parameter pulls up (m,), tested alone as in `score`; 0 without say."""
+        sigma = np.sqrt(np.diag(self._spread(covariance)))
+        return np.divide(-self.gradient, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
+
+    def _spread(self, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Covariance (m, m) of the gradient when a belief is right."""
+        return self.information + self.information @ covariance @ self.information
 
 
 class EventCost:
@@ -85,10 +103,10 @@ class EventCost:
         """sigma: standard deviation of the innovations, in units of p_0."""
         self._window = window
         self._setting = setting
-        self._sigma = sigma
-        self._burn_in = burn_in
+        self.sigma = sigma
+        self.burn_in = burn_in
         samples = window.output.shape[0]
-        self._slopes = np.zeros((samples, PARAMETERS))
+        self.slopes = np.zeros((samples, PARAMETERS))
         self.innovations = np.zeros(samples)
 
     def value(self, theta: NDArray[np.float64]) -> float:
@@ -97,15 +115,15 @@ class EventCost:
         return self._cost()
 
     def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
-        """J round theta (m,); leaves the innovations behind."""
+        """J round theta (m,); leaves the innovations and their slopes (n, m) behind."""
         innovations_with_sensitivity(
-            self._window, self._setting, learned_of(theta), self.innovations, self._slopes
+            self._window, self._setting, learned_of(theta), self.innovations, self.slopes
         )
         gradient = np.zeros(PARAMETERS)
         information = np.zeros((PARAMETERS, PARAMETERS))
-        weigh(self.innovations, self._slopes, self._burn_in, self._sigma, gradient, information)
+        weigh(self.innovations, self.slopes, self.burn_in, self.sigma, gradient, information)
         return Linearisation(theta, self._cost(), gradient, information)
 
     def _cost(self) -> float:
-        cost = robust_cost(self.innovations, self._burn_in, self._sigma)
+        cost = robust_cost(self.innovations, self.burn_in, self.sigma)
         return cost if math.isfinite(cost) else math.inf

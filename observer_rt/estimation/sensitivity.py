@@ -121,7 +121,7 @@ def rate_and_tangent(
     for neuron in range(network.hidden.shape[0]):
         rate[0, _NOZZLE_WEIGHT + neuron] -= soft * c.a2_nozzle * nozzle_flow * sigmas[neuron]
         rate[2, _NOZZLE_WEIGHT + neuron] -= c.a6 * nozzle_flow * sigmas[neuron]
-    for j, share in enumerate((1.0, min(u[1], 1.0))):
+    for j, share in enumerate((1.0, u[1])):
         by_back_pressure = by_chamber * (1.0 + nozzle_change) * share
         rate[0, _BACK_PRESSURE + j] -= soft * c.a2_nozzle * by_back_pressure
         rate[2, _BACK_PRESSURE + j] -= c.a6 * by_back_pressure

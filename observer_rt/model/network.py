@@ -1,6 +1,5 @@
 """The network part of phi: N = W tanh(V z) + b, the relative change of nozzle and seat flow."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -22,12 +21,15 @@ _HIDDEN_LAYER = (
 )
 
 
+_SATURATED = 20.0  # tanh is 1 beyond
+
+
 class Network(NamedTuple):
     """Weights of (7): `hidden` V (q, 6), `output` W (2, q), `bias` b (2,), and the back-pressure of the gate.
 
     back_pressure (2,): rise of p_C seen by the nozzle, in units of p_0: while the needle is open, and what comes on
-    top as the seat opens to A_0. It bends the gate G(x, u) of the nozzle flow near p_S = p_C as no bounded network
-    of x can.
+    top in proportion to u2 = A_S/A_0. It bends the gate G(x, u) of the nozzle flow near p_S = p_C as no bounded
+    network of x can.
     """
 
     hidden: NDArray[np.float64]
@@ -47,11 +49,27 @@ def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
 
 
 @njit(cache=True, nogil=True, inline="always")
+def fast_tanh(argument: float) -> float:
+    """tanh to within 1e-12, several times faster than the C library's: half of the loop's time would go there.
+
+    Lambert's continued fraction (1768) to its seventh term at a quarter of the argument, then doubled twice by
+    tanh 2y = 2t/(1 + t^2), with one division for all.
+    """
+    quarter = 0.25 * min(max(argument, -_SATURATED), _SATURATED)
+    square = quarter * quarter
+    p = quarter * (135135.0 + square * (17325.0 + square * (378.0 + square)))
+    q = 135135.0 + square * (62370.0 + square * (3150.0 + square * 28.0))
+    p, q = 2.0 * p * q, p * p + q * q
+    result: float = 2.0 * p * q / (p * p + q * q)
+    return result
+
+
+@njit(cache=True, nogil=True, inline="always")
 def activation(
     x: tuple[float, float, float], u: tuple[float, float], hidden: NDArray[np.float64], neuron: int
 ) -> float:
     """Output sigma_i = tanh(v_i z) of one hidden neuron (9)."""
-    return math.tanh(
+    sigma: float = fast_tanh(
         hidden[neuron, 0] * x[0]
         + hidden[neuron, 1] * x[1]
         + hidden[neuron, 2] * x[2]
@@ -59,12 +77,13 @@ def activation(
         + hidden[neuron, 4] * u[1]
         + hidden[neuron, 5]
     )
+    return sigma
 
 
 @njit(cache=True, nogil=True, inline="always")
 def back_pressure_at(u_2: float, network: Network) -> float:
     """Rise of p_C at a seat area, in units of p_0."""
-    rise: float = network.back_pressure[0] + network.back_pressure[1] * min(u_2, 1.0)
+    rise: float = network.back_pressure[0] + network.back_pressure[1] * u_2
     return rise
 
 

@@ -18,7 +18,9 @@ TEMPER_ABOVE = 1.6
 TEMPER_SIGNIFICANT = 2.5
 POOLING = 0.85  # weight of the statistics before this event
 REMEMBERED = 6.0  # standard deviations up to which they count, so that a passing trouble is soon over
-LARGEST_OFFSET = 2e6  # Pa, between line and rail pressure
+LARGEST_OFFSET = (
+    1.5e6  # Pa, between line and rail pressure: more may be a gain, and that is an error of the mass
+)
 FREEZE_AFTER = 2  # events
 SET_ASIDE_AFTER = 2  # events
 RELEASE_AFTER = 3
@@ -80,28 +82,36 @@ def findings(statistics: PhaseStatistics, offset: float, lag: float) -> list[Fin
     return result
 
 
-UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.AMBIGUOUS_SCALE, Reason.SUDDEN_CHANGE)
-LONGEST_DOUBT = 3  # events
+UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.AMBIGUOUS_SCALE, Reason.SUDDEN_CHANGE, Reason.TIME_BASE)
+BELIEVED_AFTER = 2  # explained events in a row, where what was learned was set aside
 
 
 class Doubt:
     """What was learned is not carried where too many events are not explained by it.
 
-    A sudden change is one such event, changes all the time are many. An event that passed is explained, whatever
-    was before it.
+    A sudden change is one such event, changes all the time are many; a scale that is not known is enough by itself.
+    Until then an event that passed makes up for one that did not; afterwards several in a row must pass, for some
+    operating points contradict a wrong model more than others.
     """
 
     def __init__(self) -> None:
         self._events = 0
+        self._passed = 0
+        self._because: Finding | None = None
 
-    def is_too_much_after(self, found: Collection[Finding]) -> bool:
-        """Take in what an event was found to be; whether to carry the nominal model from it on."""
-        if not found:
-            self._events = max(self._events - 1, 0)
-            return False
-        if any(finding.reason in UNEXPLAINED for finding in found):
-            self._events = min(self._events + 1, LONGEST_DOUBT)
-        return self._events >= SET_ASIDE_AFTER
+    def after(self, found: Collection[Finding]) -> Finding | None:
+        """Take in what an event was found to be; why the nominal model is to be carried from it on, None if not."""
+        unexplained = next((finding for finding in found if finding.reason in UNEXPLAINED), None)
+        if unexplained is not None:
+            counts = SET_ASIDE_AFTER if unexplained.reason is Reason.AMBIGUOUS_SCALE else 1
+            self._events, self._passed = self._events + counts, 0
+            if self._events >= SET_ASIDE_AFTER:
+                self._because = unexplained
+        elif not found:
+            self._events, self._passed = max(self._events - 1, 0), self._passed + 1
+            if self._passed >= BELIEVED_AFTER:
+                self._events, self._because = 0, None
+        return self._because
 
 
 class Freezer:

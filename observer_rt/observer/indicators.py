@@ -97,7 +97,7 @@ def nozzle_change(
         slopes[Parameter.NOZZLE_WEIGHT + neuron] = against_chamber * sigma
     if against_chamber > 0.0:
         slopes[Parameter.BACK_PRESSURE] = -0.5 * factor / (x_3 * against_chamber)
-        slopes[Parameter.BACK_PRESSURE + 1] = slopes[Parameter.BACK_PRESSURE] * min(u[1], 1.0)
+        slopes[Parameter.BACK_PRESSURE + 1] = slopes[Parameter.BACK_PRESSURE] * u[1]
     return factor * against_chamber - 1.0, slopes
 
 

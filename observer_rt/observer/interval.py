@@ -14,6 +14,9 @@ from observer_rt.estimation.predictor import Setting, Window
 # Of the rate's change from sample to sample (one sigma): between samples the inputs are no straight lines, least of
 # all where the needle leaves its seat and comes back.
 HOLD_SHARE = 0.06
+REVISED = (
+    0.02  # of the volume: a published one that differs more from the re-simulated one was not known well
+)
 
 
 @dataclass(frozen=True)
@@ -48,12 +51,18 @@ def resimulated(
 
 def volume_interval(event: Resimulated, window: slice) -> tuple[float, float]:
     """95 % interval of the volume [m3] injected in a window of the event, round the re-simulated volume."""
-    volume = float(np.trapezoid(event.run.rate[window])) * event.interval
+    volume = _volume(event, window)
     gradient = np.trapezoid(event.run.slopes[window], axis=0) * event.interval
     by_parameters = float(gradient @ event.covariance @ gradient)
     by_inputs = float(event.by_inputs.volume[window][-1])
     sigma = float(np.sqrt(by_parameters + by_inputs))
     return volume - 1.96 * sigma, volume + 1.96 * sigma
+
+
+def is_revised(event: Resimulated, window: slice, volume: float) -> bool:
+    """Whether what was learned from the event contradicts the volume [m3] published for a window of it."""
+    learned = _volume(event, window)
+    return not abs(volume - learned) <= REVISED * abs(learned)
 
 
 def rate_sigma(event: Resimulated, window: slice) -> NDArray[np.float64]:
@@ -62,3 +71,7 @@ def rate_sigma(event: Resimulated, window: slice) -> NDArray[np.float64]:
     by_parameters = np.einsum("ki,ij,kj->k", slopes, event.carried_covariance, slopes)
     by_hold = HOLD_SHARE * np.gradient(event.run.rate)[window]
     return np.asarray(np.sqrt(by_parameters + event.by_inputs.rate[window] + by_hold**2), np.float64)
+
+
+def _volume(event: Resimulated, window: slice) -> float:
+    return float(np.trapezoid(event.run.rate[window])) * event.interval

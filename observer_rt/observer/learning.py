@@ -1,12 +1,13 @@
 """Learning between events: everything jointly, by prediction error, as a Bayesian update."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
-from observer_rt.estimation.gating import best_subset, carried_covariance, gated_covariance
+from observer_rt.estimation.gating import carried_covariance, gated_covariance
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.phases import (
     AFTERGLOW,
@@ -16,7 +17,7 @@ from observer_rt.estimation.phases import (
     phases_of,
 )
 from observer_rt.estimation.posterior import Belief
-from observer_rt.estimation.prediction_error import EventCost, Linearisation
+from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Setting, Window, open_loop_error
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
@@ -30,43 +31,31 @@ from observer_rt.observer.adequacy import (
     pooled,
     tempering,
 )
+from observer_rt.observer.fitting import EventFitter, Fit
 from observer_rt.observer.indicators import nozzle_change
 from observer_rt.observer.interval import resimulated
 from observer_rt.observer.knowledge import (
     DEFAULT_RULES,
-    LONGEST_STEP,
     Knowledge,
     LearningRules,
     Outcome,
     Verdict,
     no_knowledge,
-    theta_bounds,
 )
+from observer_rt.observer.lateness import LagDoubt, lag_score
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import Constants, Reason
+from observer_rt.observer.trend import Trend
 
 BURN_IN = 0.5e-3  # s of the window before innovations count
 FIRST_ITERATIONS = 8
 ITERATIONS = 2
-HALVINGS = 4  # of a step that does not lower the cost
-TOLERANCE = 0.02  # of the expected decrease, in units of chi2
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 ADOPTION_TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error
 CHANGE_SCORE = 60.0  # of the score test; without change it is 13 +- 5
 QUICKER_SCORE = 35.0  # from which on wear is taken to move faster than its usual drift
 QUICKER = 30.0  # times the usual drift
 CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """One event fitted from a prior: what is active, the cost round the estimate, the innovations there."""
-
-    active: frozenset[int]
-    linearisation: Linearisation
-    innovations: NDArray[np.float64]
-    prior: Belief
-    contradicts: bool = False  # what was believed before the event
 
 
 class Learner:
@@ -89,6 +78,8 @@ class Learner:
         self._previous: Window | None = None
         self._freezer = Freezer()
         self._doubt = Doubt()
+        self._lag_doubt = LagDoubt()
+        self._trend = Trend()
 
     @property
     def schedule(self) -> GainSchedule:
@@ -106,27 +97,35 @@ class Learner:
             self._noise = standstill.noise
         self._schedule = self._gains()
         try:
-            fit = self._fit(window, self._prior(standstill))
+            cost = self._cost(window)
+            fit = self._fit(cost, self._prior(standstill))
             if fit is None:
                 return self._outcome(Verdict.FAILED, window, in_force)
             statistics = self._event_statistics(window, fit.innovations)
+            lag = lag_score(window, self._setting(), fit, cost, self._rules.prior.vector(self._scale))
             carried = carried_covariance(in_force, fit.prior, self._rules.gate, self._active)
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
             return self._outcome(Verdict.FAILED, window, in_force)
         self._events += 1
         self._statistics = pooled(self._statistics, statistics)
+        doubts = []
+        if self._lag_doubt.is_no_lag_after(lag):
+            doubts.append(Reason.TIME_BASE)
         if fit.contradicts:
+            doubts.append(Reason.SUDDEN_CHANGE)
             self._previous = None  # it belongs to another injector
         better = self._is_better(window, in_force)
         self._previous = window
         if self._freezer.is_frozen_after(self._statistics):
             return self._frozen(window, in_force)
         verdict = Verdict.ADOPTED if better else Verdict.REJECTED
-        outcome = self._outcome(verdict, window, in_force, fit.contradicts)
-        if self._doubt.is_too_much_after(outcome.findings):
+        outcome = self._outcome(verdict, window, in_force, doubts)
+        because = self._doubt.after(outcome.findings)
+        if because is not None:
             nominal = replace(outcome.knowledge, in_force=np.zeros(PARAMETERS))
-            return replace(outcome, verdict=Verdict.SET_ASIDE, knowledge=nominal)
+            found = outcome.findings or (because,)
+            return replace(outcome, verdict=Verdict.SET_ASIDE, knowledge=nominal, findings=found)
         now = carried_covariance(self._theta, self._belief, self._rules.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried)
         return replace(outcome, resimulated=event)
@@ -143,57 +142,28 @@ class Learner:
         self._theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
         return replace(self._belief, mean=mean)
 
-    def _fit(self, window: Window, prior: Belief) -> _Fit | None:
+    def _fit(self, cost: EventCost, prior: Belief) -> Fit | None:
         """Fit the event; after a sudden change from a wide prior, if that explains it much better."""
-        cost = self._cost(window)
         first = cost.linearised(self._theta)
         if not np.isfinite(first.value):
             return None
+        fitter = EventFitter(cost, self._rules, self._active, self._scale)
         if self._events == 0:
-            return self._iterate(cost, first, prior, FIRST_ITERATIONS)
+            return fitter.fit(first, prior, FIRST_ITERATIONS)
         score = first.score(prior.covariance)
         if QUICKER_SCORE < score <= CHANGE_SCORE:
             prior = prior.widened(QUICKER * self._rules.drift.vector(self._scale))
-        fit = self._iterate(cost, first, prior, ITERATIONS)
+        drift = self._rules.drift.vector(self._scale)
+        prior = prior.widened(self._trend.extra_after(first.standard_scores(prior.covariance), drift))
+        fit = fitter.fit(first, prior, ITERATIONS)
         if score <= CHANGE_SCORE:
             return fit
         wide = prior.widened(self._rules.prior.vector(self._scale))
-        other = self._iterate(cost, fit.linearisation, wide, FIRST_ITERATIONS)
+        other = fitter.fit(fit.linearisation, wide, FIRST_ITERATIONS)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
 
-    def _iterate(self, cost: EventCost, start: Linearisation, prior: Belief, iterations: int) -> _Fit:
-        """Gauss-Newton with step halving, the subset of gated scalars chosen anew in every iteration."""
-        prior_information = prior.information()
-        prior_vector = prior_information @ prior.mean
-        lowest, highest = theta_bounds(self._scale)
-        longest = LONGEST_STEP.vector(self._scale)
-
-        def total(theta: NDArray[np.float64], value: float) -> float:
-            distance = theta - prior.mean
-            return value + 0.5 * float(distance @ prior_information @ distance)
-
-        here, active = start, self._active
-        here_total = total(here.theta, here.value)
-        for _ in range(iterations):
-            target, active = best_subset(
-                prior_information + here.information, prior_vector + here.vector, self._rules.gate, active
-            )
-            length = np.max(np.abs(target - here.theta) / longest)
-            target = here.theta + (target - here.theta) / max(1.0, length)
-            target = np.clip(target, lowest, highest)
-            there = cost.linearised(target)
-            for _ in range(HALVINGS):
-                if total(there.theta, there.value) < here_total:
-                    break
-                there = cost.linearised(0.5 * (here.theta + there.theta))
-            before = here_total
-            here, here_total = there, total(there.theta, there.value)
-            if abs(before - here_total) < TOLERANCE:
-                break
-        return _Fit(active, here, cost.innovations.copy(), prior)
-
-    def _take_in(self, fit: _Fit, temper: float) -> None:
+    def _take_in(self, fit: Fit, temper: float) -> None:
         """The fitted event into the belief, its information divided by `temper`."""
         here = fit.linearisation
         self._belief = fit.prior.updated(here.information / temper, here.vector / temper)
@@ -235,9 +205,9 @@ class Learner:
         verdict: Verdict,
         window: Window,
         in_force: NDArray[np.float64],
-        contradicts: bool = False,
+        doubts: Sequence[Reason] = (),
     ) -> Outcome:
-        """What to say of an event; `in_force` (m,) was carried during it."""
+        """What to say of an event; `in_force` (m,) was carried during it, `doubts` arose while it was fitted."""
         return Outcome(
             verdict=verdict,
             knowledge=Knowledge(
@@ -249,19 +219,18 @@ class Learner:
                 statistics=self._statistics,
             ),
             schedule=self._schedule,
-            findings=self._findings(verdict, window, contradicts),
+            findings=self._findings(verdict, window, doubts),
             estimate=self._theta.copy(),
             covariance=gated_covariance(self._belief, self._rules.gate, self._active),
         )
 
-    def _findings(self, verdict: Verdict, window: Window, contradicts: bool) -> tuple[Finding, ...]:
+    def _findings(self, verdict: Verdict, window: Window, doubts: Sequence[Reason]) -> tuple[Finding, ...]:
         if verdict is Verdict.FAILED:
             return (Finding(Reason.NOT_LEARNED),)
         offset = float(self._theta[Parameter.LINE_PRESSURE_OFFSET]) * self._scale
         lag = float(self._theta[Parameter.SENSOR_LAG]) * LAG_UNIT
         result = findings(self._statistics, offset, lag)
-        if contradicts:
-            result.append(Finding(Reason.SUDDEN_CHANGE))
+        result.extend(Finding(reason) for reason in doubts)
         if looks_like_inertance(self._open_nozzle_change(window), float(self._theta[Parameter.BULK_MODULUS])):
             result.append(Finding(Reason.AMBIGUOUS_SCALE))
         return tuple(result)

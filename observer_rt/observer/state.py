@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.continuity import Break, Doubt
+from observer_rt.continuity import Break
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.estimation.sensor import Sensor
 from observer_rt.model.coefficients import Coefficients
@@ -50,9 +50,8 @@ class Reason(IntEnum):
     SUDDEN_CHANGE = 13  # the event contradicts what was learned before it
     AMBIGUOUS_SCALE = 14  # line stiffness and nozzle flow changed as if the line's inertance had
     UNTESTED = 15  # the training in use (the paper's) has no test of its result
-    TIME_BASE = (
-        Doubt.TIME_BASE
-    )  # when samples were taken, or the line pressure against the others, is in doubt
+    TIME_BASE = 16  # when samples were taken is in doubt, or the line pressure seems recorded late
+    REVISED = 17  # what was learned from the injection changes its mass
     INPUT_STALE = 18  # one of the inputs stays away while others come
 
 

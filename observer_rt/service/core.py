@@ -17,8 +17,6 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.effects import effective_model
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.front_end import dead_band
-from observer_rt.observer.indicators import indicators_of, with_free_rows
-from observer_rt.observer.interval import rate_sigma, volume_interval
 from observer_rt.observer.knowledge import Knowledge, Outcome, Verdict, no_knowledge
 from observer_rt.observer.observer import (
     Durations,
@@ -36,7 +34,7 @@ from observer_rt.service.learners import LearnerFactory, make_learner
 from observer_rt.service.output import FrameWriter, OutputFrame, summary_values
 from observer_rt.service.pipeline import Pipeline, handle, make_receiver, proceed
 from observer_rt.service.publisher import flush, make_publisher
-from observer_rt.service.report import InjectionReport
+from observer_rt.service.report import InjectionReport, report_of
 from observer_rt.service.training import InlineExecutor, Training
 from observer_rt.units import MEGAPASCAL, MICROMETRE, MILLISECOND
 
@@ -146,8 +144,8 @@ class Core:
         self._known = start
         self._events_submitted = 0
         self._rejected = 0
-        self._first_version = start.phi_version
         self._free_rows: FreeNetwork | None = None
+        self._first_version = start.phi_version
         self._frames: list[OutputFrame] = []
 
     def handle(self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int) -> list[OutputFrame]:
@@ -264,9 +262,9 @@ class Core:
         judge(self._observer, outcome)
         if outcome is not None:
             self._rejected += outcome.verdict is not Verdict.ADOPTED
+            self._free_rows = outcome.free_rows
             version = int(self._observer.memory["phi_version"][0])
             self._known = replace(outcome.knowledge, phi_version=version)
-            self._free_rows = outcome.free_rows
         self._report_injections(event, outcome)
 
     def _head(self) -> int:
@@ -280,50 +278,11 @@ class Core:
             if injection["event"] > event["number"]:
                 break
             memory["injections_reported"] += 1
-            report = self._report(injection, event, outcome)
+            carried = in_force(self._observer), self._free_rows
+            report = report_of(injection, event, outcome, *carried, self._constants.coefficients)
             values = summary_values(report, self._injector_id, self._learning, self._pressure_scale)
             self._frames += self._summary_writer.write(values)
             self._on_report(report)
-
-    def _report(self, injection: np.void, event: np.void, outcome: Outcome | None) -> InjectionReport:
-        c = self._constants.coefficients
-        judgement = outcome.findings[0].reason if outcome is not None and outcome.findings else Reason.NONE
-        reason = Reason(int(injection["reason"])) or judgement
-        indicators = indicators_of(
-            in_force(self._observer) if outcome is None else outcome.estimate,
-            None if outcome is None else outcome.covariance,
-            injection["middle_x"],
-            injection["middle_u"],
-        )
-        if self._free_rows is not None:
-            middle = injection["middle_x"], injection["middle_u"]
-            indicators = with_free_rows(indicators, self._free_rows, *middle, c)
-        interval, sigma = None, None
-        belongs = injection["event"] == event["number"]
-        if belongs and outcome is not None and outcome.resimulated is not None:
-            first = int(event["window_start"])
-            window = slice(int(injection["start"]) - first, int(injection["end"]) - first + 1)
-            interval = volume_interval(outcome.resimulated, window)
-            sigma = rate_sigma(outcome.resimulated, window)
-        return InjectionReport(
-            number=int(injection["number"]),
-            event=int(injection["event"]),
-            start=int(injection["start"]),
-            end=int(injection["end"]),
-            start_index=int(injection["start_index"]),
-            end_index=int(injection["end_index"]),
-            volume=float(injection["volume"]),
-            mass=float(injection["volume"]) * c.density,
-            peak_rate=float(injection["peak_rate"]),
-            rail_pressure=float(injection["rail_pressure"]) * c.pressure_scale + c.chamber_pressure,
-            mass_ci95=None if interval is None else (interval[0] * c.density, interval[1] * c.density),
-            rate_sigma=sigma,
-            valid=reason is Reason.NONE,
-            reason=reason,
-            state=State(int(injection["state"])),
-            phi_version=int(injection["phi_version"]),
-            indicators=indicators,
-        )
 
     def _collect_rate_frames(self) -> None:
         publisher = self._pipeline.publisher

@@ -5,8 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.observer.indicators import Indicators
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.observer.indicators import Indicators, indicators_of, with_free_rows
+from observer_rt.observer.interval import is_revised, rate_sigma, volume_interval
+from observer_rt.observer.knowledge import Outcome
 from observer_rt.observer.state import Reason, State
+from observer_rt.paper.network import FreeNetwork
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,3 +40,58 @@ class InjectionReport:
     state: State
     phi_version: int
     indicators: Indicators
+
+
+def report_of(
+    injection: np.void,
+    event: np.void,
+    outcome: Outcome | None,
+    in_force: NDArray[np.float64],
+    free_rows: FreeNetwork | None,
+    c: Coefficients,
+) -> InjectionReport:
+    """What to say of an injection (row of dtype `observer.state.INJECTION`) once its event (`EVENT`) is judged.
+
+    outcome: what was learned from the event, None when nothing was; in_force: theta (m,) the observer carries,
+    free_rows: the paper's network where that is what it carries.
+    """
+    judgement = outcome.findings[0].reason if outcome is not None and outcome.findings else Reason.NONE
+    reason = Reason(int(injection["reason"])) or judgement
+    indicators = indicators_of(
+        in_force if outcome is None else outcome.estimate,
+        None if outcome is None else outcome.covariance,
+        injection["middle_x"],
+        injection["middle_u"],
+    )
+    if free_rows is not None:
+        middle = injection["middle_x"], injection["middle_u"]
+        indicators = with_free_rows(indicators, free_rows, *middle, c)
+    volume = float(injection["volume"])
+    interval, sigma = None, None
+    belongs = injection["event"] == event["number"]
+    if belongs and outcome is not None and outcome.resimulated is not None:
+        first = int(event["window_start"])
+        window = slice(int(injection["start"]) - first, int(injection["end"]) - first + 1)
+        interval = volume_interval(outcome.resimulated, window)
+        sigma = rate_sigma(outcome.resimulated, window)
+        if reason is Reason.NONE and is_revised(outcome.resimulated, window, volume):
+            reason = Reason.REVISED
+    return InjectionReport(
+        number=int(injection["number"]),
+        event=int(injection["event"]),
+        start=int(injection["start"]),
+        end=int(injection["end"]),
+        start_index=int(injection["start_index"]),
+        end_index=int(injection["end_index"]),
+        volume=volume,
+        mass=volume * c.density,
+        peak_rate=float(injection["peak_rate"]),
+        rail_pressure=float(injection["rail_pressure"]) * c.pressure_scale + c.chamber_pressure,
+        mass_ci95=None if interval is None else (interval[0] * c.density, interval[1] * c.density),
+        rate_sigma=sigma,
+        valid=reason is Reason.NONE,
+        reason=reason,
+        state=State(int(injection["state"])),
+        phi_version=int(injection["phi_version"]),
+        indicators=indicators,
+    )

@@ -141,10 +141,19 @@ def test_different_numbers_of_samples(tmp_path: Path) -> None:
     assert "2" in error.problem
 
 
-def test_message_without_an_index(tmp_path: Path) -> None:
-    error = refusal(tmp_path, rail_pressure='signal = "Rail"\nindex = "SampleIndex"')
+def test_signals_of_a_message_have_one_index(tmp_path: Path) -> None:
+    error = refusal(tmp_path, needle_lift='signal = "Lift"\nindex = "Second"')
+    assert error.place.endswith("signals.needle_lift.index")
+    assert "Daq" in error.problem
+
+
+def test_index_that_is_not_there(tmp_path: Path) -> None:
+    names = ("Rail", "Lift", "Line")
+    lines = {f"{role}": f'signal = "{name}"\nindex = "Indx"' for role, name in zip(ROLE_NAMES, names, strict=True)}
+    error = refusal(tmp_path, **lines)
     assert error.place.endswith("signals.rail_pressure.index")
     assert "sample index" in error.problem
+    assert 'index = ""' in error.remedy
 
 
 @pytest.mark.parametrize("index", ["Short", "Signed", "Steps"])

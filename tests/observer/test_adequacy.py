@@ -129,7 +129,7 @@ def test_offset_and_lag_limits(sign: float) -> None:
     assert findings(white, sign * 0.99 * LARGEST_OFFSET, 0.99 * LARGEST_LAG) == []
     assert findings(white, sign * 1.01 * LARGEST_OFFSET, 0.0) == [Finding(Reason.PRESSURE_OFFSET)]
     assert findings(white, 0.0, 1.01 * LARGEST_LAG) == [Finding(Reason.SENSOR_LAG)]
-    assert pytest.approx(2e6) == LARGEST_OFFSET
+    assert 0.8e6 < LARGEST_OFFSET < 3e6  # what must be borne, and what must not be believed
 
 
 def test_what_names_a_cause_comes_first() -> None:
@@ -175,23 +175,28 @@ def test_vanished_nozzle_is_still_a_number() -> None:
     assert not looks_like_inertance(-1.0, 0.1)
 
 
-def doubts(*reasons: Reason | None) -> list[bool]:
-    """Whether the nominal model is carried after each of these events; None: it passed."""
+def doubts(*reasons: Reason | None) -> list[Reason | None]:
+    """Why what was learned is set aside after each of the events; None as a reason: it passed."""
     doubt = Doubt()
-    return [doubt.is_too_much_after([] if r is None else [Finding(r)]) for r in reasons]
+    found = [doubt.after([] if r is None else [Finding(r)]) for r in reasons]
+    return [None if finding is None else finding.reason for finding in found]
+
+
+BAD, CHANGE, OFFSET = Reason.MODEL_INADEQUATE, Reason.SUDDEN_CHANGE, Reason.PRESSURE_OFFSET
 
 
 def test_one_change_is_no_doubt_but_changes_all_the_time_are() -> None:
-    change = Reason.SUDDEN_CHANGE
-    assert doubts(change, None, None, change, None) == [False] * 5
-    assert doubts(change, change) == [False, True]
+    assert doubts(CHANGE, None, None, CHANGE, None) == [None] * 5
+    assert doubts(CHANGE, CHANGE) == [None, CHANGE]
     # what is named and corrected neither raises nor removes doubt
-    offset = Reason.PRESSURE_OFFSET
-    assert doubts(offset, offset, offset) == [False] * 3
-    assert doubts(change, offset, change, offset, None) == [False, False, True, True, False]
+    assert doubts(OFFSET, OFFSET, OFFSET) == [None] * 3
+    assert doubts(CHANGE, OFFSET, CHANGE, OFFSET) == [None, None, CHANGE, CHANGE]
 
 
-def test_an_event_that_passed_ends_doubt_at_once_and_doubt_comes_back_sooner() -> None:
-    bad = Reason.MODEL_INADEQUATE
-    assert doubts(bad, bad, bad, bad, None, bad) == [False, True, True, True, False, True]
-    assert doubts(bad, bad, None, None, bad) == [False, True, False, False, False]
+def test_doubt_ends_when_two_events_in_a_row_passed() -> None:
+    assert doubts(BAD, BAD, None, BAD, None, None) == [None, BAD, BAD, BAD, BAD, None]
+    assert doubts(BAD, BAD, None, None, BAD) == [None, BAD, BAD, None, None]
+
+
+def test_a_scale_that_is_not_known_is_doubted_at_once() -> None:
+    assert doubts(Reason.AMBIGUOUS_SCALE) == [Reason.AMBIGUOUS_SCALE]

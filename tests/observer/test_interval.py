@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.estimation.input_noise import InputVariance
 from observer_rt.estimation.open_loop import OpenLoop
-from observer_rt.observer.interval import Resimulated, rate_sigma, volume_interval
+from observer_rt.observer.interval import Resimulated, is_revised, rate_sigma, volume_interval
 
 SIZE, SAMPLES = 13, 121
 INTERVAL = 1e-5
@@ -34,6 +34,15 @@ def event(seed: int) -> Resimulated:
 
 def test_volume_without_doubt_about_parameters_and_inputs() -> None:
     assert volume_interval(event(1), WHOLE) == pytest.approx((VOLUME, VOLUME))
+
+
+@pytest.mark.parametrize(("share", "revised"), [(0.97, True), (0.99, False), (1.01, False), (1.03, True)])
+def test_a_volume_is_revised_where_learning_moved_it(share: float, revised: bool) -> None:
+    assert is_revised(event(1), WHOLE, share * VOLUME) is revised
+
+
+def test_a_volume_that_is_no_number_is_revised() -> None:
+    assert is_revised(event(1), WHOLE, float("nan"))
 
 
 def test_width_of_the_volume_follows_from_parameters_and_inputs() -> None:

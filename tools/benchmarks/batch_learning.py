@@ -21,8 +21,9 @@ from observer_rt.estimation.prediction_error import Linearisation
 from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.coefficients import with_line_terms
+from observer_rt.observer.fitting import HALVINGS, TOLERANCE
 from observer_rt.observer.knowledge import GATE, EventLearner, Outcome
-from observer_rt.observer.learning import BURN_IN, FIRST_ITERATIONS, HALVINGS, ITERATIONS, TOLERANCE
+from observer_rt.observer.learning import BURN_IN, FIRST_ITERATIONS, ITERATIONS
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import Constants
 from observer_rt.units import MILLISECOND

@@ -1,0 +1,28 @@
+"""The network's activation against the C library's."""
+
+import math
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from observer_rt.model.network import fast_tanh
+
+
+@given(st.floats(-1e6, 1e6))
+@example(math.inf)
+@example(-math.inf)
+@example(-20.0)
+@example(7.76)  # where the error is largest
+def test_tanh_is_that_of_the_c_library(argument: float) -> None:
+    assert fast_tanh(argument) == pytest.approx(math.tanh(argument), abs=1e-12)
+
+
+@given(st.floats(1e-150, 1e-3))
+def test_tanh_of_small_arguments_keeps_its_relative_accuracy(argument: float) -> None:
+    assert fast_tanh(argument) == pytest.approx(math.tanh(argument), rel=1e-14, abs=0.0)
+    assert fast_tanh(-argument) == -fast_tanh(argument)
+
+
+def test_tanh_of_no_number_is_none() -> None:
+    assert math.isnan(fast_tanh(math.nan))

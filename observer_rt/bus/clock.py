@@ -22,7 +22,9 @@ PROMPT = 2e3  # ns of delay, within which a frame came without waiting
 FEW_PROMPT = 1 / 3  # share of such frames, below which it is not sure that any did
 LEAST_OF_DELAYS = 0.1  # of the mean delay, that the least one may then have
 USUAL_GAIN = 0.25  # of the greatest delay of a window, in what is usual
-FEW_TOGETHER = 0.1  # share of frames closer than a bus can carry them, above which stamps are those of batches
+FEW_TOGETHER = (
+    0.1  # share of frames closer than a bus can carry them, above which stamps are those of batches
+)
 
 CLOCK = np.dtype(
     [

@@ -149,7 +149,9 @@ def test_signals_of_a_message_have_one_index(tmp_path: Path) -> None:
 
 def test_index_that_is_not_there(tmp_path: Path) -> None:
     names = ("Rail", "Lift", "Line")
-    lines = {f"{role}": f'signal = "{name}"\nindex = "Indx"' for role, name in zip(ROLE_NAMES, names, strict=True)}
+    lines = {
+        f"{role}": f'signal = "{name}"\nindex = "Indx"' for role, name in zip(ROLE_NAMES, names, strict=True)
+    }
     error = refusal(tmp_path, **lines)
     assert error.place.endswith("signals.rail_pressure.index")
     assert "sample index" in error.problem

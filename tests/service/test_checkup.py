@@ -297,3 +297,59 @@ def test_for_programs_and_for_the_screen() -> None:
         console.print(as_table(findings))
     assert "[red]x[/red]" in capture.get()
     assert "error" in capture.get()
+
+
+FOREIGN = EXAMPLE_BENCH.parents[2] / "tests" / "bus" / "databases"
+
+
+def foreign_findings(folder: Path, database: Edits, extra: str = "") -> list[Finding]:
+    """Findings of a bench with one sample a frame whose database is edited."""
+    edited(FOREIGN / "testbed_classic.dbc", folder / "testbed_classic.dbc", database)
+    bench = (FOREIGN / "testbed_classic.toml").read_text()
+    (folder / "bench.toml").write_text(bench + extra)
+    return checkup(load_bench(folder / "bench.toml"))
+
+
+def test_an_identifier_that_another_message_of_the_bus_has(tmp_path: Path) -> None:
+    finding = worst(foreign_findings(tmp_path, {"BO_ 1040 ECU_Engine": "BO_ 513 ECU_Engine"}), "identifiers")
+    assert finding.level is Level.WARNING
+    assert "InjectionSummary shares 0x201 with ECU_Engine" in finding.text
+
+
+def test_the_same_number_as_an_extended_identifier_is_another(tmp_path: Path) -> None:
+    extended = {"BO_ 1040 ECU_Engine": f"BO_ {1 << 31 | 513} ECU_Engine"}
+    assert worst(foreign_findings(tmp_path, extended), "identifiers").level is Level.OK
+
+
+def test_a_message_that_two_databases_define(tmp_path: Path) -> None:
+    finding = worst(foreign_findings(tmp_path, {" ECU_Engine:": " InjectionSummary:"}), "databases")
+    assert finding.level is Level.WARNING
+    assert "InjectionSummary is in " in finding.text
+    assert "observer_classic.dbc" in finding.text
+
+
+@pytest.mark.parametrize(("cycle", "level"), [(0, Level.OK), (1, Level.WARNING), (5, Level.WARNING)])
+def test_a_cycle_time_that_contradicts_the_rate(tmp_path: Path, cycle: int, level: Level) -> None:
+    """10 kHz is a frame every 0.1 ms."""
+    stated = {'BA_ "GenMsgSendType" BO_ 928 0;': f'BA_ "GenMsgCycleTime" BO_ 928 {cycle};'}
+    finding = worst(foreign_findings(tmp_path, stated), "sampling")
+    assert finding.level is level
+    assert level is Level.OK or f"means {1000 / cycle:g} Hz" in finding.text
+
+
+def test_samples_that_the_mapping_leaves_out(findings_of: Callable[..., list[Finding]]) -> None:
+    findings = findings_of(database={'BA_ "SamplesPerFrame" BO_ 256 9': 'BA_ "SamplesPerFrame" BO_ 256 12'})
+    assert (
+        "SampleBlock states 12 samples a frame in the bus database, 9 are named"
+        in worst(findings, "sampling").text
+    )
+
+
+def test_a_classic_bus_without_rates_carries_pages(tmp_path: Path) -> None:
+    """Three frames a sample in; 7 frames a summary and 12 a status out, about 116 us each at 1 Mbit/s."""
+    edited(FOREIGN / "testbed_classic.dbc", tmp_path / "testbed_classic.dbc", NO_EDITS)
+    edited(FOREIGN / "testbed_classic.toml", tmp_path / "bench.toml", NO_EDITS)
+    bench = load_bench(tmp_path / "bench.toml")
+    load = expected_load(bench, map_bus(bench))
+    assert load.continuous == pytest.approx(114e-6 * (3 * 10e3 + 17 * 7 + 10 * 12), rel=0.03)
+    assert load.windowed == pytest.approx(114e-6 * (3 * 60 * 17 + 17 * 7 + 10 * 12), rel=0.03)

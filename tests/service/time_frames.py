@@ -70,7 +70,9 @@ def plant() -> tuple[EffectiveModel, Truth]:
     rail = schedule.rail_pressure(time)
     for number in range(INJECTIONS):
         since = time - (FIRST + number * PERIOD)
-        rail -= np.where(since > 0, DIP * np.minimum(since / 1e-3, 1) * np.exp(-np.maximum(since - 1e-3, 0) / RECOVERY), 0)
+        rail -= np.where(
+            since > 0, DIP * np.minimum(since / 1e-3, 1) * np.exp(-np.maximum(since - 1e-3, 0) / RECOVERY), 0
+        )
     return model, run_plant(model, strokes(schedule, parameters), time, rail)
 
 
@@ -142,9 +144,16 @@ def send(name: str, clock: Clock, delays: Delays = prompt, seed: int = 1) -> lis
     random = np.random.default_rng((seed, MESSAGES[name].frame_id))
     noise = NoiseLevels()
     values = {
-        "Rail": PRESSURE.apply(_at(truth.rail_pressure, taken) + random.normal(0, noise.rail_pressure, taken.size)) / 1e6,
-        "Lift": LIFT.apply(_at(truth.needle_lift, taken) + random.normal(0, noise.needle_lift, taken.size)) / 1e-6,
-        "Line": PRESSURE.apply(_at(truth.line_pressure, taken) + random.normal(0, noise.line_pressure, taken.size)) / 1e6,
+        "Rail": PRESSURE.apply(
+            _at(truth.rail_pressure, taken) + random.normal(0, noise.rail_pressure, taken.size)
+        )
+        / 1e6,
+        "Lift": LIFT.apply(_at(truth.needle_lift, taken) + random.normal(0, noise.needle_lift, taken.size))
+        / 1e-6,
+        "Line": PRESSURE.apply(
+            _at(truth.line_pressure, taken) + random.normal(0, noise.line_pressure, taken.size)
+        )
+        / 1e6,
     }
     count = np.arange(taken.size)
     values |= {"SampleIndex": count, "Count": count % 256, "Nibble": count % 16}
@@ -213,13 +222,19 @@ class Outcome:
             start = FIRST + number * PERIOD
             inside = np.flatnonzero((self.times >= start) & (self.times < start + 6e-3))
             rows, times = self.rows[inside], self.times[inside]
-            if len(rows) < 2 or np.isnan(rows["injection_rate"]).any() or np.diff(times).max() > 3 * np.median(np.diff(times)):
+            if (
+                len(rows) < 2
+                or np.isnan(rows["injection_rate"]).any()
+                or np.diff(times).max() > 3 * np.median(np.diff(times))
+            ):
                 continue
             grid = (truth.time >= times[0]) & (truth.time <= times[-1])
             true = np.trapezoid(truth.injection_rate[grid], truth.time[grid])
             estimated = np.trapezoid(rows["injection_rate"], times)
             error = rows["injection_rate"] - _at(truth.injection_rate, times)
-            found.append((number, bool(rows["valid"].all()), estimated / true - 1.0, float(np.sqrt(np.mean(error**2)))))
+            found.append(
+                (number, bool(rows["valid"].all()), estimated / true - 1.0, float(np.sqrt(np.mean(error**2))))
+            )
         return found
 
 

@@ -1,0 +1,267 @@
+"""Databases as benches have them, with the bench files of `docs/dbc.md`: the same samples, the same estimate."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import cantools.database
+import e2e.p01
+import numpy as np
+import pytest
+from cantools.database.can import Database
+
+from observer_rt.bus.mapping import map_bus
+from observer_rt.config import PACKAGE_DATA, load_bench, load_injector
+from observer_rt.model.effects import sized
+from observer_rt.recording.framing import Framer, whole
+from observer_rt.recording.recording import Recording
+from observer_rt.service.core import Core
+from observer_rt.service.output import OutputFrame
+from observer_rt.service.report import InjectionReport
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device, bench_text
+
+DATABASES = Path(__file__).parents[1] / "bus" / "databases"
+INJECTIONS = 3
+Sent = Iterator[tuple[int, bool, bytes]]
+
+
+@cache
+def recording(rate: float) -> Recording:
+    """Injections of a worn injector, with noise."""
+    schedule = make_schedule([100e6], INJECTIONS, 0.05, [1.1e-3])
+    effects = (sized("orifice_area", v_H=0.2),)
+    return simulate(load_injector(), schedule, rate, effects, NoiseLevels(), seed=8).recording
+
+
+def database(name: str) -> Database:
+    return cantools.database.load_file(DATABASES / f"{name}.dbc")
+
+
+def classic_frames(data: Recording) -> Sent:
+    """One sample a frame, Motorola, the three channels one after the other."""
+    messages = [
+        database("testbed_classic").get_message_by_name(f"DAQ_{n}")
+        for n in ("RailPress", "NeedleLift", "LinePress")
+    ]
+    for n in range(data.samples):
+        for message, prefix, name, value in zip(
+            messages,
+            ("RP", "NL", "LP"),
+            ("RailPressure", "Lift", "LinePressure"),
+            (data.rail_pressure[n] / 1e5, data.needle_lift[n] / 1e-6, data.line_pressure[n] / 1e5),
+            strict=True,
+        ):
+            values = {f"{prefix}_MsgCnt": n, f"{prefix}_{name}": float(value), f"{prefix}_SensorState": 1}
+            yield message.frame_id, False, message.encode(values)
+
+
+def fd_frames(data: Recording) -> Sent:
+    """Blocks of twelve: pressures in one message, the lift as floats in another."""
+    pressures = database("fast_daq_fd").get_message_by_name("FD_Pressures")
+    needle = database("fast_daq_fd").get_message_by_name("FD_Needle")
+    for first in range(0, data.samples - 11, 12):
+        values = {"SampleNo": float(first), "Status": 0.0}
+        lifts = dict(values)
+        for k in range(12):
+            values[f"pRail_{k + 1}"] = data.rail_pressure[first + k] / 1e3
+            values[f"pLine_{k + 1}"] = data.line_pressure[first + k] / 1e3
+            lifts[f"xNeedle_{k + 1}"] = data.needle_lift[first + k] / 1e-3
+        yield pressures.frame_id, True, pressures.encode(values)
+        yield needle.frame_id, True, needle.encode(lifts)
+
+
+CHANNELS = {"Rail": ("rail_pressure", 1e6), "Lift": ("needle_lift", 1e-3), "Line": ("line_pressure", 1e6)}
+
+
+def multiplexed_frames(data: Recording) -> Sent:
+    """Six samples in two halves of each of three channels; slow channels in between."""
+    message = database("adc_multiplexed").get_message_by_name("ADC_Data")
+    for first in range(0, data.samples - 5, 6):
+        for half in range(2):
+            for n, (name, (role, unit)) in enumerate(CHANNELS.items()):
+                values = {"ADC_Channel": 3.0 * half + n, "ADC_Overrange": 0.0, "ADC_Time": float(first)}
+                for k in range(3 * half, 3 * half + 3):
+                    values[f"ADC_{name}_{k}"] = float(getattr(data, role)[first + k]) / unit
+                yield message.frame_id, False, message.encode(values)
+        if first % 60 == 0:
+            slow = {
+                "ADC_Channel": 15,
+                "ADC_Overrange": 0,
+                "ADC_Time": first,
+                "ADC_Page": 0,
+                "ADC_Temperature": 42.0,
+            }
+            yield message.frame_id, False, message.encode(slow)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a core made of frames, and the last rates [m3/s] it estimated, by sample index."""
+
+    frames: list[OutputFrame]
+    reports: list[InjectionReport]
+    core: Core
+    rates: dict[int, float]
+
+
+def through(bench: Path, frames: Sent) -> Outcome:
+    loaded = load_bench(bench)
+    reports: list[InjectionReport] = []
+    core = Core(loaded, map_bus(loaded), on_report=reports.append)
+    out: list[OutputFrame] = []
+    for frame_id, is_extended, payload in frames:
+        out += core.handle(frame_id, is_extended, payload, 0)
+    out += core.finish()
+    rows = core.rows(0, core.processed)
+    return Outcome(
+        out, reports, core, dict(zip(rows["index"].tolist(), rows["injection_rate"].tolist(), strict=True))
+    )
+
+
+@pytest.fixture(scope="module")
+def in_our_layout(tmp_path_factory: pytest.TempPathFactory) -> Callable[[float], Outcome]:
+    """The recording at a rate through our own blocks."""
+
+    @cache
+    def run(rate: float) -> Outcome:
+        path = tmp_path_factory.mktemp("own") / "bench.toml"
+        path.write_text(bench_text(ONE_MESSAGE).replace(f"rate_hz = {SAMPLE_RATE}", f"rate_hz = {rate}"))
+        frames = Device(ONE_MESSAGE).send(recording(rate))
+        return through(path, ((frame.frame_id, False, frame.payload) for frame in frames))
+
+    return run
+
+
+EXAMPLES = [
+    ("testbed_classic", 10e3, classic_frames),
+    ("fast_daq_fd", 50e3, fd_frames),
+    ("adc_multiplexed", 50e3, multiplexed_frames),
+]
+
+
+@pytest.mark.parametrize(("name", "rate", "frames"), EXAMPLES)
+def test_the_same_estimate_as_in_our_own_layout(
+    name: str, rate: float, frames: Callable[[Recording], Sent], in_our_layout: Callable[[float], Outcome]
+) -> None:
+    own = in_our_layout(rate)
+    foreign = through(DATABASES / f"{name}.toml", frames(recording(rate)))
+    assert foreign.core.counters.lost_samples == 0
+    assert foreign.core.counters.repeated_frames == foreign.core.counters.old_frames == 0
+    assert len(foreign.reports) == len(own.reports) == INJECTIONS
+    for ours, theirs in zip(own.reports, foreign.reports, strict=True):
+        assert (theirs.start_index, theirs.end_index, theirs.valid) == (
+            ours.start_index,
+            ours.end_index,
+            ours.valid,
+        )
+        assert theirs.mass == pytest.approx(ours.mass, rel=1e-3)
+    common = sorted(set(own.rates) & set(foreign.rates))
+    assert len(common) > 1000
+    difference = np.array([foreign.rates[n] - own.rates[n] for n in common])
+    assert np.sqrt(np.mean(difference**2)) < 0.05e-6
+
+
+@pytest.mark.parametrize(("name", "rate", "frames"), EXAMPLES)
+def test_replay_sends_what_cantools_encodes(
+    name: str, rate: float, frames: Callable[[Recording], Sent]
+) -> None:
+    """By frame: what a replay of the same recording by the bench file puts on the bus."""
+    data = recording(rate)
+    db = database(name)
+
+    def contents(sent: Sent) -> dict[int, list[dict[str, float]]]:
+        found: dict[int, list[dict[str, float]]] = {}
+        for frame_id, _, payload in sent:
+            message = db.get_message_by_frame_id(frame_id)
+            raw = message.decode(payload, decode_choices=False, scaling=False)
+            kept = {n: v for n, v in raw.items() if not n.endswith(("SensorState", "Temperature", "Page"))}
+            if kept.get("ADC_Channel") != 15:
+                found.setdefault(frame_id, []).append(kept)
+        return found
+
+    bus = map_bus(load_bench(DATABASES / f"{name}.toml"))
+    replayed = contents((f.frame_id, f.is_extended, f.payload) for f in Framer(bus).frames(data, whole(data)))
+    expected = contents(frames(data))
+    assert expected.keys() == replayed.keys()
+    for frame_id, sent in expected.items():
+        assert replayed[frame_id][: len(sent)] == sent
+        assert len(replayed[frame_id]) - len(sent) <= 6  # the last block, which is not full
+
+
+def test_a_lost_half_of_a_channel_is_lost_samples() -> None:
+    sent = list(multiplexed_frames(recording(50e3)))[:3000]
+    fourth = [n for n, (_, _, payload) in enumerate(sent) if payload[0] & 0xF == 3][100]
+    outcome = through(DATABASES / "adc_multiplexed.toml", iter(sent[:fourth] + sent[fourth + 1 :]))
+    assert outcome.core.counters.lost_samples == 3
+    assert outcome.core.counters.jumps == 0
+
+
+def _pages(frames: list[OutputFrame], name: str) -> list[dict[str, float]]:
+    """Summaries or statuses put together from their frames, protection checked."""
+    message = cantools.database.load_file(PACKAGE_DATA / "observer_classic.dbc").get_message_by_name(name)
+    found = [frame for frame in frames if frame.frame_id == message.frame_id]
+    whole_messages: list[dict[str, float]] = []
+    for number, frame in enumerate(found):
+        assert len(frame.payload) == 8
+        assert e2e.p01.e2e_p01_check(bytearray(frame.payload), message.frame_id, length=8)
+        values = message.decode(frame.payload, decode_choices=False)
+        assert values["Counter"] == number % 15
+        if values["Page"] == 0:
+            whole_messages.append({})
+        whole_messages[-1] |= values
+    return whole_messages
+
+
+def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
+    outcome = through(DATABASES / "testbed_classic.toml", classic_frames(recording(10e3)))
+    assert {frame.frame_id for frame in outcome.frames} == {0x201}
+    summaries = _pages(outcome.frames, "InjectionSummary")
+    assert len(summaries) == len(outcome.reports) == INJECTIONS
+    for summary, report in zip(summaries, outcome.reports, strict=True):
+        assert summary["SampleIndex"] == report.start_index
+        assert summary["EndIndex"] == report.end_index
+        assert summary["InjectionNumber"] == report.number
+        assert summary["Valid"] == report.valid
+        assert summary["Reason"] == report.reason
+        assert summary["Mass"] == pytest.approx(report.mass / 1e-6, abs=0.005)
+        assert summary["NozzleWear"] == pytest.approx(report.indicators.nozzle.value, abs=5e-5)
+        assert summary["RailPressureAtStart"] == pytest.approx(report.rail_pressure / 1e6, abs=0.0025)
+
+
+def classic_layout(folder: Path, rate: float) -> Path:
+    """A bench that uses nothing but our classic layout."""
+    roles = {"rail_pressure": "RailPressure", "needle_lift": "NeedleLift", "line_pressure": "LinePressure"}
+    text = '[link]\nfd = false\ninterface = "virtual"\n[[dbc]]\nfile = "observer_classic.dbc"\n'
+    text += "".join(
+        f'[signals.{role}]\nmessage = "Sample"\nsignal = "{name}"\n' for role, name in roles.items()
+    )
+    path = folder / "bench.toml"
+    path.write_text(text + f"[sampling]\nrate_hz = {rate}\n[outputs]\ninjection_rate = false\n")
+    return path
+
+
+def test_our_classic_layout(tmp_path: Path, in_our_layout: Callable[[float], Outcome]) -> None:
+    """Without an index: the frames are counted by the counter of their protection and when they come."""
+    rate = 10e3
+    bench = classic_layout(tmp_path, rate)
+    loaded = load_bench(bench)
+    bus = map_bus(loaded)
+    data = recording(rate)
+    reports: list[InjectionReport] = []
+    core = Core(loaded, bus, on_report=reports.append)
+    out: list[OutputFrame] = []
+    for number, frame in enumerate(Framer(bus).frames(data, whole(data))):
+        assert e2e.p01.e2e_p01_check(bytearray(frame.payload), 256, length=8)
+        assert frame.payload[1] == number % 15
+        out += core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
+    out += core.finish()
+    own = in_our_layout(rate)
+    assert core.counters.lost_samples == 0
+    assert [report.mass for report in reports] == pytest.approx(
+        [report.mass for report in own.reports], rel=1e-3
+    )
+    assert len(_pages(out, "InjectionSummary")) == INJECTIONS

@@ -60,7 +60,10 @@ TIMING = np.dtype(
         ("steps", np.int64),  # samples of the grid from one sample of the message to its next
         ("interval", np.float64),  # s between two samples of the message
         ("delay", np.float64),  # s from a frame's last sample to its stamp, without waiting
-        ("shortest", np.float64),  # s from one frame to the next, below which the stamps are not those of a bus
+        (
+            "shortest",
+            np.float64,
+        ),  # s from one frame to the next, below which the stamps are not those of a bus
         ("hold", np.float64),  # s, of a slower signal
         ("tolerance", np.float64),  # s that its time may be unknown by
     ],
@@ -199,7 +202,9 @@ def _time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
     """s that a frame takes; none where the bus is not a real one."""
     if link.interface == "virtual" or link.channel.startswith("vcan"):
         return 0.0
-    is_fd = layout.is_fd or layout.length > CLASSIC_LENGTH  # where the database forgot to say so, `check` does
+    is_fd = (
+        layout.is_fd or layout.length > CLASSIC_LENGTH
+    )  # where the database forgot to say so, `check` does
     return frame_time(layout.length, is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
 
 

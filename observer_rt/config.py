@@ -45,6 +45,7 @@ class LinkConfig(_Section):
 
 class DatabaseConfig(_Section):
     file: str  # relative to the bench file; or the name of a database shipped with the package
+    lenient: bool = False  # read it although signals overlap or do not fit
 
 
 class SignalConfig(_Section):
@@ -105,7 +106,7 @@ class NoiseConfig(_Section):
 class OutputsConfig(_Section):
     """Messages the results go out in; signals are found in them by their names in observer_fd.dbc."""
 
-    injection_rate: str = "InjectionRate"
+    injection_rate: str | Literal[False] = "InjectionRate"  # false: not published
     injection_summary: str = "InjectionSummary"
     status: str = "ObserverStatus"
     injector_id: Annotated[int, Field(ge=0, le=255)] = 1

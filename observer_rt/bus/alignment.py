@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from observer_rt.bus.alignment_memory import Alignment
-from observer_rt.bus.mapping import MAX_INPUTS, ROLES
+from observer_rt.bus.inputs import MAX_INPUTS, ROLES
 from observer_rt.bus.timing import MAX_INTERPOLATED, SLOTS
 from observer_rt.config import Role
 from observer_rt.continuity import Break

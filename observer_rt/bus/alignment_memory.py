@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping import MAX_INPUTS
+from observer_rt.bus.inputs import MAX_INPUTS
 from observer_rt.bus.timing import SLOTS, Following
 from observer_rt.continuity import Break
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import IMPOSSIBLE, store
 from observer_rt.bus.alignment_memory import Alignment
-from observer_rt.bus.mapping import MAX_INPUTS
+from observer_rt.bus.inputs import MAX_INPUTS
 from observer_rt.bus.timing import SLOTS
 
 MISSED = 1.5  # spacings between two samples, from which on some are missing between them

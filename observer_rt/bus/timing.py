@@ -12,6 +12,7 @@ from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
 from observer_rt.bus.database import MessageLayout, find_signal
+from observer_rt.bus.e2e import UNPROTECTED, counter_values
 from observer_rt.bus.load import frame_time
 from observer_rt.config import Bench, LinkConfig, Role
 from observer_rt.errors import UserError
@@ -29,7 +30,6 @@ TOLERANCE = 2e-6  # s that the time of lift or line pressure may be unknown by: 
 RAIL_TOLERANCE = 20e-6  # s, the same of the rail pressure, which changes slowly
 SLOW_TOLERANCE = 0.05  # of the interval of a slower one
 RATIO_TOLERANCE = 1e-6
-E2E_COUNTER_MODULUS = 256
 
 
 class Joining(IntEnum):
@@ -183,7 +183,10 @@ def _map_message(bench: Bench, message: Message, roles: Sequence[Role], samples:
     elif signal is not None:
         row["numbering"], row["modulus"] = Numbering.COUNTER, 1 << signal.length
     elif layout.e2e_data_id is not None:
-        row["numbering"], row["modulus"] = Numbering.E2E_COUNTER, E2E_COUNTER_MODULUS
+        row["numbering"], row["modulus"] = (
+            Numbering.E2E_COUNTER,
+            counter_values(layout.e2e_profile or UNPROTECTED),
+        )
     else:
         row["numbering"], row["modulus"] = Numbering.STAMPS, 1
     row["steps"] = steps = _steps(bench, message, roles)

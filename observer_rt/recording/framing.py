@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from observer_rt.bus.codec import encode
 from observer_rt.bus.database import MessageLayout
 from observer_rt.bus.e2e import protect
-from observer_rt.bus.mapping import MAX_INPUTS, ROLES, BusMap
+from observer_rt.bus.inputs import MAX_INPUTS, ROLES
+from observer_rt.bus.mapping import BusMap
+from observer_rt.bus.multiplexing import is_selected
 from observer_rt.bus.timing import Numbering
 from observer_rt.config import EXAMPLE_BENCH, Bench, SamplingConfig
 from observer_rt.errors import UserError
@@ -88,9 +90,16 @@ def windows(recording: Recording) -> list[Span]:
     return spans
 
 
+def message_timing(bus: BusMap, number: int) -> np.void:
+    """TIMING of an input message: its streams share index and rate."""
+    group = bus.inputs.groups[int(bus.inputs.messages[number]["first_group"])]
+    timing: np.void = bus.inputs.timing[int(group["stream"])]
+    return timing
+
+
 def grid_samples(bus: BusMap, number: int) -> int:
-    """Samples of the grid from one frame of an input message to its next."""
-    return int(bus.inputs.messages[number]["samples"]) * int(bus.inputs.timing[number]["steps"])
+    """Samples of the grid from one sample index of an input message to its next."""
+    return int(bus.inputs.messages[number]["samples"]) * int(message_timing(bus, number)["steps"])
 
 
 class Framer:
@@ -114,8 +123,10 @@ class Framer:
         before = self._index
         block = math.lcm(*(grid_samples(self._bus, n) for n in range(len(self._bus.input_layouts))))
         self._index = -(-(before + samples) // block) * block
-        for number, timing in enumerate(self._bus.inputs.timing):
-            if timing["numbering"] != Numbering.INDEX:  # their counters go on with time
+        for number in range(len(self._counters)):
+            if (
+                message_timing(self._bus, number)["numbering"] != Numbering.INDEX
+            ):  # their counters go on with time
                 passed = (self._index - before) // grid_samples(self._bus, number)
                 self._counters[number] += passed
 
@@ -131,15 +142,11 @@ class Framer:
         self._index += recording.samples
 
     def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> NDArray[np.uint8]:
-        message = self._bus.inputs.messages[number]
-        timing = self._bus.inputs.timing[number]
-        steps = int(timing["steps"])
+        steps = int(message_timing(self._bus, number)["steps"])
         first_index = -(-(self._index + span.start) // steps)  # of its own samples
         rows = slice(first_index * steps - self._index, span.end, steps)
-        first = int(message["first_signal"])
-        table = self._bus.inputs.signals[first : first + int(message["signal_count"])]
         payloads: NDArray[np.uint8] = _payloads(
-            values[rows], first_index, message, timing, table, self._counters[number]
+            values[rows], first_index, self._bus.inputs, number, self._counters[number]
         )
         self._counters[number] += len(payloads)
         return payloads
@@ -151,10 +158,12 @@ class Framer:
         position = [0] * len(encoded)
 
         def due(number: int) -> int:
-            samples = int(self._bus.inputs.messages[number]["samples"])
-            steps = int(self._bus.inputs.timing[number]["steps"])
+            message = self._bus.inputs.messages[number]
+            block, kind = divmod(position[number], int(message["kind_count"]))
+            end = int(self._bus.inputs.kinds[int(message["first_kind"]) + kind]["end"])
+            steps = int(message_timing(self._bus, number)["steps"])
             first = -(-(self._index + span.start) // steps) * steps - self._index
-            return first + ((position[number] + 1) * samples - 1) * steps
+            return first + (block * int(message["samples"]) + end - 1) * steps
 
         while any(position[number] < len(encoded[number]) for number in range(len(encoded))):
             number = min(
@@ -169,25 +178,36 @@ def _timed(layout: MessageLayout, time: float, payload: NDArray[np.uint8]) -> Ti
 
 
 @njit(cache=True, nogil=True)
-def _payloads(values, index, message, timing, table, counter):  # type: ignore[no-untyped-def]
-    """Frames (n, length) of one message for samples (m, MAX_INPUTS) [SI] from `index` on."""
-    samples = message.samples
-    count = (values.shape[0] + samples - 1) // samples
-    result = np.zeros((count, message.length), np.uint8)
-    numbers = np.empty(message.signal_count)
-    for block in range(count):
-        numbers[:] = np.nan
-        if timing.numbering == _BY_INDEX:
-            numbers[0] = (index + block * samples) & 0xFFFFFFFF
-        elif timing.numbering == _BY_COUNTER:
-            numbers[0] = (counter + block) % timing.modulus
-        for role in range(MAX_INPUTS):
-            if (message.roles >> role) & 1:
-                for k in range(min(samples, values.shape[0] - block * samples)):
-                    numbers[message.position[role] + k] = (
-                        values[block * samples + k, role] / message.factor[role]
-                    )
-        encode(numbers, table, result[block])
-        if message.data_id >= 0:
-            protect(result[block], message.length, message.data_id, counter + block)
+def _payloads(values, index, inputs, number, counter):  # type: ignore[no-untyped-def]
+    """Frames (n, length) of one input message for samples (m, MAX_INPUTS) [SI] from `index` on."""
+    message = inputs.messages[number]
+    kinds = message.kind_count
+    blocks = (values.shape[0] + message.samples - 1) // message.samples
+    result = np.zeros((blocks * kinds, message.length), np.uint8)
+    for frame in range(blocks * kinds):
+        payload = result[frame]
+        first = frame // kinds * message.samples
+        payload[:] = inputs.kinds[message.first_kind + frame % kinds].blank[: message.length]
+        for g in range(message.first_group, message.first_group + message.group_count):
+            group = inputs.groups[g]
+            if is_selected(payload, inputs.selection, group.first_condition, group.condition_count):
+                _fill(payload, values, index, first, counter + frame, inputs, group)
+        protect(payload, message.length, message.e2e_profile, message.data_id, counter + frame)
     return result
+
+
+@njit(cache=True, nogil=True)
+def _fill(payload, values, index, first, counter, inputs, group):  # type: ignore[no-untyped-def]
+    """Encode the samples of a group, for the block that begins at row `first`; counter: of the frame."""
+    timing = inputs.timing[group.stream]
+    numbers = np.full(group.signal_count, np.nan)
+    if timing.numbering == _BY_INDEX:
+        numbers[0] = (index + first) & 0xFFFFFFFF
+    elif timing.numbering == _BY_COUNTER:
+        numbers[0] = counter % timing.modulus
+    for role in range(MAX_INPUTS):
+        if (inputs.streams[group.stream].roles >> role) & 1:
+            start = first + group.offset
+            for k in range(min(group.samples, values.shape[0] - start)):
+                numbers[group.position[role] + k] = values[start + k, role] / group.factor[role]
+    encode(numbers, inputs.signals[group.first_signal : group.first_signal + group.signal_count], payload)

@@ -59,6 +59,7 @@ def recording_extent(
     part, spans = _selected(recording, bus, windowed, start, stop)
     frames = sum(
         -(-(span.end - span.start) // grid_samples(bus, number))
+        * int(bus.inputs.messages[number]["kind_count"])
         for span in spans
         for number in range(len(bus.input_layouts))
     )

@@ -65,7 +65,7 @@ def _log(path: Path, bus: BusMap, options: ReplayOptions) -> tuple[Iterator[Time
     if options.windowed:
         raise UserError("--windowed", "a log is sent as it was recorded", "leave out --windowed")
     # results recorded beside the inputs are not sent again: the daemon sends its own
-    results = [(m.layout.frame_id, m.layout.is_extended) for m in (bus.rate, bus.summary, bus.status)]
+    results = [(m.layout.frame_id, m.layout.is_extended) for m in (bus.rate, bus.summary, bus.status) if m]
     extent = log_extent(path, options.start, options.stop, results)
     return log_frames(path, options.loop, options.start, options.stop, results), extent
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment_memory import make_alignment
-from observer_rt.bus.mapping import BusMap, frame_key
+from observer_rt.bus.mapping import BusMap, frame_key, stream_of
 from observer_rt.bus.timekeeping import make_timekeeping
 from observer_rt.bus.timing import SLOTS
 from observer_rt.config import Bench, Role
@@ -30,7 +30,6 @@ from observer_rt.observer.observer import (
 from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import INJECTIONS, RING, Constants, Reason, State
 from observer_rt.paper.network import FreeNetwork
-from observer_rt.recording.bus_range import message_of
 from observer_rt.service.learners import LearnerFactory, make_learner
 from observer_rt.service.message_timing import MessageTiming, timing_of
 from observer_rt.service.output import FrameWriter, OutputFrame, summary_values
@@ -135,13 +134,13 @@ class Core:
             bus.inputs,
             make_receiver(),
             make_timekeeping(
-                bus.inputs.timing, bus.inputs.messages["samples"], message_of(bus, Role.LINE_PRESSURE)
+                bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
             ),
             make_alignment(bus.following, dead_band(noise.needle_lift)[0]),
             self._observer,
-            make_publisher(bus.rate, bus.rate_samples, self._learning),
+            make_publisher(bus.rate, self._learning),
         )
-        self._rate_layout = bus.rate.layout
+        self._rate_layout = bus.rate.layout if bus.rate else None
         self._summary_writer = FrameWriter(bus.summary)
         self._on_report = on_report or (lambda _: None)
         self._known = start
@@ -289,13 +288,15 @@ class Core:
             carried = in_force(self._observer), self._free_rows
             report = report_of(injection, event, outcome, *carried, self._constants.coefficients)
             values = summary_values(report, self._injector_id, self._learning, self._pressure_scale)
-            self._frames.append(self._summary_writer.write(values))
+            self._frames += self._summary_writer.write(values)
             self._on_report(report)
 
     def _collect_rate_frames(self) -> None:
         publisher = self._pipeline.publisher
         count = int(publisher.memory["frames"][0])
         layout = self._rate_layout
+        if layout is None:
+            return
         for frame in publisher.out[:count]:
             payload = frame["payload"][: int(frame["length"])].tobytes()
             self._frames.append(OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload))

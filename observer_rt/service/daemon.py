@@ -98,4 +98,4 @@ class Daemon:
         values = status_values(
             self.core, state, reason, self._bench.config.outputs.injector_id, self._hashes, self._link.dropped
         )
-        self._send([self._status_writer.write(values)])
+        self._send(self._status_writer.write(values))

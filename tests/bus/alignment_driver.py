@@ -7,7 +7,7 @@ import numpy as np
 
 from observer_rt.bus.alignment import decide, store
 from observer_rt.bus.alignment_memory import make_alignment
-from observer_rt.bus.mapping import ROLES
+from observer_rt.bus.inputs import ROLES
 from observer_rt.bus.placing import Placing, place_block
 from observer_rt.config import Role
 from observer_rt.continuity import Break

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.database import find_message, load_database
+from observer_rt.bus.database import find_message
+from observer_rt.bus.database_file import load_database
+from observer_rt.bus.e2e import UNPROTECTED
 from observer_rt.bus.mapping import BusMap, frame_key, map_bus
 from observer_rt.config import EXAMPLE_BENCH, PACKAGE_DATA, Role, load_bench
 from observer_rt.errors import UserError
@@ -33,7 +35,7 @@ BA_DEF_DEF_ "E2EProfile" 0;
 BA_DEF_DEF_ "E2EDataId" 0;
 BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
 BA_ "VFrameFormat" BO_ 291 14;
-BA_ "E2EProfile" BO_ 292 1;
+BA_ "E2EProfile" BO_ 292 2;
 BA_ "E2EDataId" BO_ 292 7;
 """
 
@@ -67,7 +69,8 @@ def test_example_bench_maps_our_layout() -> None:
     (message,) = bus.inputs.messages
     assert int(message["key"]) == 0x100
     assert (int(message["length"]), int(message["samples"])) == (64, 9)
-    assert bus.rate_samples == 28
+    assert bus.rate is not None
+    assert bus.rate.samples == 28
     assert [out.layout.name for out in (bus.rate, bus.summary, bus.status)] == [
         "InjectionRate",
         "InjectionSummary",
@@ -78,19 +81,21 @@ def test_example_bench_maps_our_layout() -> None:
 def test_every_signal_we_send_is_in_our_layout() -> None:
     """A name misspelt in code would never go out."""
     bus = map_bus(load_bench())
-    for out in (bus.rate, bus.summary, bus.status):
-        assert len(out.names) == len(out.table)
-    assert {"Mass", "NozzleWear", "EndIndex", "LinePressureOffset"} <= set(bus.summary.names)
-    assert {"LateAdoptions", "CrcErrors", "ModelHash", "Reason"} <= set(bus.status.names)
+    (summary,), (status,) = bus.summary.pages, bus.status.pages
+    for page in (summary, status):
+        assert len(page.names) == len(page.table)
+    assert {"Mass", "NozzleWear", "EndIndex", "LinePressureOffset"} <= set(summary.names)
+    assert {"LateAdoptions", "CrcErrors", "ModelHash", "Reason"} <= set(status.names)
 
 
 def test_users_own_database(tmp_path: Path) -> None:
     bus = user_map(tmp_path)
     (message,) = bus.inputs.messages
     assert int(message["key"]) == 291
-    assert int(message["data_id"]) == -1
+    assert int(message["e2e_profile"]) == UNPROTECTED
     assert int(message["samples"]) == 1
-    assert message["factor"].tolist() == [1e5, 1e-6, 1e5]
+    (group,) = bus.inputs.groups
+    assert group["factor"].tolist() == [1e5, 1e-6, 1e5]
 
 
 def test_number_of_an_extended_frame_is_another() -> None:
@@ -168,8 +173,8 @@ def test_index_that_cannot_be_unwrapped(tmp_path: Path, index: str) -> None:
 def test_protection_that_is_not_supported(tmp_path: Path) -> None:
     error = refusal(tmp_path, rail_pressure='message = "Guarded"\nsignal = "Rail"')
     assert "Guarded" in error.place
-    assert "profile 1" in error.problem
-    assert "5" in error.remedy
+    assert "profile 2" in error.problem
+    assert "1 and 5" in error.remedy
 
 
 @pytest.mark.parametrize(

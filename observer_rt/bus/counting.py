@@ -20,7 +20,9 @@ DECIDED = 0.5  # the same, from which on frames are lost
 UNUSUAL = (
     2.0  # times the usual greatest delay, and SURE of a cycle less than one, is a delay that tells of trouble
 )
-SLIPPED = 0.5  # cycles by which all delays of a window are greater: frames were lost unseen
+SLIPPED = (
+    0.5  # cycles beyond what is not known, by which all delays of a window grew: frames were lost unseen
+)
 OLD_FRAMES_OF_RESTART = 3  # consecutive old frames that mean: the device began anew
 
 COUNTING = np.dtype(
@@ -72,7 +74,7 @@ def count_frame(counting, clock, sequence: int, stamp: int) -> int:  # type: ign
         number += counting.modulus * math.floor((delay + DECIDED * cycle) / turn)
     elif step == 0:
         return _REPEATED
-    elif delay < -DECIDED * cycle and clock.points >= ENOUGH_POINTS:
+    elif delay < -DECIDED * cycle - clock.residual:
         # it cannot have come before it was sent
         counting.old += 1
         if counting.modulus == 1 or counting.old >= OLD_FRAMES_OF_RESTART or delay + turn < -DECIDED * cycle:
@@ -98,7 +100,7 @@ def is_sure(counting, clock) -> bool:  # type: ignore[no-untyped-def]
     cycle = clock.samples * clock.interval
     latest = max(clock.spread, clock.latest)
     return bool(
-        clock.points >= ENOUGH_POINTS
+        clock.residual < math.inf
         and latest < (counting.modulus - SURE) * cycle
         and latest < UNUSUAL * clock.usual + (1.0 - SURE) * cycle
     )
@@ -107,7 +109,7 @@ def is_sure(counting, clock) -> bool:  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def has_slipped(counting, clock) -> bool:  # type: ignore[no-untyped-def]
     """Whether the window just ended shows that frames were lost before it, unseen among their delays."""
-    return bool(clock.raised > SLIPPED * clock.samples * clock.interval)
+    return bool(clock.raised > SLIPPED * clock.samples * clock.interval + clock.residual)
 
 
 @njit(cache=True, nogil=True)

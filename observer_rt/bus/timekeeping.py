@@ -90,6 +90,7 @@ def note_frame(keeping: Timekeeping, message: int, last: int, stamp: int) -> Non
         return
     if keeping.timing[message].numbering != _BY_INDEX and has_slipped(keeping.counts[message], clock):
         keeping.counts[message].begun = False
+        forget(clock)
     if keeping.timing[message].joining == _NEAREST:
         _find_nearest(keeping, message, last)
 

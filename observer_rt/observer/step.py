@@ -68,6 +68,9 @@ def push(
     row.interpolated = interpolated
     row.broken = broken
     row.doubt = doubt
+    if doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
+        for position in range(memory.processed, memory.received):
+            observer.ring[position & _MASK].doubt = doubt
     memory.received += 1
     if interpolated:
         memory.interpolated += 1

@@ -17,6 +17,7 @@ from observer_rt.observer.state import MAX_EVENT
 from observer_rt.paper.gain import doubts_about_gain
 from observer_rt.service.checkup_bus import bus_findings
 from observer_rt.service.checkup_host import interface_findings, real_time_findings, this_host
+from observer_rt.service.checkup_time import time_findings
 from observer_rt.service.core import bench_constants, configured_noise
 from observer_rt.service.findings import Finding, Level, as_json_document, as_table, failed, graded
 from observer_rt.service.learners import make_learner
@@ -33,7 +34,9 @@ def checkup(bench: Bench) -> list[Finding]:
     """Findings about files, bus, observer and machine. What a file's error keeps from being looked at is left out."""
     findings = _files(bench)
     try:
-        findings += bus_findings(bench, map_bus(bench))
+        bus = map_bus(bench)
+        findings += bus_findings(bench, bus)
+        findings += time_findings(bus)
     except UserError as error:
         findings.append(failed("mapping", error))
     findings += _integration(bench)

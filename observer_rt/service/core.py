@@ -31,6 +31,7 @@ from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import INJECTIONS, RING, Constants, Reason, State
 from observer_rt.paper.network import FreeNetwork
 from observer_rt.service.learners import LearnerFactory, make_learner
+from observer_rt.service.message_timing import MessageTiming, timing_of
 from observer_rt.service.output import FrameWriter, OutputFrame, summary_values
 from observer_rt.service.pipeline import Pipeline, handle, make_receiver, proceed
 from observer_rt.service.publisher import flush, make_publisher
@@ -118,6 +119,7 @@ class Core:
     ) -> None:
         """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep)."""
         config = bench.config
+        self._bus = bus
         self._constants = bench_constants(bench, restored=knowledge is not None)
         self._pressure_scale = self._constants.coefficients.pressure_scale
         noise = configured_noise(bench)
@@ -211,6 +213,11 @@ class Core:
     def standstill(self) -> Standstill:
         """Statistics of the closed needle since the start."""
         return standstill_of(self._observer.memory[0], self._pressure_scale)
+
+    @property
+    def timing(self) -> tuple[MessageTiming, ...]:
+        """How regularly the input messages come, as far as their stamps show it."""
+        return timing_of(self._bus, self._pipeline.keeping)
 
     @property
     def counters(self) -> Counters:

@@ -153,6 +153,8 @@ def _line(report: InjectionReport) -> str:
 
 
 def _farewell(daemon: Daemon, console: Console) -> None:
+    for timing in daemon.core.timing:
+        say(console, timing.as_text())
     counters = daemon.core.counters
     say(
         console,

@@ -13,13 +13,14 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.message_timing import summary_of
 from observer_rt.service.report import InjectionReport
 from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS
 
 SHOWN = 8  # injections in the table, where the terminal has the lines
 WIDEST, HIGHEST = 120, 18  # characters, of the view and its plot
 AROUND = 4  # characters beside the plot: the panel's border and padding
-ABOVE = 9  # lines for the panel's border, the status, the table's heading and a line to spare
+ABOVE = 10  # lines for the panel's border, the status, the table's heading and a line to spare
 LOWEST = 6  # lines of the plot
 
 
@@ -97,6 +98,7 @@ class View:
             f"dropped {self._daemon.dropped}  CRC {counters.crc_errors}  sequence {counters.sequence_errors}",
             style="dim",
         )
+        line.append(f"\n {summary_of(self._daemon.core.timing)}", style="dim")
         return line
 
 

@@ -8,7 +8,7 @@ from observer_rt.bus.database import find_message
 from observer_rt.bus.database_file import load_database
 from observer_rt.bus.e2e import UNPROTECTED
 from observer_rt.bus.mapping import BusMap, frame_key, map_bus
-from observer_rt.config import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
+from observer_rt.config import EXAMPLE_BENCH, PACKAGE_DATA, Role, load_bench
 from observer_rt.errors import UserError
 from observer_rt.observer.state import Reason, State
 
@@ -142,16 +142,14 @@ def test_different_numbers_of_samples(tmp_path: Path) -> None:
 
 
 def test_signals_of_a_message_have_one_index(tmp_path: Path) -> None:
-    error = refusal(tmp_path, needle_lift='signal = "Lift"\nindex = "Second"')
-    assert error.place.endswith("signals.needle_lift.index")
+    error = refusal(tmp_path, line_pressure='signal = "Line"\nindex = "Second"')
+    assert error.place.endswith("signals.line_pressure.index")
     assert "Daq" in error.problem
 
 
 def test_index_that_is_not_there(tmp_path: Path) -> None:
     names = ("Rail", "Lift", "Line")
-    lines = {
-        f"{role}": f'signal = "{name}"\nindex = "Indx"' for role, name in zip(ROLE_NAMES, names, strict=True)
-    }
+    lines = {f"{role}": f'signal = "{name}"\nindex = "Indx"' for role, name in zip(Role, names, strict=True)}
     error = refusal(tmp_path, **lines)
     assert error.place.endswith("signals.rail_pressure.index")
     assert "sample index" in error.problem

@@ -15,10 +15,11 @@ from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.observer.state import Reason, State
 from observer_rt.service.core import Core
-from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels
+from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels, Quantisation
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant
 from observer_rt.simulation.schedule import make_schedule
+from observer_rt.units import MEGAPASCAL, MICROMETRE
 
 EPOCH = 1_700_000_000_000_000_000  # ns, of the receiver's clock
 PLANT_RATE = 200e3
@@ -87,10 +88,10 @@ class Clock:
     def times(self, end: float) -> NDArray[np.float64]:
         """Sample times [s] up to `end`."""
         interval = (1.0 + self.drift) / self.rate
-        return self.phase + interval * np.arange(int((end - self.phase) / interval))
+        return np.asarray(self.phase + interval * np.arange(int((end - self.phase) / interval)))
 
     def time_of(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
-        return self.phase + index * (1.0 + self.drift) / self.rate
+        return np.asarray(self.phase + index * (1.0 + self.drift) / self.rate)
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,7 @@ def jitter(width: float) -> Delays:
 
 def batches(period: float) -> Delays:
     """A USB adapter that hands over what came every `period` [s]."""
-    return lambda taken, _: np.ceil((taken + 150e-6) / period) * period
+    return lambda taken, _: np.asarray(np.ceil((taken + 150e-6) / period) * period)
 
 
 def rare(width: float, share: float) -> Delays:
@@ -134,7 +135,7 @@ def rare(width: float, share: float) -> Delays:
 def _one_by_one(come: NDArray[np.float64]) -> NDArray[np.float64]:
     """Times at which frames come that a bus carries one after another."""
     earliest = ON_BUS * np.arange(come.size)
-    return np.maximum.accumulate(come - earliest) + earliest
+    return np.asarray(np.maximum.accumulate(come - earliest) + earliest)
 
 
 def send(name: str, clock: Clock, delays: Delays = prompt, seed: int = 1) -> list[Received]:
@@ -143,20 +144,21 @@ def send(name: str, clock: Clock, delays: Delays = prompt, seed: int = 1) -> lis
     taken = clock.times(float(truth.time[-1]))
     random = np.random.default_rng((seed, MESSAGES[name].frame_id))
     noise = NoiseLevels()
-    values = {
-        "Rail": PRESSURE.apply(
-            _at(truth.rail_pressure, taken) + random.normal(0, noise.rail_pressure, taken.size)
-        )
-        / 1e6,
-        "Lift": LIFT.apply(_at(truth.needle_lift, taken) + random.normal(0, noise.needle_lift, taken.size))
-        / 1e-6,
-        "Line": PRESSURE.apply(
-            _at(truth.line_pressure, taken) + random.normal(0, noise.line_pressure, taken.size)
-        )
-        / 1e6,
-    }
+
+    def measured(
+        signal: NDArray[np.float64], sigma: float, codes: Quantisation, unit: float
+    ) -> NDArray[np.float64]:
+        return codes.apply(_at(signal, taken) + random.normal(0.0, sigma, taken.size)) / unit
+
     count = np.arange(taken.size)
-    values |= {"SampleIndex": count, "Count": count % 256, "Nibble": count % 16}
+    values: dict[str, NDArray[np.float64] | NDArray[np.int64]] = {
+        "Rail": measured(truth.rail_pressure, noise.rail_pressure, PRESSURE, MEGAPASCAL),
+        "Lift": measured(truth.needle_lift, noise.needle_lift, LIFT, MICROMETRE),
+        "Line": measured(truth.line_pressure, noise.line_pressure, PRESSURE, MEGAPASCAL),
+        "SampleIndex": count,
+        "Count": count % 256,
+        "Nibble": count % 16,
+    }
     message = MESSAGES[name]
     columns = {s.name: values[s.name].tolist() for s in message.signals}
     stamps = delays(taken, random)
@@ -191,11 +193,22 @@ def write_time_bench(folder: Path, rate: float, signals: dict[str, str]) -> Path
     return path
 
 
+@dataclass(frozen=True)
+class Injected:
+    """An injection as estimated: relative error of its volume, RMSE [m3/s] of its rate."""
+
+    number: int
+    is_valid: bool
+    volume_error: float
+    rmse: float
+
+
 @dataclass
 class Outcome:
     """Every sample the core published, and how it compares with what was injected."""
 
     core: Core
+    interval: float  # s
     times: NDArray[np.float64]  # s, when the samples were taken
     rows: NDArray[np.void]
     frames: list[bytes] = field(default_factory=list)
@@ -214,26 +227,23 @@ class Outcome:
         part = self.rows[(self.times >= start) & (self.times < end)]
         return {(State(int(row["state"])), Reason(int(row["reason"]))) for row in part}
 
-    def injections(self) -> list[tuple[int, bool, float, float]]:
-        """Number, validity, relative error of the volume and RMSE [m3/s] of every injection seen whole."""
+    def injections(self) -> list[Injected]:
+        """Every injection of which no sample is missing."""
         _, truth = plant()
         found = []
         for number in range(INJECTIONS):
             start = FIRST + number * PERIOD
-            inside = np.flatnonzero((self.times >= start) & (self.times < start + 6e-3))
+            inside = (self.times >= start) & (self.times < start + 6e-3)
             rows, times = self.rows[inside], self.times[inside]
-            if (
-                len(rows) < 2
-                or np.isnan(rows["injection_rate"]).any()
-                or np.diff(times).max() > 3 * np.median(np.diff(times))
-            ):
+            if len(rows) < 0.99 * 6e-3 / self.interval or np.isnan(rows["injection_rate"]).any():
                 continue
             grid = (truth.time >= times[0]) & (truth.time <= times[-1])
             true = np.trapezoid(truth.injection_rate[grid], truth.time[grid])
-            estimated = np.trapezoid(rows["injection_rate"], times)
             error = rows["injection_rate"] - _at(truth.injection_rate, times)
+            volume = np.trapezoid(rows["injection_rate"], times)
+            is_valid = bool(rows["valid"].all())
             found.append(
-                (number, bool(rows["valid"].all()), estimated / true - 1.0, float(np.sqrt(np.mean(error**2))))
+                Injected(number, is_valid, float(volume / true - 1.0), float(np.sqrt(np.mean(error**2))))
             )
         return found
 
@@ -244,10 +254,7 @@ def observe(bench: Path, frames: Sequence[Received], grid: Clock, restart: float
     core = Core(loaded, map_bus(loaded), learning=False)
     rows, sent, seen = [], [], 0
     for frame in [*frames, None]:
-        if frame is None:
-            out = core.finish()
-        else:
-            out = core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+        out = core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns) if frame else core.finish()
         sent += [f.payload for f in out]
         if core.processed > seen:
             rows.append(core.rows(seen, core.processed))
@@ -258,4 +265,4 @@ def observe(bench: Path, frames: Sequence[Received], grid: Clock, restart: float
         begins = np.flatnonzero(np.diff(table["index"]) < 0)
         assert len(begins) == 1
         times[begins[0] + 1 :] = replace(grid, phase=restart).time_of(table["index"][begins[0] + 1 :])
-    return Outcome(core, times, table, sent)
+    return Outcome(core, 1.0 / grid.rate, times, table, sent)

@@ -1,28 +1,36 @@
 """Databases as benches have them, with the bench files of `docs/dbc.md`: the same samples, the same estimate."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import can
 import cantools.database
 import e2e.p01
 import numpy as np
 import pytest
 from cantools.database.can import Database
 
+from observer_rt.bus.link import open_link
 from observer_rt.bus.mapping import map_bus
+from observer_rt.bus.outputs import STATUS_SIGNALS
 from observer_rt.config import PACKAGE_DATA, load_bench, load_injector
 from observer_rt.model.effects import sized
 from observer_rt.recording.framing import Framer, whole
+from observer_rt.recording.player import play
 from observer_rt.recording.recording import Recording
+from observer_rt.recording.recording_frames import recording_frames
 from observer_rt.service.core import Core
+from observer_rt.service.daemon import Daemon
 from observer_rt.service.output import OutputFrame
 from observer_rt.service.report import InjectionReport
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device, bench_text
+from tests.service.participants import serving, until
 
 DATABASES = Path(__file__).parents[1] / "bus" / "databases"
 INJECTIONS = 3
@@ -232,6 +240,41 @@ def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
         assert summary["Mass"] == pytest.approx(report.mass / 1e-6, abs=0.005)
         assert summary["NozzleWear"] == pytest.approx(report.indicators.nozzle.value, abs=5e-5)
         assert summary["RailPressureAtStart"] == pytest.approx(report.rail_pressure / 1e6, abs=0.0025)
+
+
+def test_replay_and_daemon_on_a_classic_bus(tmp_path: Path) -> None:
+    """Over python-can's virtual bus, as processes would: classic frames only, summaries and status in pages."""
+    text = (DATABASES / "testbed_classic.toml").read_text()
+    text = text.replace('channel = "can0"', 'interface = "virtual"\nchannel = "classic"')
+    text = text.replace('"testbed_classic.dbc"', f'"{DATABASES / "testbed_classic.dbc"}"')
+    path = tmp_path / "bench.toml"
+    path.write_text(text + "[learning]\nlockstep = true\n")
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    data = recording(10e3)
+    frames = list(recording_frames(data, bus, windowed=False))
+    heard: list[can.Message] = []
+    with (
+        can.Bus(interface="virtual", channel="classic") as listener,
+        open_link("virtual", "classic", False) as daemon_link,
+        open_link("virtual", "classic", False, []) as player_link,
+    ):
+        daemon = Daemon(bench, bus, daemon_link)
+        with serving(daemon):
+            play(frames, player_link, math.inf)
+            until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
+        while (message := listener.recv(0.1)) is not None:
+            heard.append(message)
+    assert daemon.dropped == 0
+    assert not any(message.is_fd for message in heard)
+    sent = [OutputFrame(m.arbitration_id, m.is_extended_id, m.is_fd, bytes(m.data)) for m in heard]
+    assert {frame.frame_id for frame in sent} == {0x201, 0x202, 0x3A0, 0x3A1, 0x3A2}
+    direct = through(DATABASES / "testbed_classic.toml", classic_frames(data))
+    assert [f.payload for f in sent if f.frame_id == 0x201] == [f.payload for f in direct.frames]
+    status = _pages(sent, "ObserverStatus")[-1]
+    assert status["SamplesProcessed"] == daemon.core.processed
+    assert status["LostSamples"] == 0
+    assert len(status) == len(STATUS_SIGNALS) + 3  # CRC, counter and page
 
 
 def classic_layout(folder: Path, rate: float) -> Path:

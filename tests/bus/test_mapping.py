@@ -179,6 +179,19 @@ def test_protection_that_is_not_supported(tmp_path: Path) -> None:
     assert "1 and 5" in error.remedy
 
 
+def test_a_message_too_short_for_its_protection(tmp_path: Path) -> None:
+    path = tmp_path / "short.dbc"
+    attributes = USER_DBC[USER_DBC.index("BA_DEF_") :].replace(
+        'E2EProfile" BO_ 292 2', 'E2EProfile" BO_ 292 5'
+    )
+    text = (
+        'VERSION ""\nBU_: A\nBO_ 291 Long: 64 A\nBO_ 292 Short: 2 A\n SG_ State : 0|3@1+ (1,0) [0|0] "" A\n'
+    )
+    path.write_text(text + attributes)
+    with pytest.raises(UserError, match="has 2 bytes, which E2E profile 5"):
+        output_message(find_message(load_database(path), "Short"), ["State"])
+
+
 @pytest.mark.parametrize(
     ("key", "name"),
     [("injection_rate", "InjectonRate"), ("injection_summary", "Summary"), ("status", "ObserverStat")],

@@ -1,7 +1,7 @@
 """Databases as benches have them, with the bench files of `docs/dbc.md`: the same samples, the same estimate."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,7 +11,6 @@ import cantools.database
 import e2e.p01
 import numpy as np
 import pytest
-from cantools.database.can import Database
 
 from observer_rt.bus.link import open_link
 from observer_rt.bus.mapping import map_bus
@@ -26,84 +25,22 @@ from observer_rt.service.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.output import OutputFrame
 from observer_rt.service.report import InjectionReport
+from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device, bench_text
+from tests.service.foreign_frames import (
+    DATABASES,
+    INJECTIONS,
+    Sent,
+    classic_frames,
+    database,
+    fd_frames,
+    multiplexed_frames,
+    recording,
+)
 from tests.service.participants import serving, until
-
-DATABASES = Path(__file__).parents[1] / "bus" / "databases"
-INJECTIONS = 3
-Sent = Iterable[tuple[int, bool, bytes, int]]  # identifier, is extended, payload, stamp [ns]
-
-
-@cache
-def recording(rate: float) -> Recording:
-    """Injections of a worn injector, with noise."""
-    schedule = make_schedule([100e6], INJECTIONS, 0.05, [1.1e-3])
-    effects = (sized("orifice_area", v_H=0.2),)
-    return simulate(load_injector(), schedule, rate, effects, NoiseLevels(), seed=8).recording
-
-
-def database(name: str) -> Database:
-    return cantools.database.load_file(DATABASES / f"{name}.dbc")
-
-
-def classic_frames(data: Recording) -> Sent:
-    """One sample a frame, Motorola, the three channels one after the other."""
-    messages = [
-        database("testbed_classic").get_message_by_name(f"DAQ_{n}")
-        for n in ("RailPress", "NeedleLift", "LinePress")
-    ]
-    for n in range(data.samples):
-        for message, prefix, name, value in zip(
-            messages,
-            ("RP", "NL", "LP"),
-            ("RailPressure", "Lift", "LinePressure"),
-            (data.rail_pressure[n] / 1e5, data.needle_lift[n] / 1e-6, data.line_pressure[n] / 1e5),
-            strict=True,
-        ):
-            values = {f"{prefix}_MsgCnt": n, f"{prefix}_{name}": float(value), f"{prefix}_SensorState": 1}
-            yield message.frame_id, False, message.encode(values), 0
-
-
-def fd_frames(data: Recording) -> Sent:
-    """Blocks of twelve: pressures in one message, the lift as floats in another."""
-    pressures = database("fast_daq_fd").get_message_by_name("FD_Pressures")
-    needle = database("fast_daq_fd").get_message_by_name("FD_Needle")
-    for first in range(0, data.samples - 11, 12):
-        values = {"SampleNo": float(first), "Status": 0.0}
-        lifts = dict(values)
-        for k in range(12):
-            values[f"pRail_{k + 1}"] = data.rail_pressure[first + k] / 1e3
-            values[f"pLine_{k + 1}"] = data.line_pressure[first + k] / 1e3
-            lifts[f"xNeedle_{k + 1}"] = data.needle_lift[first + k] / 1e-3
-        yield pressures.frame_id, True, pressures.encode(values), 0
-        yield needle.frame_id, True, needle.encode(lifts), 0
-
-
-CHANNELS = {"Rail": ("rail_pressure", 1e6), "Lift": ("needle_lift", 1e-3), "Line": ("line_pressure", 1e6)}
-
-
-def multiplexed_frames(data: Recording) -> Sent:
-    """Six samples in two halves of each of three channels; slow channels in between."""
-    message = database("adc_multiplexed").get_message_by_name("ADC_Data")
-    for first in range(0, data.samples - 5, 6):
-        for half in range(2):
-            for n, (name, (role, unit)) in enumerate(CHANNELS.items()):
-                values = {"ADC_Channel": 3.0 * half + n, "ADC_Overrange": 0.0, "ADC_Time": float(first)}
-                for k in range(3 * half, 3 * half + 3):
-                    values[f"ADC_{name}_{k}"] = float(getattr(data, role)[first + k]) / unit
-                yield message.frame_id, False, message.encode(values), 0
-        if first % 60 == 0:
-            slow = {
-                "ADC_Channel": 15,
-                "ADC_Overrange": 0,
-                "ADC_Time": first,
-                "ADC_Page": 0,
-                "ADC_Temperature": 42.0,
-            }
-            yield message.frame_id, False, message.encode(slow), 0
 
 
 @dataclass(frozen=True)
@@ -248,26 +185,37 @@ def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
         assert summary["RailPressureAtStart"] == pytest.approx(report.rail_pressure / 1e6, abs=0.0025)
 
 
-def test_replay_and_daemon_on_a_classic_bus(tmp_path: Path) -> None:
-    """Over python-can's virtual bus, as processes would: classic frames only, summaries and status in pages."""
+def test_replay_and_daemon_on_the_bus_of_a_process(tmp_path: Path) -> None:
+    _exchange_classic_frames(tmp_path, "virtual", "classic", math.inf)
+
+
+@pytest.mark.vcan
+def test_replay_and_daemon_on_vcan(tmp_path: Path, vcan: str) -> None:
+    _exchange_classic_frames(tmp_path, "socketcan", vcan, 0.1)
+
+
+def _exchange_classic_frames(folder: Path, interface: str, channel: str, speed: float) -> None:
+    """Classic frames only; summaries and status in pages."""
     text = (DATABASES / "testbed_classic.toml").read_text()
-    text = text.replace('channel = "can0"', 'interface = "virtual"\nchannel = "classic"')
+    text = text.replace('channel = "can0"', f'interface = "{interface}"\nchannel = "{channel}"')
     text = text.replace('"testbed_classic.dbc"', f'"{DATABASES / "testbed_classic.dbc"}"')
-    path = tmp_path / "bench.toml"
+    path = folder / "bench.toml"
     path.write_text(text + "[learning]\nlockstep = true\n")
     bench = load_bench(path)
     bus = map_bus(bench)
     data = recording(10e3)
     frames = list(recording_frames(data, bus, windowed=False))
+    inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
+    warm_up(bench, bus)
     heard: list[can.Message] = []
     with (
-        can.Bus(interface="virtual", channel="classic") as listener,
-        open_link("virtual", "classic", False) as daemon_link,
-        open_link("virtual", "classic", False, []) as player_link,
+        can.Bus(interface=interface, channel=channel) as listener,
+        open_link(interface, channel, False, inputs) as daemon_link,
+        open_link(interface, channel, False, []) as player_link,
     ):
         daemon = Daemon(bench, bus, daemon_link)
         with serving(daemon):
-            play(frames, player_link, math.inf)
+            play(frames, player_link, speed)
             until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
         while (message := listener.recv(0.1)) is not None:
             heard.append(message)

@@ -52,6 +52,7 @@ STATUS_SIGNALS = (
     "RepeatedFrames",
     "OldFrames",
     "DroppedFrames",
+    "LinkTroubles",
     "Restarts",
     "Adoptions",
     "RejectedAdoptions",

@@ -269,16 +269,17 @@ def evaluate(
     )
 
 
-@app.command(epilog="Example: observer-rt check --bench bench.toml")
+@app.command(epilog="Example: observer-rt check --bench bench.toml --state learned.json")
 def check(
     bench: BenchOption = EXAMPLE_BENCH,
     model: ModelOption = None,
+    state: StateOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.service.checkup import Level, as_json_document, as_table, checkup
 
-    findings = checkup(_load(bench, model))
+    findings = checkup(_load(bench, model), state)
     if as_json:
         print(json.dumps(as_json_document(findings), indent=2))
     else:

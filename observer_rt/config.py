@@ -39,7 +39,7 @@ class LinkConfig(_Section):
     interface: str = "socketcan"
     channel: str = "can0"
     fd: bool = True
-    bit_rate: Positive = 500e3  # bit/s, for the bus load `check` prints
+    bit_rate: Positive = 500e3  # bit/s, for `check`
     data_bit_rate: Positive = 5e6
 
 
@@ -202,7 +202,9 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise UserError(str(path), "no such file", "correct the path") from None
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(str(path), f"cannot be read: {error}") from None
-    except tomllib.TOMLDecodeError as error:
+    except RecursionError:
+        raise UserError(str(path), "is not valid TOML: nested too deeply", "mend it") from None
+    except ValueError as error:  # TOMLDecodeError, or a number of more digits than Python reads
         raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import sys
@@ -10,6 +11,8 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from tests.interface import OwnInterface
 
 # how long an example takes says nothing on a machine that does something else, too
 settings.register_profile("unhurried", deadline=None)
@@ -41,6 +44,17 @@ def vcan() -> str:
             f"no CAN FD interface {INTERFACE} here: run this test by `tools/vcan pytest ...`", pytrace=False
         )
     return INTERFACE
+
+
+@pytest.fixture
+def own_interface(vcan: str) -> Iterator[OwnInterface]:
+    """Another SocketCAN interface than `vcan`, of this test's own."""
+    interface = OwnInterface("vcan9")
+    try:
+        yield interface
+    finally:
+        with contextlib.suppress(pytest.fail.Exception):  # where the test took it away
+            interface.remove()
 
 
 class SocketCounter:

@@ -66,7 +66,7 @@ def _is_readable(path: Path) -> bool:
 def _reason(error: Exception) -> str:
     """cantools' message on one line, without its format prefix and the quotes around it."""
     text = re.sub(r'^[A-Z]+: "(.*)"$', r"\1", str(error), flags=re.DOTALL)
-    text = " ".join(text.split())
+    text = " ".join(text.split()).rstrip(".")
     missing = re.fullmatch(r"'([^']*)'", text)
     return f"uses {missing.group(1)}, which it does not define" if missing else text
 

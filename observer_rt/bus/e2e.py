@@ -20,8 +20,6 @@ PROFILES = (PROFILE_1, PROFILE_5)
 _CRC_BYTES = 2  # of profile 5
 _COUNTER_BYTE = 2
 _NIBBLE_BYTE = 1  # with the counter of profile 1
-_SHORTEST = 3  # bytes: CRC and counter of profile 5
-_SHORTEST_PROFILE_1 = 2
 
 
 class E2EStatus(IntEnum):
@@ -82,6 +80,12 @@ def counter_values(profile: int) -> int:
 
 
 @njit(cache=True, nogil=True)
+def shortest_frame(profile: int) -> int:
+    """Bytes that CRC and counter of a profile take."""
+    return 2 if profile == PROFILE_1 else 3
+
+
+@njit(cache=True, nogil=True)
 def protect(payload: NDArray[np.uint8], length: int, profile: int, data_id: int, counter: int) -> None:
     """Write the counter of the message's `counter`-th frame and then the CRC, in place.
 
@@ -106,14 +110,12 @@ def check(payload: NDArray[np.uint8], length: int, profile: int, data_id: int) -
     """
     if profile == UNPROTECTED:
         return True
-    if length > payload.size:
+    if not shortest_frame(profile) <= length <= payload.size:
+        return False
+    if frame_counter(payload, profile) >= counter_values(profile):
         return False
     if profile == PROFILE_1:
-        if length < _SHORTEST_PROFILE_1 or frame_counter(payload, profile) >= counter_values(profile):
-            return False
         return bool(payload[0] == crc8(payload, length, data_id))
-    if length < _SHORTEST:
-        return False
     crc = crc16(payload, length, data_id)
     return bool(payload[0] == crc & 0xFF and payload[1] == crc >> 8)
 

@@ -2,12 +2,16 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from enum import StrEnum
 from types import TracebackType
 from typing import NamedTuple, Protocol, Self
 
+from observer_rt.bus.condition import BusCondition
+from observer_rt.errors import RunError
+
 
 class Frame(NamedTuple):
-    """One received data frame. `stamp_ns`: when, nanoseconds since 1970 by the receiving computer."""
+    """One received data frame. `stamp_ns`: when, nanoseconds since 1970; by which clock says the link."""
 
     frame_id: int
     payload: bytes
@@ -16,10 +20,23 @@ class Frame(NamedTuple):
     is_fd: bool = True
 
 
+class StampSource(StrEnum):
+    """Who says when a frame arrived; each less jittery than those after it."""
+
+    HARDWARE = "hardware"  # the CAN interface
+    KERNEL = "kernel"  # the kernel of this computer
+    DRIVER = "driver"  # a vendor's driver, by a clock it chooses
+    ARRIVAL = "arrival"  # this process
+
+
+class LinkDownError(RunError):
+    """The interface went down or away; `Link.reconnect` tells when it is back."""
+
+
 class Link(Protocol):
     """An open connection to one CAN bus; a context manager that closes it.
 
-    Own frames are not received. Remote and error frames are left out.
+    Own frames are not received. Remote and error frames are left out; what error frames tell is in `condition`.
     """
 
     @abstractmethod
@@ -27,7 +44,8 @@ class Link(Protocol):
         """The next wanted frame, or None if none came within `timeout_s` [s] (0: only what waits already).
 
         Raises:
-            RunError: the interface went down or away.
+            LinkDownError: the interface went down or away.
+            RunError: it failed otherwise.
         """
 
     @abstractmethod
@@ -35,14 +53,43 @@ class Link(Protocol):
         """Send one data frame; a CAN FD frame with the bit rate switched. Waits a moment for a full queue.
 
         Raises:
-            RunError: the interface went down or away, its queue stays full, or it carries no CAN FD.
+            LinkDownError: the interface went down or away.
+            RunError: its queue stays full, it carries no CAN FD, or it failed otherwise.
             ValueError: the payload is too long for a frame of this kind.
         """
+
+    def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
+        """`send` without waiting: whether there was room for the frame. Raises as `send` does."""
+        self.send(frame_id, payload, is_extended, is_fd)
+        return True
+
+    def reconnect(self) -> None:
+        """Connect anew after a `LinkDownError`; what was counted stays. Nothing to do where nothing can be lost.
+
+        Raises:
+            LinkDownError: the interface is not back yet, or cannot be used as it is.
+        """
+        return
 
     @property
     @abstractmethod
     def dropped(self) -> int:
-        """Frames lost by kernel or driver so far, as known when the last frame was received."""
+        """Frames lost by controller, driver or kernel so far, as known when the last frame was received."""
+
+    @property
+    def condition(self) -> BusCondition:
+        """How the controller fares; always the same where the interface does not tell."""
+        return BusCondition()
+
+    @property
+    def stamp_source(self) -> StampSource:
+        """Who stamps the received frames."""
+        return StampSource.ARRIVAL
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What the user should know of the link, found when it was opened; with remedies."""
+        return ()
 
     @abstractmethod
     def close(self) -> None:

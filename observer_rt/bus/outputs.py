@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.codec import signal_table
 from observer_rt.bus.database import MessageLayout, signal_names
-from observer_rt.bus.e2e import PROFILES
+from observer_rt.bus.e2e import PROFILES, shortest_frame
 from observer_rt.bus.multiplexing import Conditions, blank_frame, conditions_of, frame_kinds, meets
 from observer_rt.errors import UserError
 
@@ -52,6 +52,7 @@ STATUS_SIGNALS = (
     "RepeatedFrames",
     "OldFrames",
     "DroppedFrames",
+    "LinkTroubles",
     "Restarts",
     "Adoptions",
     "RejectedAdoptions",
@@ -129,5 +130,11 @@ def protected_layout(message: Message) -> MessageLayout:
             f"message {layout.name}",
             f"is protected by E2E profile {layout.e2e_profile}",
             f"only the profiles {' and '.join(map(str, PROFILES))} are supported",
+        )
+    if layout.e2e_profile is not None and layout.length < shortest_frame(layout.e2e_profile):
+        raise UserError(
+            f"message {layout.name}",
+            f"has {layout.length} bytes, which E2E profile {layout.e2e_profile} does not fit in",
+            "correct its length or its E2EProfile",
         )
     return layout

@@ -1,4 +1,4 @@
-"""A link over a raw SocketCAN socket: one system call a frame, kernel time stamps, lost frames counted."""
+"""A link over a raw SocketCAN socket: one system call a frame, exact time stamps, lost frames counted."""
 
 import errno
 import fcntl
@@ -7,20 +7,24 @@ import socket
 import struct
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from observer_rt.bus.link import Frame, Link
+from observer_rt.bus.condition import BusCondition, BusState, ErrorClass, after_error_frame
+from observer_rt.bus.link import Frame, Link, LinkDownError, StampSource
+from observer_rt.bus.stamps import ANCILLARY_BYTES, StampReader
 from observer_rt.errors import RunError, UserError
 
 RECEIVE_BUFFER_BYTES = 16 << 20  # some 20,000 frames; the usual default holds about 300
+FRAME_BYTES = 768  # about what a received frame takes of it
 SEND_RETRY_S = 0.5e-3  # about three full frames at 500k/5M
 SEND_PATIENCE_S = 0.5
 
 # Of the generic Linux interface, not all known to Python's socket module.
 _SO_RCVBUFFORCE = 33
-_SO_TIMESTAMPNS = 35
 _SO_RXQ_OVFL = 40
 _SIOCGIFMTU = 0x8921
+_CAN_RAW_ERR_FILTER = 2
 _CANFD_MTU = 72
 _CANFD_BRS = 0x01  # bit rate switched
 _CLASSIC_DATA_BYTES = 8
@@ -33,9 +37,9 @@ _HEADER = struct.Struct("=IBB2x")
 _CLASSIC_FRAME = struct.Struct("=IB3x8s")
 _FD_FRAME = struct.Struct("=IBB2x64s")
 _FILTER = struct.Struct("=II")
-_TIMESPEC = struct.Struct("@ll")
 _COUNT = struct.Struct("=I")
-_ANCILLARY_BYTES = socket.CMSG_SPACE(_TIMESPEC.size) + socket.CMSG_SPACE(_COUNT.size)
+_ANCILLARY_BYTES = ANCILLARY_BYTES + socket.CMSG_SPACE(_COUNT.size)
+_TOLD_ERRORS = ErrorClass.CONTROLLER | ErrorClass.BUS_OFF | ErrorClass.RESTARTED
 
 
 class SocketCanLink(Link):
@@ -47,7 +51,13 @@ class SocketCanLink(Link):
             raise UserError("link.interface", "socketcan needs Linux", "use another python-can interface")
         self._channel = channel
         self._fd = fd
+        self._receive_ids = receive_ids
         self._dropped = 0
+        self._condition = BusCondition()
+        self._warnings: list[str] = []
+        self._open()
+
+    def _open(self) -> None:
         try:
             self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         except OSError as error:
@@ -55,39 +65,55 @@ class SocketCanLink(Link):
                 f"the kernel offers no SocketCAN: {error.strerror}\n  remedy: sudo modprobe can_raw"
             ) from error
         try:
-            self._configure(receive_ids)
+            self._configure()
         except OSError as error:
             self._socket.close()
             raise self._failure(error) from error
         except RunError:
             self._socket.close()
             raise
+        self._dropped_by_socket = 0
         self._readable = select.poll()
         self._readable.register(self._socket, select.POLLIN)
 
-    def _configure(self, receive_ids: Sequence[tuple[int, bool]] | None) -> None:
+    def _configure(self) -> None:
         if self._fd:
             self._require_fd_mtu()
             self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
-        self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, _filters(receive_ids))
-        try:
-            self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
-        except PermissionError:  # needs CAP_NET_ADMIN; else the most that net.core.rmem_max allows
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, _filters(self._receive_ids))
+        if self._receive_ids is None or self._receive_ids:  # else nobody would ever read them
+            self._socket.setsockopt(socket.SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, int(_TOLD_ERRORS))
+            self._warnings = self._size_receive_buffer()
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
-        self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        self._stamps = StampReader(self._socket, self._channel)
         self._socket.bind((self._channel,))
         self._socket.setblocking(False)
         pending = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if pending:  # binding to an interface that is down succeeds
             raise OSError(pending, "")
 
+    def _size_receive_buffer(self) -> list[str]:
+        """Returns a warning where the kernel gives less than is wanted."""
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
+        except PermissionError:  # needs CAP_NET_ADMIN; else the most that net.core.rmem_max allows
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        given = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)  # twice what was asked for
+        if given >= 2 * RECEIVE_BUFFER_BYTES:
+            return []
+        return [
+            f"the kernel gives {self._channel} a receive buffer for some {given // FRAME_BYTES} frames only: more "
+            "are lost when this process has to wait\n"
+            f"  remedy: sudo sysctl --write net.core.rmem_max={RECEIVE_BUFFER_BYTES}"
+        ]
+
     def _require_fd_mtu(self) -> None:
         request = struct.pack("16si12x", self._channel.encode(), 0)
         _, mtu = struct.unpack("16si12x", fcntl.ioctl(self._socket, _SIOCGIFMTU, request))
         if mtu < _CANFD_MTU:
             name = self._channel
-            raise RunError(
+            # down, too: an interface that was plugged in again may not be configured yet
+            raise LinkDownError(
                 f"{name} cannot carry CAN FD frames: its mtu is {mtu}\n"
                 f"  remedy: sudo ip link set {name} down && sudo ip link set {name} mtu {_CANFD_MTU} && "
                 f"sudo ip link set {name} up (hardware: with `fd on` and a `dbitrate`)"
@@ -98,34 +124,57 @@ class SocketCanLink(Link):
         while True:
             try:
                 data, ancillary, _, _ = self._socket.recvmsg(_FD_FRAME.size, _ANCILLARY_BYTES)
-                break
             except BlockingIOError:
                 now = time.monotonic()
                 if deadline is None:
                     deadline = now + timeout_s
                 if now > deadline or not self._readable.poll(1e3 * (deadline - now)):
                     return None
+                continue
             except OSError as error:
                 raise self._failure(error) from error
+            stamp_ns = self._read_ancillary(ancillary)
+            identifier, length, _ = _HEADER.unpack_from(data)
+            payload = data[_HEADER.size : _HEADER.size + length]
+            if identifier & socket.CAN_ERR_FLAG:
+                self._condition = after_error_frame(self._condition, identifier, payload)
+                continue
+            is_extended = bool(identifier & socket.CAN_EFF_FLAG)
+            return Frame(
+                identifier & (socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK),
+                payload,
+                stamp_ns,
+                is_extended,
+                len(data) == _FD_FRAME.size,
+            )
+
+    def _read_ancillary(self, ancillary: list[tuple[int, int, bytes]]) -> int:
+        """Notes lost frames; returns the stamp [ns since 1970]."""
         stamp_ns = 0
         for level, kind, value in ancillary:
-            if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
-                seconds, nanoseconds = _TIMESPEC.unpack(value)
-                stamp_ns = seconds * 1_000_000_000 + nanoseconds
-            elif level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
+            if level != socket.SOL_SOCKET:
+                continue
+            if kind == _SO_RXQ_OVFL:
                 # The kernel counts in 32 bits; the difference is right across its wrap.
-                self._dropped += (_COUNT.unpack(value)[0] - self._dropped) & 0xFFFFFFFF
-        identifier, length, _ = _HEADER.unpack_from(data)
-        is_extended = bool(identifier & socket.CAN_EFF_FLAG)
-        return Frame(
-            identifier & (socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK),
-            data[_HEADER.size : _HEADER.size + length],
-            stamp_ns,
-            is_extended,
-            len(data) == _FD_FRAME.size,
-        )
+                more = (_COUNT.unpack(value)[0] - self._dropped_by_socket) & 0xFFFFFFFF
+                self._dropped_by_socket += more
+                self._dropped += more
+            else:
+                stamp_ns = self._stamps.read(kind, value) or stamp_ns
+        return stamp_ns or time.time_ns()  # the kernel begins to stamp a moment after it was asked to
 
     def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
+        deadline = time.monotonic() + SEND_PATIENCE_S
+        while not self.try_send(frame_id, payload, is_extended, is_fd):
+            if time.monotonic() > deadline:
+                raise RunError(
+                    f"the transmit queue of {self._channel} stayed full for {SEND_PATIENCE_S} s\n"
+                    "  remedy: check that another node acknowledges and the bit rates agree, or lengthen the "
+                    f"queue: sudo ip link set {self._channel} txqueuelen 1000"
+                )
+            time.sleep(SEND_RETRY_S)
+
+    def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
         if len(payload) > (_FD_DATA_BYTES if is_fd else _CLASSIC_DATA_BYTES):
             raise ValueError(f"{len(payload)} bytes do not fit into one frame")
         identifier = frame_id | (socket.CAN_EFF_FLAG if is_extended else 0)
@@ -135,29 +184,35 @@ class SocketCanLink(Link):
             frame = _FD_FRAME.pack(identifier, len(payload), _CANFD_BRS, payload)
         else:
             frame = _CLASSIC_FRAME.pack(identifier, len(payload), payload)
-        deadline: float | None = None
-        while True:
-            try:
-                self._socket.send(frame)
-                return
-            except OSError as error:
-                # ENOBUFS: the queue of the interface is full, which poll() cannot wait for. EAGAIN: our own.
-                if error.errno not in (errno.ENOBUFS, errno.EAGAIN):
-                    raise self._failure(error) from error
-            now = time.monotonic()
-            if deadline is None:
-                deadline = now + SEND_PATIENCE_S
-            if now > deadline:
-                raise RunError(
-                    f"the transmit queue of {self._channel} stayed full for {SEND_PATIENCE_S} s\n"
-                    "  remedy: check that another node acknowledges and the bit rates agree, or lengthen the "
-                    f"queue: sudo ip link set {self._channel} txqueuelen 1000"
-                )
-            time.sleep(SEND_RETRY_S)
+        try:
+            self._socket.send(frame)
+        except OSError as error:
+            # ENOBUFS: the queue of the interface is full, which poll() cannot wait for. EAGAIN: our own.
+            if error.errno in (errno.ENOBUFS, errno.EAGAIN):
+                return False
+            raise self._failure(error) from error
+        return True
+
+    def reconnect(self) -> None:
+        self.close()
+        self._open()  # anew: the old socket may be bound to a device that is gone
+        self._condition = replace(self._condition, state=BusState.ACTIVE)
 
     @property
     def dropped(self) -> int:
-        return self._dropped
+        return self._dropped + self._condition.overruns
+
+    @property
+    def condition(self) -> BusCondition:
+        return self._condition
+
+    @property
+    def stamp_source(self) -> StampSource:
+        return StampSource.HARDWARE if self._stamps.by_hardware else StampSource.KERNEL
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        return self._warnings
 
     def close(self) -> None:
         self._socket.close()
@@ -166,10 +221,10 @@ class SocketCanLink(Link):
         """What the user can do about `error`."""
         name = self._channel
         if error.errno == errno.ENETDOWN:
-            return RunError(f"{name} is down\n  remedy: sudo ip link set {name} up")
+            return LinkDownError(f"{name} is down\n  remedy: sudo ip link set {name} up")
         if error.errno in (errno.ENODEV, errno.ENXIO):
             there = ", ".join(_can_interfaces()) or "none"
-            return RunError(
+            return LinkDownError(
                 f"there is no interface {name} (CAN interfaces present: {there})\n"
                 "  remedy: connect the device, or for a virtual bus: "
                 f"sudo ip link add dev {name} type vcan && sudo ip link set {name} mtu {_CANFD_MTU} up"

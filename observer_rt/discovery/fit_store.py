@@ -19,7 +19,7 @@ FORMAT = 1
 def problem_key(parameters: InjectorParameters, recording_hashes: Sequence[str]) -> str:
     """What fits belong to: the model, the recordings (SHA-256 of each file) and this program, as one SHA-256."""
     model = parameters.model_dump(
-        mode="json", exclude={"effects": {"__all__": {"origin", "evidence", "date"}}}
+        mode="json", exclude={"format": True, "effects": {"__all__": {"origin", "evidence", "date"}}}
     )
     content = json.dumps([source_digest(), model, list(recording_hashes)], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()

@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+
+FORMAT = 1  # of `injector.toml`; raised when an older program would misread a newer file
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -106,9 +108,19 @@ class EffectInForce(_Section):
     date: Annotated[str, BeforeValidator(str)] = ""  # TOML has dates of its own
 
 
+def _known_format(number: int) -> int:
+    if number != FORMAT:
+        newer = (
+            "a later version of observer-rt wrote the file" if number > FORMAT else "there is no such format"
+        )
+        raise ValueError(f"{newer}; this one reads format {FORMAT}")
+    return number
+
+
 class InjectorParameters(_Section):
     """Everything the model knows of one injector and its line (SI units; effects in the units they name)."""
 
+    format: Annotated[int, AfterValidator(_known_format)] = FORMAT
     line_outflow: LineOutflow = LineOutflow.NOZZLE
     effects: tuple[EffectInForce, ...] = ()
     fluid: Fluid

@@ -99,6 +99,11 @@ class Doubt:
         self._passed = 0
         self._because: Finding | None = None
 
+    @property
+    def lasts(self) -> bool:
+        """Whether what was learned is set aside."""
+        return self._because is not None
+
     def after(self, found: Collection[Finding]) -> Finding | None:
         """Take in what an event was found to be; why the nominal model is to be carried from it on, None if not."""
         unexplained = next((finding for finding in found if finding.reason in UNEXPLAINED), None)

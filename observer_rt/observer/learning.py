@@ -12,6 +12,7 @@ from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.phases import (
     AFTERGLOW,
     EDGE,
+    Phase,
     PhaseStatistics,
     phase_statistics,
     phases_of,
@@ -159,7 +160,10 @@ class Learner:
         if score <= CHANGE_SCORE:
             return fit
         wide = prior.widened(self._rules.prior.vector(self._scale))
-        other = fitter.fit(fit.linearisation, wide, FIRST_ITERATIONS)
+        in_vain = (
+            self._doubt.lasts
+        )  # nothing explained the events before, so that many steps would be lost on this
+        other = fitter.fit(fit.linearisation, wide, ITERATIONS if in_vain else FIRST_ITERATIONS)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
 
@@ -191,14 +195,15 @@ class Learner:
         return bool(errors[0] < ADOPTION_TOLERANCE * errors[1])
 
     def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
-        """Fall back to phi = 0 and forget: what was learned belongs to another line."""
+        """Fall back to phi = 0 and forget: what was learned belongs to another line. No event is valid meanwhile."""
         outcome = self._outcome(Verdict.FROZEN, window, in_force)
+        found = outcome.findings or (Finding(Reason.MODEL_INADEQUATE, Phase.STANDSTILL),)
         fresh = no_knowledge(self._noise, self._scale, self._rules)
         self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
         self._events = 0
         self._previous = None
         knowledge = replace(fresh, events=outcome.knowledge.events, statistics=self._statistics)
-        return replace(outcome, knowledge=knowledge)
+        return replace(outcome, knowledge=knowledge, findings=found)
 
     def _outcome(
         self,

@@ -1,6 +1,7 @@
 """Everything that can be said of a bench before it runs, without touching the bus."""
 
 import math
+from pathlib import Path
 
 from observer_rt.bus.database import database_hash
 from observer_rt.bus.mapping import map_bus
@@ -16,12 +17,14 @@ from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.state import MAX_EVENT
 from observer_rt.paper.gain import doubts_about_gain
 from observer_rt.service.checkup_bus import bus_findings
-from observer_rt.service.checkup_host import interface_findings, real_time_findings, this_host
+from observer_rt.service.checkup_host import real_time_findings, this_host
+from observer_rt.service.checkup_interface import interface_findings, read_controller
+from observer_rt.service.checkup_model import plausibility_findings
 from observer_rt.service.checkup_time import time_findings
 from observer_rt.service.core import bench_constants, configured_noise
 from observer_rt.service.findings import Finding, Level, as_json_document, as_table, failed, graded
-from observer_rt.service.learners import make_learner
-from observer_rt.service.state_file import model_hash
+from observer_rt.service.learners import make_learner, refuse_state
+from observer_rt.service.state_file import StateDoesNotFitError, load_knowledge, model_hash
 from observer_rt.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
 
 __all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup"]
@@ -30,9 +33,15 @@ SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not 
 LARGEST_DEAD_BAND = 0.1  # of the full lift
 
 
-def checkup(bench: Bench) -> list[Finding]:
-    """Findings about files, bus, observer and machine. What a file's error keeps from being looked at is left out."""
+def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
+    """Findings about files, bus, observer and machine. What a file's error keeps from being looked at is left out.
+
+    state: file with a learned state, which stays as it is.
+    """
     findings = _files(bench)
+    if state is not None:
+        findings.append(_state(bench, state))
+    findings += plausibility_findings(bench.injector)
     try:
         bus = map_bus(bench)
         findings += bus_findings(bench, bus)
@@ -43,7 +52,8 @@ def checkup(bench: Bench) -> list[Finding]:
     findings += _observer(bench)
     findings += real_time_findings(this_host())
     if bench.config.link.interface == "socketcan":
-        findings += interface_findings(bench.config.link)
+        link = bench.config.link
+        findings += interface_findings(link, read_controller(link.channel))
     return findings
 
 
@@ -61,6 +71,26 @@ def _files(bench: Bench) -> list[Finding]:
     except UserError as error:
         findings.append(failed("files", error))
     return findings
+
+
+def _state(bench: Bench, path: Path) -> Finding:
+    """What `run` would make of a learned state."""
+    topic = "learned state"
+    try:
+        refuse_state(bench, "--state")
+        scale = bench.injector.scaling.pressure
+        knowledge = load_knowledge(path, model_hash(bench.injector), scale, set_aside=False).knowledge
+    except StateDoesNotFitError as error:
+        remedy = (
+            "`run` would set it aside and begin anew: name the model file it belongs to, or another state"
+        )
+        return graded(topic, False, f"{error.place} {error.problem}", remedy)
+    except UserError as error:
+        return failed(topic, error)
+    if knowledge is None:
+        return Finding(topic, Level.OK, f"none at {path} yet, `run` begins with the prior")
+    learned = f"{path}: phi version {knowledge.phi_version}, learned from {knowledge.events} events"
+    return graded(topic, knowledge.events > 0, learned, "`run` will trust its results no sooner for it")
 
 
 def _effects(bench: Bench) -> list[Finding]:

@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from observer_rt.bus.database import MessageLayout
 from observer_rt.bus.inputs import ROLES
 from observer_rt.bus.load import frame_time
 from observer_rt.bus.mapping import BusMap, frame_key
-from observer_rt.config import Bench, LinkConfig, Role
+from observer_rt.config import PACKAGE_DATA, Bench, LinkConfig, Role
 from observer_rt.recording.bus_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.recording.framing import message_timing
 from observer_rt.service.core import configured_noise
@@ -56,18 +58,25 @@ def expected_load(bench: Bench, bus: BusMap) -> BusLoad:
         return frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
 
     blocks = [
-        (time_of(layout) * int(message["kind_count"]), int(message["samples"]))
-        for layout, message in zip(bus.input_layouts, bus.inputs.messages, strict=True)
+        (
+            time_of(layout) * int(message["kind_count"]),
+            int(message["samples"]),
+            1 / float(message_timing(bus, number)["interval"]),
+        )
+        for number, (layout, message) in enumerate(zip(bus.input_layouts, bus.inputs.messages, strict=True))
     ]
     if bus.rate is not None:
-        blocks.append((time_of(bus.rate.layout), bus.rate.samples))
+        blocks.append((time_of(bus.rate.layout), bus.rate.samples, rate))
     other = INJECTIONS_PER_SECOND * len(bus.summary.pages) * time_of(bus.summary.layout)
     status_period = bench.config.outputs.status_period_ms * MILLISECOND
     other += len(bus.status.pages) * time_of(bus.status.layout) / status_period
-    samples = round(WINDOW * rate)
     return BusLoad(
-        continuous=other + sum(time * rate / size for time, size in blocks),
-        windowed=other + sum(time * INJECTIONS_PER_SECOND * -(-samples // size) for time, size in blocks),
+        continuous=other + sum(time * own_rate / size for time, size, own_rate in blocks),
+        windowed=other
+        + sum(
+            time * INJECTIONS_PER_SECOND * -(-round(WINDOW * own_rate) // size)
+            for time, size, own_rate in blocks
+        ),
     )
 
 
@@ -86,7 +95,7 @@ def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:
     resolution = role_resolution(bus, role, needed)
     noise: float = getattr(configured_noise(bench), role.value)
     text = (
-        f"{role}: {layout.name} 0x{layout.frame_id:X}, {int(message['samples'])} samples a frame in "
+        f"{role}: {layout.name} 0x{layout.frame_id:X}, {_division(message)} in "
         f"{_unit(role, role_factor(bus, role))}, {limits.lowest / factor:.6g} to "
         f"{limits.highest / factor:.6g} {unit} in steps of {resolution / factor:.3g} {unit}"
     )
@@ -94,6 +103,13 @@ def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:
         return graded("mapping", False, text, f"cannot hold 0 to {needed / factor:g} {unit}")
     is_fine = resolution <= noise
     return graded("mapping", is_fine, text, f"coarser than the noise configured, {noise / factor:g} {unit}")
+
+
+def _division(message: np.void) -> str:
+    samples, frames = int(message["samples"]), int(message["kind_count"])
+    if frames > 1:
+        return f"{samples} samples in {frames} frames that take turns,"
+    return "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
 
 
 def _unit(role: Role, factor: float) -> str:
@@ -108,9 +124,14 @@ def _sample_periods(bench: Bench, bus: BusMap) -> list[Finding]:
         message = bus.inputs.messages[number]
         expected = 1e9 * float(message_timing(bus, number)["interval"])
         findings += _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
-    if bus.rate is not None:
+    if bus.rate is not None and not _is_shipped(bus, bus.rate.layout.name):
         findings += _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
     return findings
+
+
+def _is_shipped(bus: BusMap, name: str) -> bool:
+    """Whether a message is of a database of ours, whose example of a sample period no user can change."""
+    return next(message.path for message in bus.known if message.name == name).parent == PACKAGE_DATA
 
 
 def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) -> list[Finding]:
@@ -195,7 +216,7 @@ def _frames(link: LinkConfig, layouts: Sequence[MessageLayout]) -> list[Finding]
 
 
 def _load_findings(load: BusLoad, link: LinkConfig) -> list[Finding]:
-    rates = f"at {link.bit_rate / 1e3:g}k/{link.data_bit_rate / 1e6:g}M bit/s"
+    rates = f"at {link.bit_rate / 1e3:g}k{f'/{link.data_bit_rate / 1e6:g}M' if link.fd else ''} bit/s"
     windowed = (
         f"windowed, {INJECTIONS_PER_SECOND:g} injections/s of {WINDOW / MILLISECOND:g} ms: "
         f"{load.windowed:.0%} {rates}"

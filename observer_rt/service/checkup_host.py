@@ -1,20 +1,14 @@
-"""Findings about the machine: real-time rights, memory, processors, CAN interface. No socket is opened."""
+"""Findings about the machine: real-time rights, memory, processors."""
 
 import os
 import resource
 from dataclasses import dataclass
 from pathlib import Path
 
-from observer_rt.config import LinkConfig
-from observer_rt.service.findings import Finding, Level, graded
+from observer_rt.service.findings import Finding, graded
 
 PROCESSORS = 2  # one for the loop, one for learning
-SHORTEST_QUEUE = 100  # frames
-NETWORK = Path("/sys/class/net")
-_CAN_FD_MTU = 72  # bytes
 _CAP_SYS_NICE = 1 << 23
-_INTERFACE_IS_UP = 1  # IFF_UP
-_CAN_INTERFACE = 280  # ARPHRD_CAN
 
 
 @dataclass(frozen=True)
@@ -63,59 +57,6 @@ def real_time_findings(host: Host) -> list[Finding]:
             f"loop and learning want {PROCESSORS}: taskset --cpu-list 0-{PROCESSORS - 1} COMMAND, where there are",
         ),
     ]
-
-
-def interface_findings(link: LinkConfig, network: Path = NETWORK) -> list[Finding]:
-    """What the kernel says of a SocketCAN interface in its folder below `network`."""
-    topic, name = "interface", link.channel
-    folder = network / name
-    try:
-        kind, flags, mtu, queue = (
-            int((folder / entry).read_text(), 0) for entry in ("type", "flags", "mtu", "tx_queue_len")
-        )
-        state = (folder / "operstate").read_text().strip()
-    except OSError:
-        return [Finding(topic, Level.WARNING, f"{name} does not exist; {_create(link)}")]
-    if kind != _CAN_INTERFACE:
-        return [Finding(topic, Level.WARNING, f"{name} is no CAN interface; set link.channel to one")]
-    is_up = bool(flags & _INTERFACE_IS_UP) and state != "down"
-    findings = [graded(topic, is_up, f"{name}: {'up' if is_up else 'down'}", _bring_up(link))]
-    if link.fd:
-        findings.append(
-            graded(
-                topic,
-                mtu >= _CAN_FD_MTU,
-                f"{name}: mtu {mtu}, {'' if mtu >= _CAN_FD_MTU else 'no '}CAN FD",
-                f"sudo ip link set {name} down && {_bring_up(link)}",
-            )
-        )
-    findings.append(
-        graded(
-            topic,
-            queue >= SHORTEST_QUEUE,
-            f"{name}: queue of {queue} frames to send",
-            f"sudo ip link set {name} txqueuelen {10 * SHORTEST_QUEUE}",
-        )
-    )
-    return findings
-
-
-def _create(link: LinkConfig) -> str:
-    if _is_virtual(link):
-        return f"sudo ip link add {link.channel} type vcan && {_bring_up(link)}"
-    return "connect the device and load its driver; `ip -details link show type can` lists what there is"
-
-
-def _bring_up(link: LinkConfig) -> str:
-    name = link.channel
-    if _is_virtual(link):
-        return f"sudo ip link set {name}{f' mtu {_CAN_FD_MTU}' if link.fd else ''} up"
-    fd = f" dbitrate {link.data_bit_rate:.0f} fd on" if link.fd else ""
-    return f"sudo ip link set {name} up type can bitrate {link.bit_rate:.0f}{fd} restart-ms 100"
-
-
-def _is_virtual(link: LinkConfig) -> bool:
-    return link.channel.startswith("vcan")
 
 
 def _effective_capabilities() -> int:

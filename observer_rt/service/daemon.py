@@ -1,5 +1,6 @@
 """The daemon: a thin loop round the core, from a link back onto it."""
 
+import contextlib
 import gc
 import threading
 import time
@@ -7,19 +8,24 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 from observer_rt.bus.database import database_hash
-from observer_rt.bus.link import Link
+from observer_rt.bus.link import Link, LinkDownError
 from observer_rt.bus.mapping import BusMap
 from observer_rt.config import Bench
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.observer.state import Reason, State
 from observer_rt.service.core import Core
+from observer_rt.service.link_watch import LinkWatch
+from observer_rt.service.outbox import RETRY, Outbox
 from observer_rt.service.output import FrameWriter, OutputFrame
 from observer_rt.service.report import InjectionReport
 from observer_rt.service.state_file import model_hash
-from observer_rt.service.status import status_values
+from observer_rt.service.status import LinkFigures, status_values
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data
+RECONNECT_PERIOD = 0.1  # s between tries while the interface is down or away
+SILENCE = 10.0  # s without an outage, after which the same one is told again: some devices come and go
+LAST_FRAMES = 0.5  # s for the last results to be sent in
 
 
 class Daemon:
@@ -32,9 +38,19 @@ class Daemon:
         link: Link,
         knowledge: Knowledge | None = None,
         on_report: Callable[[InjectionReport], None] | None = None,
+        on_message: Callable[[str], None] | None = None,
     ) -> None:
-        """knowledge: restored from an earlier run; on_report is called from the loop with every injection."""
-        self._link = link
+        """knowledge: restored from an earlier run.
+
+        on_report is called from the loop with every injection, on_message with what goes wrong on the link.
+        """
+        self.link = link
+        self._outbox = Outbox(link)
+        self._channel = bench.config.link.channel
+        self._watch = LinkWatch(self._channel, link, self._outbox)
+        self._on_message = on_message or (lambda _: None)
+        self._outages = 0
+        self._last_outage = ("", -SILENCE)  # what was the matter, and when
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning")
         self._bench = bench
         self.core = Core(bench, bus, knowledge, self._executor, on_report=on_report)
@@ -48,29 +64,75 @@ class Daemon:
     def run(self, stop: threading.Event) -> None:
         """Serve until `stop` is set, then publish what is complete and a last status frame.
 
-        Call `warm_up` before the link is opened: what is not compiled yet would be compiled while frames come in.
-        Raises `RunError` when the link fails.
+        An interface that goes down or away is waited for. Call `warm_up` before the link is opened: what is not
+        compiled yet would be compiled while frames come in. Raises `RunError` when the link fails otherwise.
         """
         gc.collect()
         gc.freeze()  # a full collection would stop the loop for tens of milliseconds
-        self._last_input = next_status = time.monotonic_ns()
+        self._last_input = self._next_status = time.monotonic_ns()
         self.ready.set()
         try:
             while not stop.is_set():
-                frame = self._link.receive(RECEIVE_TIMEOUT)
-                now = time.monotonic_ns()
-                if frame is not None:
-                    self._send(
-                        self.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
-                    )
-                if now >= next_status:
-                    self._send_status(now)
-                    next_status = now + self._status_period
-            self._send(self.core.finish())
-            self._send_status(time.monotonic_ns())
+                try:
+                    self._serve_once()
+                except LinkDownError as error:
+                    self._await_link(error, stop)
+            self._finish()
         finally:
             self._executor.shutdown(cancel_futures=True)
             gc.unfreeze()
+
+    def _serve_once(self) -> None:
+        """One frame, or none within the time-out; results, and status when it is due."""
+        frame = self.link.receive(RETRY if self._outbox else RECEIVE_TIMEOUT)
+        now = time.monotonic_ns()
+        if frame is not None:
+            self._outbox.post(
+                self.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
+            )
+        elif self._outbox:
+            self._outbox.flush()
+        if now >= self._next_status:
+            self._next_status = now + self._status_period
+            self._outbox.post(self._status(now))
+            for message in self._watch.messages(now):
+                self._on_message(message)
+
+    def _await_link(self, error: LinkDownError, stop: threading.Event) -> None:
+        """Until the interface is back or `stop` is set; says why it waits."""
+        self._outages += 1
+        self._frames_seen, self._last_input = self.core.counters.frames, 0  # what came before is past
+        self._outbox.discard()  # by then they would be too old for anybody
+        told = False
+        while not stop.is_set():
+            told = self._tell_outage(str(error)) or told
+            stop.wait(RECONNECT_PERIOD)
+            try:
+                self.link.reconnect()
+            except LinkDownError as again:
+                error = again
+            else:
+                if told:
+                    self._on_message(f"{self._channel} is back")
+                return
+
+    def _tell_outage(self, reason: str) -> bool:
+        """Whether there was something new to tell."""
+        before, when = self._last_outage
+        now = time.monotonic()
+        self._last_outage = reason, now
+        is_new = reason != before or now - when > SILENCE
+        if is_new:
+            self._on_message(f"waiting for the interface: {reason}")
+        return is_new
+
+    def _finish(self) -> None:
+        """Publish what is complete, and a last status frame, as far as the link takes them."""
+        with contextlib.suppress(LinkDownError):
+            self._outbox.post(self.core.finish())
+            self._outbox.post(self._status(time.monotonic_ns()))
+            self._outbox.drain(LAST_FRAMES)
+        self._outbox.discard()
 
     def state(self, now: int) -> tuple[State, Reason]:
         """State and reason at a monotonic time [ns], inputs that stay away included."""
@@ -87,15 +149,23 @@ class Daemon:
     @property
     def dropped(self) -> int:
         """Frames lost before they reached the loop."""
-        return self._link.dropped
+        return self.link.dropped
 
-    def _send(self, frames: list[OutputFrame]) -> None:
-        for frame in frames:
-            self._link.send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd)
+    @property
+    def unsent(self) -> int:
+        """Results given up because the link had no room for them, or was down."""
+        return self._outbox.unsent
 
-    def _send_status(self, now: int) -> None:
+    @property
+    def troubles(self) -> int:
+        """How often the interface went down or away, and its controller error-passive or bus-off."""
+        condition = self.link.condition
+        return self._outages + condition.passives + condition.bus_offs
+
+    def _status(self, now: int) -> list[OutputFrame]:
         state, reason = self.state(now)
-        values = status_values(
-            self.core, state, reason, self._bench.config.outputs.injector_id, self._hashes, self._link.dropped
+        figures = LinkFigures(self.dropped, self.troubles)
+        injector_id = self._bench.config.outputs.injector_id
+        return self._status_writer.write(
+            status_values(self.core, state, reason, injector_id, self._hashes, figures)
         )
-        self._send(self._status_writer.write(values))

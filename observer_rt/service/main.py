@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console, RenderableType
 from rich.live import Live
 
-from observer_rt.bus.link import open_link
+from observer_rt.bus.link import Link, open_link
 from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench
 from observer_rt.destinations import check_folder
@@ -54,12 +54,16 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
         else:
             say(console, _line(report))
 
+    def on_message(text: str) -> None:
+        say(console, text)
+
     # from here on, so that a signal while compiling is neither lost nor an interrupt in the middle of it
     with stop_on_signals() as stop:
         say_if_compiling(console)
         warm_up(bench, bus)
         with open_link(link_config.interface, link_config.channel, link_config.fd, wanted) as link:
-            daemon = Daemon(bench, bus, link, knowledge, on_report)
+            _announce_link(link, console)
+            daemon = Daemon(bench, bus, link, knowledge, on_report, on_message)
             screen.watch(daemon)
             say(console, "ready")
             try:
@@ -107,6 +111,12 @@ def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
             console,
             "the virtual bus ends at this process: nothing will come in (vcan0 reaches other programs)",
         )
+
+
+def _announce_link(link: Link, console: Console) -> None:
+    say(console, f"time stamps: {link.stamp_source}")
+    for warning in link.warnings:
+        say(console, f"warning: {warning}")
 
 
 def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event, console: Console) -> None:
@@ -159,6 +169,6 @@ def _farewell(daemon: Daemon, console: Console) -> None:
     say(
         console,
         f"stopped after {counters.samples} samples, {counters.injections} injections; {counters.lost_samples} "
-        f"samples lost, {daemon.dropped} frames dropped, {counters.adoptions} phi adopted, "
-        f"{counters.late_adoptions} late",
+        f"samples lost, {daemon.dropped} frames dropped, {daemon.unsent} results unsent, "
+        f"{counters.adoptions} phi adopted, {counters.late_adoptions} late",
     )

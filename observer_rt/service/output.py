@@ -64,7 +64,7 @@ def summary_values(
         "InjectorId": injector_id,
         "Reason": report.reason,
         "Mass": report.mass / MILLIGRAM,
-        "MassSigma": _sigma(report.mass_ci95) / MILLIGRAM,
+        "MassSigma": _mass_sigma(report) / MILLIGRAM,
         "Volume": report.volume / CUBIC_MILLIMETRE,
         "RailPressureAtStart": report.rail_pressure / MEGAPASCAL,
         "PeakInjectionRate": report.peak_rate / MM3_PER_MS,
@@ -76,6 +76,11 @@ def summary_values(
     }
 
 
-def _sigma(interval: tuple[float, float] | None) -> float:
-    """Standard deviation behind a 95 % interval, nan without one."""
-    return np.nan if interval is None else (interval[1] - interval[0]) / (2 * 1.96)
+def _mass_sigma(report: InjectionReport) -> float:
+    """Standard deviation [kg] of the mass: within 1.96 of it lies the 95 % interval, whose middle is another mass.
+
+    nan without an interval.
+    """
+    if report.mass_ci95 is None:
+        return np.nan
+    return max(abs(bound - report.mass) for bound in report.mass_ci95) / 1.96

@@ -38,6 +38,10 @@ class Restored:
     message: str
 
 
+class StateDoesNotFitError(UserError):
+    """A file with a learned state that does not belong to the model, was damaged or cannot be true."""
+
+
 class _UnusableError(Exception):
     """Why a file's content is not restored."""
 
@@ -47,7 +51,7 @@ def model_hash(parameters: InjectorParameters) -> str:
 
     Of the effects in force it covers what they do, not why somebody believes in them.
     """
-    content = parameters.model_dump(mode="json", exclude={"effects"})
+    content = parameters.model_dump(mode="json", exclude={"effects", "format"})
     if parameters.effects:
         content["effects"] = [
             [effect.id, {name: [size.value, size.unit] for name, size in effect.parameters.items()}]
@@ -100,7 +104,8 @@ def load_knowledge(
     `NAME.set-aside-N`, with the reason in the message; with `set_aside` False it stays and is refused.
 
     Raises:
-        UserError: the file cannot be read, not be set aside, or is refused.
+        StateDoesNotFitError: the file is refused.
+        UserError: it cannot be read, or not be set aside.
     """
     path = Path(os.path.realpath(path))
     try:
@@ -121,7 +126,7 @@ def load_knowledge(
             raise _UnusableError(problem)
     except _UnusableError as reason:
         if not set_aside:
-            raise UserError(
+            raise StateDoesNotFitError(
                 str(path), f"is no learned state for this model: {reason}", "name another file, or none"
             ) from None
         return Restored(None, f"learned state not restored, for {reason}; kept as {_set_aside(path)}")
@@ -175,12 +180,15 @@ def _knowledge_in(data: bytes, model: str) -> Knowledge:
         document = json.loads(data.decode("ascii"))
         version = document["version"]
         if version != VERSION:
-            raise _UnusableError(f"its format is version {version!r}, not {VERSION}")
+            raise _UnusableError(f"its format is version {version!r}, not {VERSION}{_written_by(document)}")
         content = document["content"]
         if document["sha256"] != _digest(content):
             raise _UnusableError("it was changed or damaged: its content does not match its checksum")
         if content["model_sha256"] != model:
-            raise _UnusableError("it was learned for another injector model")
+            other = str(content["model_sha256"])
+            raise _UnusableError(
+                f"it was learned for another injector model, SHA-256 {other[:8]}... instead of {model[:8]}..."
+            )
         return Knowledge(
             belief=Belief(
                 _array(content["mean"], (PARAMETERS,)),
@@ -198,6 +206,12 @@ def _knowledge_in(data: bytes, model: str) -> Knowledge:
         raise _UnusableError("it is not a learned state as this program writes it") from None
     except (KeyError, TypeError, AttributeError) as error:
         raise _UnusableError(f"its content is not as expected ({type(error).__name__}: {error})") from None
+
+
+def _written_by(document: dict[str, Any]) -> str:
+    content = document.get("content")
+    version = content.get("package_version") if isinstance(content, dict) else None
+    return f" (observer_rt {version} wrote it, this is {__version__})" if isinstance(version, str) else ""
 
 
 def _array(content: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -1,8 +1,17 @@
 """What the cyclic status frame says."""
 
+from typing import NamedTuple
+
 from observer_rt import __version__
 from observer_rt.observer.state import Reason, State
 from observer_rt.service.core import Core
+
+
+class LinkFigures(NamedTuple):
+    """What the status says of the link: frames lost before the loop, and how often it was in trouble."""
+
+    dropped: int
+    troubles: int
 
 
 def software_version() -> tuple[int, int, int]:
@@ -12,9 +21,9 @@ def software_version() -> tuple[int, int, int]:
 
 
 def status_values(
-    core: Core, state: State, reason: Reason, injector_id: int, hashes: tuple[int, int], dropped: int
+    core: Core, state: State, reason: Reason, injector_id: int, hashes: tuple[int, int], link: LinkFigures
 ) -> dict[str, float]:
-    """Signals of `ObserverStatus`; hashes of model and bus databases (first 32 bits); dropped frames."""
+    """Signals of `ObserverStatus`; hashes of model and bus databases (first 32 bits)."""
     counters = core.counters
     major, minor, patch = software_version()
     model_hash, database_hash = hashes
@@ -39,7 +48,8 @@ def status_values(
         "LengthErrors": counters.length_errors,
         "RepeatedFrames": counters.repeated_frames,
         "OldFrames": counters.old_frames,
-        "DroppedFrames": dropped,
+        "DroppedFrames": link.dropped,
+        "LinkTroubles": link.troubles,
         "Restarts": counters.restarts,
         "Adoptions": counters.adoptions,
         "RejectedAdoptions": counters.rejected_adoptions,

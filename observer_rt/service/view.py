@@ -95,7 +95,13 @@ class View:
         )
         line.append(
             f" frames {counters.frames}  samples {counters.samples}  lost {counters.lost_samples}  "
-            f"dropped {self._daemon.dropped}  CRC {counters.crc_errors}  sequence {counters.sequence_errors}",
+            f"dropped {self._daemon.dropped}  CRC {counters.crc_errors}  sequence {counters.sequence_errors}\n",
+            style="dim",
+        )
+        link = self._daemon.link
+        line.append(
+            f" link {link.condition.state}, stamps by {link.stamp_source}, unsent {self._daemon.unsent}, "
+            f"troubles {self._daemon.troubles}",
             style="dim",
         )
         line.append(f"\n {summary_of(self._daemon.core.timing)}", style="dim")

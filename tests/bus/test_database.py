@@ -200,7 +200,6 @@ def test_faulty_databases_are_refused_with_file_line_and_reason(
     if may_be_lenient:
         database = load_database(path, lenient=True)
         assert any(re.search(said, complaint) for complaint in overlooked(database))
-        assert find_message(database, "Pressures").decode(bytes(8))
     else:
         with pytest.raises(UserError, match=said):
             load_database(path, lenient=True)

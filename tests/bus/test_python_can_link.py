@@ -7,8 +7,9 @@ from uuid import uuid4
 
 import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 
-from observer_rt.bus.link import Frame, Link, open_link
+from observer_rt.bus.link import Frame, Link, LinkDownError, StampSource, open_link
 from observer_rt.errors import RunError, UserError
 
 
@@ -86,6 +87,68 @@ def test_remote_and_error_frames_are_left_out(channel: str) -> None:
         frame = receiver.receive(0.0)
         assert frame is not None
         assert frame.frame_id == 3
+
+
+def test_error_frames_are_counted(channel: str) -> None:
+    with receiver_of(channel) as receiver, can.Bus(interface="virtual", channel=channel) as bus:
+        bus.send(can.Message(is_error_frame=True))
+        bus.send(can.Message(is_error_frame=True))
+        assert receiver.receive(0.0) is None
+        assert receiver.condition.error_frames == 2
+
+
+def test_what_the_driver_refuses_may_be_tried_again(
+    channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise can.CanOperationError("the transmit buffer is full")
+
+    with receiver_of(channel) as receiver:
+        with monkeypatch.context() as full:
+            full.setattr(VirtualBus, "send", refuse)
+            assert not sender.try_send(0x100, b"", False, True)
+        assert sender.try_send(0x100, b"", False, True)
+        assert receiver.receive(0.0) is not None
+
+
+def test_a_device_that_went_away_is_connected_anew(
+    channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unplugged(*_: object, **__: object) -> None:
+        raise can.CanInitializationError("no such device")
+
+    with receiver_of(channel, [(0x100, False)]) as receiver:
+        with monkeypatch.context() as without_device:
+            without_device.setattr(VirtualBus, "_recv_internal", unplugged)
+            with pytest.raises(LinkDownError, match="no such device"):
+                receiver.receive(0.0)
+            without_device.setattr(VirtualBus, "__init__", unplugged)
+            for _ in range(2):
+                with pytest.raises(LinkDownError, match="no such device"):
+                    receiver.reconnect()
+        receiver.reconnect()
+        sender.send(0x101, b"", False, True)
+        sender.send(0x100, b"", False, True)
+        frame = receiver.receive(0.0)
+        assert frame is not None
+        assert frame.frame_id == 0x100
+
+
+def test_a_driver_without_stamps(channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch) -> None:
+    def send(bus: can.BusABC, message: can.Message, timeout: float | None = None) -> None:
+        message.timestamp = 0.0
+        monkeypatch.undo()
+        with can.Bus(interface="virtual", channel=channel, preserve_timestamps=True) as other:
+            other.send(message, timeout)
+
+    assert sender.stamp_source is StampSource.ARRIVAL
+    monkeypatch.setattr(VirtualBus, "send", send)
+    with receiver_of(channel) as receiver:
+        before = time.time_ns()
+        sender.send(0x100, b"", False, True)
+        frame = receiver.receive(0.0)
+    assert frame is not None
+    assert before <= frame.stamp_ns <= time.time_ns()
 
 
 def test_receive_waits_no_longer_than_told(channel: str) -> None:

@@ -5,12 +5,14 @@ import socket
 import struct
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import can
 import pytest
 
 from observer_rt.bus import socketcan_link
-from observer_rt.bus.link import Frame, Link, open_link
+from observer_rt.bus.condition import BusCondition, BusState
+from observer_rt.bus.link import Frame, Link, StampSource, open_link
 from observer_rt.errors import RunError
 
 pytestmark = pytest.mark.vcan
@@ -120,6 +122,55 @@ def test_every_lost_frame_is_counted(vcan: str, monkeypatch: pytest.MonkeyPatch)
             assert receiver.dropped == sum(dropped)
 
 
+def test_error_frames_tell_the_condition_and_are_no_data(vcan: str) -> None:
+    """A virtual interface has no errors of its own, but delivers the error frames that are sent on it."""
+    bus_off, restarted, not_acknowledged, controller = 0x40, 0x100, 0x20, 0x04
+    passive, overrun = bytes([0, 0x20]), bytes([0, 0x01])
+    with (
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as driver,
+        link_on(vcan, [(0x100, False)]) as link,
+    ):
+        driver.bind((vcan,))
+
+        def tell(kind: int, data: bytes = b"") -> BusCondition:
+            frame = struct.pack("=IB3x8s", socket.CAN_ERR_FLAG | kind, 8, data)
+            driver.send(frame)
+            assert link.receive(0.05) is None
+            return link.condition
+
+        assert link.condition == BusCondition()
+        assert tell(controller, passive).state is BusState.PASSIVE
+        assert tell(bus_off).state is BusState.OFF
+        told = tell(restarted)
+        assert (told.state, told.passives, told.bus_offs, told.restarts) == (BusState.ACTIVE, 1, 1, 1)
+        assert tell(not_acknowledged) == told  # one for every frame nobody hears would be too many
+        assert link.dropped == 0
+        assert tell(controller, overrun).overruns == link.dropped == 1
+
+
+def test_the_stamps_of_a_virtual_interface_are_the_kernels(vcan: str) -> None:
+    with link_on(vcan) as link:
+        assert link.stamp_source is StampSource.KERNEL
+
+
+def test_a_receive_buffer_smaller_than_wanted_is_told(vcan: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Unprivileged(socket.socket):
+        def setsockopt(self, level: int, option: int, value: int | bytes) -> None:  # type: ignore[override]
+            if (level, option) == (socket.SOL_SOCKET, 33):  # SO_RCVBUFFORCE
+                raise PermissionError
+            super().setsockopt(level, option, value)
+
+    monkeypatch.setattr(socket, "socket", Unprivileged)
+    allowed = int(Path("/proc/sys/net/core/rmem_max").read_text())
+    monkeypatch.setattr(socketcan_link, "RECEIVE_BUFFER_BYTES", allowed)
+    with link_on(vcan) as link:
+        assert list(link.warnings) == []
+    monkeypatch.setattr(socketcan_link, "RECEIVE_BUFFER_BYTES", 2 * allowed)
+    with link_on(vcan) as link:
+        (warning,) = link.warnings
+        assert f"sysctl --write net.core.rmem_max={2 * allowed}" in warning
+
+
 @pytest.mark.parametrize(("length", "is_fd"), [(65, True), (9, False)])
 def test_too_long_a_payload_is_refused(vcan: str, length: int, is_fd: bool) -> None:
     with link_on(vcan, []) as link, pytest.raises(ValueError, match=f"{length} bytes"):
@@ -172,6 +223,16 @@ def test_a_lost_interface_fails_with_the_remedy(
             link.receive(0.0)
         with pytest.raises(RunError, match=said):
             link.send(0x100, b"", False, True)
+
+
+def test_whether_there_is_room_is_told_without_waiting(vcan: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with link_on(vcan) as receiver:
+        kind, _ = failing_socket(errno.ENOBUFS, failures=2)
+        monkeypatch.setattr(socket, "socket", kind)
+        with link_on(vcan) as sender:
+            taken = [sender.try_send(0x100, bytes([n]), False, True) for n in range(4)]
+        assert taken == [False, False, True, True]
+        assert [f.payload for f in iter(lambda: receiver.receive(0.05), None)] == [b"\2", b"\3"]
 
 
 def test_a_full_transmit_queue_is_waited_for(vcan: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -41,6 +41,17 @@ def test_effects_in_force_are_named(command: Command, bench: Path, tmp_path: Pat
     assert found[injector]["look-ahead"] != found[NOMINAL_INJECTOR]["look-ahead"]
 
 
+def test_a_learned_state_is_looked_at_and_left_alone(command: Command, bench: Path, tmp_path: Path) -> None:
+    state = tmp_path / "learned.json"
+    state.write_text('{"version": 1}')
+    outcome = command("check", "--bench", bench, "--state", state, "--json")
+    assert outcome.code == 0
+    (finding,) = (f for f in json.loads(outcome.out)["findings"] if f["topic"] == "learned state")
+    assert finding["level"] == "warning"
+    assert "format is version 1" in finding["text"]
+    assert [path.name for path in tmp_path.glob("learned*")] == ["learned.json"]
+
+
 def test_error_found_is_exit_code_1(command: Command, bench: Path) -> None:
     bench.write_text(bench.read_text().replace('message = "SampleBlock"', 'message = "SampleBlok"', 1))
     outcome = command("check", "--bench", bench, "--json")

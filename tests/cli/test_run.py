@@ -9,10 +9,11 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
-from observer_rt.bus.link import open_link
+from observer_rt.bus.link import Frame, LinkDownError, open_link
 from observer_rt.bus.mapping import map_bus
 from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.errors import RunError
@@ -75,6 +76,7 @@ def test_signal_is_a_clean_stop(command: Command, bench: Path, worn: Path, numbe
     assert outcome.code == 0
     assert outcome.out == ""
     assert "ready" in outcome.err
+    assert "time stamps: arrival" in outcome.err
     assert "injection 4 at index" in outcome.err
     assert "stopped after" in outcome.err
     samples = read_recording(worn).samples
@@ -132,6 +134,28 @@ def test_link_that_fails_ends_with_the_state_saved(
     restored = load_knowledge(state, model_hash(load_injector())).knowledge
     assert restored is not None
     assert restored.events == 4
+
+
+def test_trouble_on_the_link_is_told(
+    command: Command, bench: Path, worn: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class TroubledLink(ScriptedLink):
+        warnings = ("a small receive buffer",)
+        failures: ClassVar = [LinkDownError("vcan9 is down"), RunError("vcan9 failed for good")]
+
+        def receive(self, timeout_s: float) -> Frame | None:
+            frame = super().receive(0.0)
+            if frame is None:
+                raise self.failures.pop(0)
+            return frame
+
+    monkeypatch.setattr(service, "open_link", lambda *_: TroubledLink(frames_of(bench, worn)))
+    outcome = command("run", "--bench", bench)
+    assert outcome.code == 1
+    channel = load_bench(bench).config.link.channel
+    told = ["warning: a small receive buffer", "ready", "vcan9 is down", f"{channel} is back", "for good"]
+    places = [outcome.err.index(text) for text in told]
+    assert places == sorted(places)
 
 
 def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench: Path, worn: Path) -> None:

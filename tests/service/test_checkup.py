@@ -9,10 +9,10 @@ import pytest
 from rich.console import Console
 
 from observer_rt.bus.mapping import map_bus
-from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR, LinkConfig, load_bench
+from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.service.checkup import Finding, Level, as_json_document, as_table, checkup
 from observer_rt.service.checkup_bus import expected_load
-from observer_rt.service.checkup_host import Host, interface_findings, real_time_findings
+from observer_rt.service.checkup_host import Host, real_time_findings
 
 DATABASE = EXAMPLE_BENCH.with_name("observer_fd.dbc")
 Edits = dict[str, str]
@@ -216,64 +216,6 @@ def test_a_good_machine() -> None:
 )
 def test_a_machine_that_may_not_keep_up(host: Host, remedy: str) -> None:
     (finding,) = (f for f in real_time_findings(host) if f.level is not Level.OK)
-    assert finding.level is Level.WARNING
-    assert remedy in finding.text
-
-
-@pytest.fixture
-def network(tmp_path: Path) -> Callable[..., Path]:
-    """A folder as the kernel shows interfaces, with can0 in it."""
-
-    def make(**changes: str) -> Path:
-        folder = tmp_path / "net" / "can0"
-        folder.mkdir(parents=True)
-        entries = {"type": "280", "flags": "0x40041", "mtu": "72", "tx_queue_len": "1000", "operstate": "up"}
-        for name, content in (entries | changes).items():
-            (folder / name).write_text(content + "\n")
-        return folder.parent
-
-    return make
-
-
-def test_an_interface_that_is_ready(network: Callable[..., Path]) -> None:
-    findings = interface_findings(LinkConfig(channel="can0"), network())
-    assert [finding.level for finding in findings] == [Level.OK] * 3
-
-
-def test_a_virtual_interface_that_is_up_has_no_carrier_to_report(network: Callable[..., Path]) -> None:
-    findings = interface_findings(LinkConfig(channel="can0"), network(operstate="unknown"))
-    assert findings[0].level is Level.OK
-
-
-@pytest.mark.parametrize(
-    ("changes", "command"),
-    [
-        ({"flags": "0x40040", "operstate": "down"}, "up type can bitrate 500000 dbitrate 5000000 fd on"),
-        ({"operstate": "down"}, "sudo ip link set can0 up"),
-        ({"mtu": "16"}, "sudo ip link set can0 down && sudo ip link set can0 up type can"),
-        ({"tx_queue_len": "10"}, "sudo ip link set can0 txqueuelen 1000"),
-        ({"type": "1"}, "set link.channel"),
-    ],
-)
-def test_an_interface_to_be_mended(
-    network: Callable[..., Path], changes: dict[str, str], command: str
-) -> None:
-    findings = interface_findings(LinkConfig(channel="can0"), network(**changes))
-    (finding,) = (f for f in findings if f.level is not Level.OK)
-    assert finding.level is Level.WARNING
-    assert command in finding.text
-
-
-def test_a_classic_link_needs_no_fd_mtu(network: Callable[..., Path]) -> None:
-    findings = interface_findings(LinkConfig(channel="can0", fd=False), network(mtu="16"))
-    assert {finding.level for finding in findings} == {Level.OK}
-
-
-@pytest.mark.parametrize(
-    ("channel", "remedy"), [("vcan7", "ip link add vcan7 type vcan"), ("can7", "driver")]
-)
-def test_an_interface_that_is_missing(network: Callable[..., Path], channel: str, remedy: str) -> None:
-    (finding,) = interface_findings(LinkConfig(channel=channel), network())
     assert finding.level is Level.WARNING
     assert remedy in finding.text
 

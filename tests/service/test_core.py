@@ -143,6 +143,17 @@ def test_wear_goes_out_with_the_summary(result: Result) -> None:
     assert last["Learning"] == 1
 
 
+def test_sigma_of_the_mass_spans_its_interval(result: Result) -> None:
+    """The interval lies round the mass as learned later: 1.96 sigma round the published one must reach its ends."""
+    for report, summary in zip(result.reports, result.summaries, strict=True):
+        assert report.mass_ci95 is not None
+        reach = 1.96 * summary["MassSigma"] * 1e-6  # kg
+        low, high = report.mass - reach, report.mass + reach
+        assert low <= report.mass_ci95[0] + 1e-9
+        assert high >= report.mass_ci95[1] - 1e-9
+        assert min(abs(low - report.mass_ci95[0]), abs(high - report.mass_ci95[1])) < 2e-9  # and no further
+
+
 def test_header_tells_validity_and_state(result: Result) -> None:
     """Valid from the second judged event on; adapted once a phi was adopted."""
     headers = {first: header for first, header, _ in result.rate_frames}

@@ -19,35 +19,14 @@ from hypothesis import strategies as st
 from observer_rt.config import load_injector
 from observer_rt.errors import RunError, UserError
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.estimation.phases import PhaseStatistics, no_statistics
-from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.observer.knowledge import GATE, Knowledge, no_knowledge, theta_bounds
+from observer_rt.observer.knowledge import Knowledge, no_knowledge
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
+from tests.service.knowledge_samples import PRESSURE_SCALE, some_knowledge
 
 MODEL = model_hash(load_injector())
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
-PRESSURE_SCALE = 1e8
 in_one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-
-
-def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Knowledge:
-    random = np.random.default_rng(seed)
-    root = 0.1 * random.normal(size=(PARAMETERS, PARAMETERS))
-    covariance = root @ root.T + 1e-6 * np.eye(PARAMETERS)
-    covariance = 0.5 * (covariance + covariance.T)
-    lowest, highest = theta_bounds(PRESSURE_SCALE)
-    return Knowledge(
-        belief=Belief(random.uniform(-0.09, 0.09, PARAMETERS), covariance, 0.6 * covariance),
-        in_force=np.clip(random.uniform(-0.09, 0.09, PARAMETERS), lowest, highest),
-        noise=NoiseLevels(*(random.uniform(0.1, 1.0, 3) * [1e6, 1e6, 1e-6]).tolist()),
-        active=frozenset(column for column in GATE.columns if random.random() < 0.5),
-        phi_version=phi_version,
-        events=events,
-        statistics=PhaseStatistics(
-            *(random.uniform(0.0, 1e4, sums.shape) for sums in vars(no_statistics()).values())
-        ),
-    )
 
 
 def same(left: Knowledge | None, right: Knowledge) -> bool:
@@ -137,7 +116,7 @@ def remove(key: str) -> Callable[[dict[str, Any]], None]:
 
 
 NOT_RESTORED = {
-    "older version": (put("version", value=1), "format is version 1, not 3"),
+    "older version": (put("version", value=1), r"version 1, not 3 (observer_rt "),
     "newer version": (put("version", value=4), "format is version 4, not 3"),
     "model": (put("content", "model_sha256", value="0" * 64), "another injector model"),
     "short mean": (put("content", "mean", value=[0.0] * (PARAMETERS - 1)), "shape"),

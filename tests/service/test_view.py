@@ -54,7 +54,10 @@ def test_fits_the_terminal_and_shows_it_all(view: View, width: int, height: int)
     assert len(lines) <= height
     assert max(map(len, lines)) <= width
     text = "\n".join(lines)
-    for expected in ("title of the view", "ADAPTED", "adopted", "injection 12 at 120 MPa", "123.45", "v_H"):
+    for expected in (
+        *("title of the view", "ADAPTED", "adopted", "injection 12 at 120 MPa", "123.45", "v_H"),
+        *("error-active", "stamps by arrival", "unsent 0"),
+    ):
         assert expected in text
     assert "…" not in text  # nothing was cut
     assert "12  120" in text  # the table's last row

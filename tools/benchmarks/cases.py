@@ -87,7 +87,9 @@ _LOOK_ALIKES: dict[str, Draw] = {
         seat_lift_loss=rng.uniform(0.2, 0.6), seat_lift_scale=rng.uniform(20e-6, 80e-6)
     ),
     "seat_outflow": lambda rng: Faults(seat_outflow=1.0),
-    # outside the usual vocabulary
+}
+
+_INVENTED: dict[str, Draw] = {
     "lift_dependent_nozzle": lambda rng: Faults(
         nozzle_lift_loss=rng.uniform(0.1, 0.4), seat_lift_scale=rng.uniform(20e-6, 80e-6)
     ),
@@ -99,7 +101,16 @@ _LOOK_ALIKES: dict[str, Draw] = {
     "sac_stiffness": lambda rng: Faults(sac_stiffness=rng.uniform(0.2, 0.5) * _sign(rng)),
 }
 
-_VOCABULARY = _SIZES | _MORE_SIZES | _LOOK_ALIKES
+"""Outside the vocabulary."""
+
+_REST: dict[str, Draw] = {
+    "line_volume": lambda rng: Faults(line_volume=0.2 * _sign(rng)),
+    "pressure_dependent_bulk_modulus": lambda rng: Faults(bulk_modulus_slope=rng.uniform(-4.0, 8.0)),
+    "fuel_density": lambda rng: Faults(fuel_density=rng.uniform(0.02, 0.06) * _sign(rng)),
+}
+"""What the vocabulary has beside the classes of the bars."""
+
+_VOCABULARY = _SIZES | _MORE_SIZES | _LOOK_ALIKES | _REST
 
 
 def combined(first: Faults, second: Faults) -> Faults:
@@ -162,7 +173,7 @@ CLASSES: dict[str, FaultClass] = {
     **{name: FaultClass(Group.MAIN, draw) for name, draw in _SIZES.items()},
     **{name: FaultClass(Group.MIXED, draw) for name, draw in _MORE_SIZES.items()},
     "mixture": FaultClass(Group.MIXED, _two_of(_SIZES | _MORE_SIZES)),
-    **{name: FaultClass(Group.LOOK_ALIKE, draw) for name, draw in _LOOK_ALIKES.items()},
+    **{name: FaultClass(Group.LOOK_ALIKE, draw) for name, draw in (_LOOK_ALIKES | _INVENTED).items()},
     "wave_healthy": FaultClass(Group.WAVE, _healthy, waves=True),
     "wave_worn": FaultClass(Group.WAVE, _wear, waves=True),
     **{name: FaultClass(Group.CHANGE, draw, jumps=True) for name, draw in _JUMPS.items()},
@@ -172,6 +183,7 @@ CLASSES: dict[str, FaultClass] = {
     "at_50_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=50e3),
     "at_20_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=20e3),
     "stability": FaultClass(Group.STABILITY, _two_of(_VOCABULARY)),
+    "stability_beyond": FaultClass(Group.STABILITY, _two_of(_INVENTED | _VOCABULARY)),
 }
 
 

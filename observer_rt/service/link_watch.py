@@ -1,0 +1,40 @@
+"""What goes wrong on the link, as messages: seldom enough to be read."""
+
+from observer_rt.bus.condition import condition_messages
+from observer_rt.bus.link import Link
+from observer_rt.service.outbox import Outbox
+
+PERIOD = 1.0  # s between messages, so that a controller that comes and goes does not flood the screen
+
+
+class LinkWatch:
+    """Tells what has changed since it last told: the controller's condition, frames lost and results unsent."""
+
+    def __init__(self, channel: str, link: Link, outbox: Outbox) -> None:
+        self._channel, self._link, self._outbox = channel, link, outbox
+        self._condition, self._dropped, self._unsent = link.condition, link.dropped, outbox.unsent
+        self._next = 0
+
+    def messages(self, now: int) -> list[str]:
+        """News at a monotonic time [ns]; none within `PERIOD` after the last ones."""
+        if now < self._next:
+            return []
+        told = condition_messages(self._channel, self._condition, self._link.condition)
+        self._condition = self._link.condition
+        if self._link.dropped > self._dropped:
+            told.append(
+                f"{self._link.dropped - self._dropped} frames were lost before this process could read them\n"
+                "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
+            )
+            self._dropped = self._link.dropped
+        if self._outbox.unsent > self._unsent:
+            told.append(
+                f"{self._outbox.unsent - self._unsent} results were not sent, the transmit queue of "
+                f"{self._channel} is full\n"
+                "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
+                f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
+            )
+            self._unsent = self._outbox.unsent
+        if told:
+            self._next = now + round(PERIOD * 1e9)
+        return told

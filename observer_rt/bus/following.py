@@ -29,18 +29,19 @@ def follow(alignment: Alignment, message: int, position: float, values: NDArray[
     for role in range(MAX_INPUTS):
         if (follower.roles >> role) & 1 and not abs(values[role]) < IMPOSSIBLE[role]:
             return
-    memory.newest = max(memory.newest, int(position))
+    end = _end_of_grid(alignment)
+    memory.newest = max(memory.newest, min(int(position), end + SLOTS // 2 + 1))
     distance = position - follower.position
     if follower.begun and distance <= 0.0:
         return
-    if memory.begun and position >= memory.next_index + SLOTS:
+    if position >= end + SLOTS // 2:
         return  # it would take the place of samples that still wait
     if not follower.begun or distance > follower.reach:
         _begin(follower, position)
     else:
         last = math.floor(position)
         missed = distance > MISSED * follower.spacing
-        for index in range(max(follower.next_index, memory.next_index, memory.newest - SLOTS + 1), last + 1):
+        for index in range(max(follower.next_index, memory.next_index, end - SLOTS + 1), last + 1):
             share = (index - follower.position) / distance
             for role in range(MAX_INPUTS):
                 if (follower.roles >> role) & 1:
@@ -50,6 +51,17 @@ def follow(alignment: Alignment, message: int, position: float, values: NDArray[
     follower.stale = False
     follower.position = position
     follower.values[:] = values
+
+
+@njit(cache=True, nogil=True)
+def _end_of_grid(alignment: Alignment) -> int:
+    """The index beyond all samples on the grid."""
+    memory = alignment.memory[0]
+    end = 0
+    for m in range(memory.stream_count):
+        if memory.streams[m].on_grid:
+            end = max(end, memory.streams[m].next_index)
+    return end
 
 
 @njit(cache=True, nogil=True)

@@ -74,6 +74,13 @@ def stream_of(bus: BusMap, role: Role) -> int:
     return next(n for n, stream in enumerate(bus.inputs.streams) if int(stream["roles"]) & bit)
 
 
+def layout_of(bus: BusMap, stream: int) -> MessageLayout:
+    """The input message that carries a stream."""
+    group = int(np.flatnonzero(bus.inputs.groups["stream"] == stream)[0])
+    number = int(np.searchsorted(bus.inputs.messages["first_group"], group, side="right")) - 1
+    return bus.input_layouts[number]
+
+
 def map_bus(bench: Bench) -> BusMap:
     """Compile the mapping of a bench file.
 

@@ -28,7 +28,7 @@ HELD_CYCLES = 2.5  # of a slower signal, where the bench file states no max_hold
 SHORTEST = 0.5  # of the time a frame takes on the bus
 TOLERANCE = 2e-6  # s that the time of lift or line pressure may be unknown by: 0.25 MPa of the line pressure
 RAIL_TOLERANCE = 20e-6  # s, the same of the rail pressure, which changes slowly
-SLOW_TOLERANCE = 0.05  # of the interval of a slower one
+SLOW_TOLERANCE = 0.1  # of the interval of a slower one
 RATIO_TOLERANCE = 1e-6
 
 

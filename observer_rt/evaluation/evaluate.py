@@ -12,7 +12,7 @@ from observer_rt.errors import UserError
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import State
-from observer_rt.recording.framing import Framer, bench_for, whole
+from observer_rt.recording.framing import Framer, bench_for, message_timing, whole
 from observer_rt.recording.recording import Recording
 from observer_rt.service.core import Core, Counters
 from observer_rt.service.learners import LearnerFactory, make_learner
@@ -163,8 +163,10 @@ class _Run:
         self._nominal = Core(bench, bus, learning=False)
         self._framer = Framer(bus)
         self._delays = {
-            (layout.frame_id, layout.is_extended): round(float(timing["delay"]) * NANOSECONDS)
-            for layout, timing in zip(bus.input_layouts, bus.inputs.timing, strict=True)
+            (layout.frame_id, layout.is_extended): round(
+                float(message_timing(bus, number)["delay"]) * NANOSECONDS
+            )
+            for number, layout in enumerate(bus.input_layouts)
         }
         self._progress = progress or (lambda _: None)
         self._seen = 0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from observer_rt.bus.mapping import BusMap
+from observer_rt.bus.mapping import BusMap, layout_of
 from observer_rt.bus.timing import TOLERANCE, Joining, Numbering
 from observer_rt.service.findings import Finding, Level
 from observer_rt.service.message_timing import LINE_SLOPE
@@ -19,7 +19,8 @@ _NUMBERED = {
 def time_findings(bus: BusMap) -> list[Finding]:
     """One finding for each input message, warnings where something of its time cannot be seen."""
     findings = []
-    for layout, timing in zip(bus.input_layouts, bus.inputs.timing, strict=True):
+    for stream, timing in enumerate(bus.inputs.timing):
+        layout = layout_of(bus, stream)
         text = f"{layout.name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
         findings.append(Finding("time", Level.OK, text))
         if timing["numbering"] == Numbering.STAMPS:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from observer_rt.bus.clock import Jitter, jitter_of
-from observer_rt.bus.mapping import BusMap
+from observer_rt.bus.mapping import BusMap, layout_of
 from observer_rt.bus.timekeeping import Timekeeping
 from observer_rt.bus.timing import Joining
 from observer_rt.units import MEGAPASCAL, MICROSECOND
@@ -64,10 +64,10 @@ def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:
     """What the stamps have shown so far, message by message."""
     grid = keeping.clocks[int(keeping.memory[0]["leading"])]
     result = []
-    for layout, timing, clock in zip(bus.input_layouts, keeping.timing, keeping.clocks, strict=True):
+    for stream, (timing, clock) in enumerate(zip(keeping.timing, keeping.clocks, strict=True)):
         unknown = 0.0
         if timing["joining"] == Joining.CLOCK:
             unknown = float(grid["residual"] + clock["residual"]) / SECOND
         drift = float(clock["drift"]) / float(clock["interval"])
-        result.append(MessageTiming(layout.name, jitter_of(clock), drift, unknown))
+        result.append(MessageTiming(layout_of(bus, stream).name, jitter_of(clock), drift, unknown))
     return tuple(result)

@@ -1,6 +1,7 @@
 """The core on frames made and read by plain cantools and autosar-e2e: undisturbed traffic."""
 
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +71,19 @@ def test_evaluation_of_the_recording_gives_the_same_frames(bench: Path, result: 
 
 def test_same_frames_same_bytes(bench: Path, frames: list[Frame], result: Result) -> None:
     assert run(bench, frames).frames == result.frames
+
+
+@pytest.mark.parametrize("messages", [ONE_MESSAGE, THREE_MESSAGES], ids=["one message", "three messages"])
+def test_stamps_change_nothing_where_messages_share_an_index(
+    tmp_path: Path, messages: dict[str, str]
+) -> None:
+    """Not a bit of what goes out, whatever the receiver's clock does: it stands still, or it runs wild."""
+    bench = tmp_path / "bench.toml"
+    bench.write_text(bench_text(messages))
+    frames = Device(messages).send(recording(), 0, 14_000)
+    random = np.random.default_rng(7)
+    wild = [replace(frame, stamp_ns=int(random.integers(-(1 << 62), 1 << 62))) for frame in frames]
+    assert run(bench, wild).frames == run(bench, frames).frames
 
 
 def test_frames_of_others_change_nothing(bench: Path, frames: list[Frame], result: Result) -> None:

@@ -25,7 +25,8 @@ EPOCH = 1_700_000_000_000_000_000  # ns, of the receiver's clock
 PLANT_RATE = 200e3
 PERIOD = 0.05  # s between events
 FIRST = 0.15  # s
-INJECTIONS = 30
+INJECTIONS = 42
+END = 1.5  # s of most scenarios
 DIP = 2e6  # Pa the rail pressure falls by with an injection
 RECOVERY = 0.01  # s
 ON_BUS = 16e-6  # s a frame takes
@@ -49,6 +50,9 @@ BO_ 515 LineLift: 8 Daq
  SG_ Line : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
  SG_ Lift : 48|16@1+ (0.01,-50) [0|0] "um" Daq
 BO_ 516 Rail: 8 Daq
+ SG_ Rail : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
+BO_ 519 RailSlow: 8 Daq
+ SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
  SG_ Rail : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
 BO_ 517 LiftOnly: 8 Daq
  SG_ Lift : 32|16@1+ (0.01,-50) [0|0] "um" Daq
@@ -138,11 +142,11 @@ def _one_by_one(come: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.maximum.accumulate(come - earliest) + earliest)
 
 
-def send(name: str, clock: Clock, delays: Delays = prompt, seed: int = 1) -> list[Received]:
-    """All frames of a message; a receiver hands frames over in the order they come, none overtakes another."""
+def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END) -> list[Received]:
+    """All frames of a message up to `end` [s], one after another."""
     _, truth = plant()
-    taken = clock.times(float(truth.time[-1]))
-    random = np.random.default_rng((seed, MESSAGES[name].frame_id))
+    taken = clock.times(end)
+    random = np.random.default_rng(MESSAGES[name].frame_id)
     noise = NoiseLevels()
 
     def measured(

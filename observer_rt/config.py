@@ -50,6 +50,7 @@ class LinkConfig(_Section):
 
 class DatabaseConfig(_Section):
     file: str  # relative to the bench file; or the name of a database shipped with the package
+    lenient: bool = False  # read it although signals overlap or do not fit
 
 
 class SignalConfig(_Section):
@@ -60,7 +61,11 @@ class SignalConfig(_Section):
     signals: tuple[str, ...] | None = None
     pattern: str | None = None
     time_base: str = "device"
-    index: str = "SampleIndex"  # signal with the index of the message's first sample
+    index: str | None = None  # signal with the index of the frame's first sample; "": none
+    counter: str | None = None  # signal that counts the frames of a message without index
+    rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
+    max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
+    delay_us: Annotated[float, Field(ge=0, le=1e6)] | None = None  # from a frame's last sample to its stamp
     unit: str | None = None  # replaces the unit of the bus database
 
     @model_validator(mode="after")
@@ -85,14 +90,6 @@ class SignalsConfig(_Section):
         mapping: SignalConfig = getattr(self, role.value)
         return mapping
 
-    @model_validator(mode="after")
-    def _one_time_base(self) -> Self:
-        if len({self.of(role).time_base for role in Role}) > 1:
-            raise ValueError(
-                "all three signals must have the same 'time_base': their samples share one index"
-            )
-        return self
-
 
 class SamplingConfig(_Section):
     rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] = 100e3
@@ -114,7 +111,7 @@ class NoiseConfig(_Section):
 class OutputsConfig(_Section):
     """Messages the results go out in; signals are found in them by their names in observer_fd.dbc."""
 
-    injection_rate: str = "InjectionRate"
+    injection_rate: str | Literal[False] = "InjectionRate"  # false: not published
     injection_summary: str = "InjectionSummary"
     status: str = "ObserverStatus"
     injector_id: Annotated[int, Field(ge=0, le=255)] = 1

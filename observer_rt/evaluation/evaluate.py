@@ -14,7 +14,7 @@ from observer_rt.evaluation.logged import LoggedRecording
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import State
-from observer_rt.recording.framing import Framer, TimedFrame, bench_for, whole
+from observer_rt.recording.framing import Framer, TimedFrame, bench_for, message_timing, whole
 from observer_rt.recording.recording import Recording
 from observer_rt.service.core import Core, Counters
 from observer_rt.service.learners import LearnerFactory, make_learner
@@ -22,6 +22,7 @@ from observer_rt.service.output import OutputFrame
 from observer_rt.service.report import InjectionReport
 
 Progress = Callable[[int], None]  # samples done
+NANOSECONDS = 1e9  # in a second
 PAUSE = 1.0  # s, between two recordings of a history
 _READ_EVERY = 64  # frames between two looks at the observer's memory
 
@@ -177,6 +178,12 @@ class _Run:
         )
         self._nominal = Core(bench, bus, learning=False)
         self._framer = Framer(bus)
+        self._delays = {
+            (layout.frame_id, layout.is_extended): round(
+                float(message_timing(bus, number)["delay"]) * NANOSECONDS
+            )
+            for number, layout in enumerate(bus.input_layouts)
+        }
         self._progress = progress or (lambda _: None)
         self._seen = 0
         self._nominal_seen = 0
@@ -186,19 +193,31 @@ class _Run:
     def take(self, recording: Recording) -> None:
         if self._parts:
             self._framer.pause(round(PAUSE * recording.sample_rate))
+        first_index = self._framer.next_index
+        start = round(first_index / recording.sample_rate * NANOSECONDS)
         frames = self._framer.frames(recording, whole(recording))
-        self.take_frames(recording, self._framer.next_index, map(_received, frames))
+        self.take_frames(recording, first_index, (self._received(frame, start) for frame in frames))
 
     def take_frames(self, recording: Recording, first_index: int, frames: Iterable[Frame]) -> None:
         """Observe frames, which carry the samples of a recording from an index on."""
         self._parts.append(_Part(recording, first_index))
         for count, frame in enumerate(frames):
-            self._frames += self._core.handle(frame.frame_id, frame.is_extended, frame.payload)
-            self._nominal.handle(frame.frame_id, frame.is_extended, frame.payload)
+            frame_id, is_extended, payload, stamp = (
+                frame.frame_id,
+                frame.is_extended,
+                frame.payload,
+                frame.stamp_ns,
+            )
+            self._frames += self._core.handle(frame_id, is_extended, payload, stamp)
+            self._nominal.handle(frame_id, is_extended, payload, stamp)
             if count % _READ_EVERY == 0:
                 self._read()
         self._read()
         self._ends.append((self._core.counters, self._core.standstill))
+
+    def _received(self, frame: TimedFrame, start: int) -> Frame:
+        stamp = start + frame.stamp_ns + self._delays[frame.frame_id, frame.is_extended]
+        return Frame(frame.frame_id, frame.payload, stamp, frame.is_extended, frame.is_fd)
 
     def finish(self) -> None:
         self._frames += self._core.finish()
@@ -232,7 +251,3 @@ class _Run:
             part.note(rows)
             part.note_nominal(nominal_rows)
         self._progress(self._seen)
-
-
-def _received(frame: TimedFrame) -> Frame:
-    return Frame(frame.frame_id, frame.payload, round(frame.time * 1e9), frame.is_extended, frame.is_fd)

@@ -53,7 +53,7 @@ def read_logged(
     seen = 0
     stamps = _Stamps()
     for count, frame in enumerate(frames):
-        core.handle(frame.frame_id, frame.is_extended, frame.payload)
+        core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
         stamps.note(frame)
         if count % READ_EVERY == 0:
             pieces.append(core.rows(seen, core.processed))

@@ -103,7 +103,7 @@ def _log(
     if options.windowed:
         raise UserError("--windowed", "a log is sent as it was recorded", "leave out --windowed")
     # results recorded beside the inputs are not sent again: the daemon sends its own
-    results = [(m.layout.frame_id, m.layout.is_extended) for m in (bus.rate, bus.summary, bus.status)]
+    results = [(m.layout.frame_id, m.layout.is_extended) for m in (bus.rate, bus.summary, bus.status) if m]
     part = LogPart(path, options.start, options.stop, results, channels)
     extent = part.extent()
     for note in extent.notes:

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import make_alignment
-from observer_rt.bus.mapping import BusMap, frame_key
-from observer_rt.config import Bench
+from observer_rt.bus.alignment_memory import make_alignment
+from observer_rt.bus.mapping import BusMap, frame_key, stream_of
+from observer_rt.bus.timekeeping import make_timekeeping
+from observer_rt.bus.timing import SLOTS
+from observer_rt.config import Bench, Role
 from observer_rt.errors import UserError
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.effects import effective_model
@@ -29,6 +31,7 @@ from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import INJECTIONS, RING, Constants, Reason, State
 from observer_rt.paper.network import FreeNetwork
 from observer_rt.service.learners import LearnerFactory, make_learner
+from observer_rt.service.message_timing import MessageTiming, timing_of
 from observer_rt.service.output import FrameWriter, OutputFrame, summary_values
 from observer_rt.service.pipeline import Pipeline, handle, make_receiver, proceed
 from observer_rt.service.publisher import flush, make_publisher
@@ -116,6 +119,7 @@ class Core:
     ) -> None:
         """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep)."""
         config = bench.config
+        self._bus = bus
         self._constants = bench_constants(bench, restored=knowledge is not None)
         self._pressure_scale = self._constants.coefficients.pressure_scale
         noise = configured_noise(bench)
@@ -129,11 +133,14 @@ class Core:
         self._pipeline = Pipeline(
             bus.inputs,
             make_receiver(),
-            make_alignment(len(bus.inputs.messages), dead_band(noise.needle_lift)[0]),
+            make_timekeeping(
+                bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
+            ),
+            make_alignment(bus.following, dead_band(noise.needle_lift)[0]),
             self._observer,
-            make_publisher(bus.rate, bus.rate_samples, self._learning),
+            make_publisher(bus.rate, self._learning),
         )
-        self._rate_layout = bus.rate.layout
+        self._rate_layout = bus.rate.layout if bus.rate else None
         self._summary_writer = FrameWriter(bus.summary)
         self._on_report = on_report or (lambda _: None)
         self._known = start
@@ -143,10 +150,14 @@ class Core:
         self._first_version = start.phi_version
         self._frames: list[OutputFrame] = []
 
-    def handle(self, frame_id: int, is_extended: bool, payload: bytes) -> list[OutputFrame]:
-        """Take one received frame; frames that are not ours are ignored. Returns the frames to send."""
+    def handle(self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int) -> list[OutputFrame]:
+        """Take one received frame; frames that are not ours are ignored. Returns the frames to send.
+
+        stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames. Where all
+        messages of one time base carry an index, it changes no result.
+        """
         data = np.frombuffer(payload, np.uint8)
-        waiting = handle(self._pipeline, frame_key(frame_id, is_extended), data)
+        waiting = handle(self._pipeline, frame_key(frame_id, is_extended), data, stamp_ns)
         return self._go_on(waiting)
 
     def finish(self) -> list[OutputFrame]:
@@ -174,6 +185,12 @@ class Core:
         """State and reason of the last processed sample."""
         if self.processed == 0:
             return State.STARTING, Reason.STARTING
+        alignment = self._pipeline.alignment.memory[0]
+        if (
+            alignment["followers"]["stale"].any()
+            or alignment["newest"] - alignment["next_index"] > SLOTS // 2
+        ):
+            return State.DEGRADED, Reason.INPUT_STALE
         row = self._observer.ring[(self.processed - 1) % RING]
         return State(int(row["state"])), Reason(int(row["reason"]))
 
@@ -196,6 +213,11 @@ class Core:
     def standstill(self) -> Standstill:
         """Statistics of the closed needle since the start."""
         return standstill_of(self._observer.memory[0], self._pressure_scale)
+
+    @property
+    def timing(self) -> tuple[MessageTiming, ...]:
+        """How regularly the input messages come, as far as their stamps show it."""
+        return timing_of(self._bus, self._pipeline.keeping)
 
     @property
     def counters(self) -> Counters:
@@ -266,13 +288,15 @@ class Core:
             carried = in_force(self._observer), self._free_rows
             report = report_of(injection, event, outcome, *carried, self._constants.coefficients)
             values = summary_values(report, self._injector_id, self._learning, self._pressure_scale)
-            self._frames.append(self._summary_writer.write(values))
+            self._frames += self._summary_writer.write(values)
             self._on_report(report)
 
     def _collect_rate_frames(self) -> None:
         publisher = self._pipeline.publisher
         count = int(publisher.memory["frames"][0])
         layout = self._rate_layout
+        if layout is None:
+            return
         for frame in publisher.out[:count]:
             payload = frame["payload"][: int(frame["length"])].tobytes()
             self._frames.append(OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload))

@@ -87,12 +87,14 @@ class Daemon:
         frame = self.link.receive(RETRY if self._outbox else RECEIVE_TIMEOUT)
         now = time.monotonic_ns()
         if frame is not None:
-            self._outbox.post(self.core.handle(frame.frame_id, frame.is_extended, frame.payload))
+            self._outbox.post(
+                self.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
+            )
         elif self._outbox:
             self._outbox.flush()
         if now >= self._next_status:
             self._next_status = now + self._status_period
-            self._outbox.post([self._status(now)])
+            self._outbox.post(self._status(now))
             for message in self._watch.messages(now):
                 self._on_message(message)
 
@@ -128,7 +130,7 @@ class Daemon:
         """Publish what is complete, and a last status frame, as far as the link takes them."""
         with contextlib.suppress(LinkDownError):
             self._outbox.post(self.core.finish())
-            self._outbox.post([self._status(time.monotonic_ns())])
+            self._outbox.post(self._status(time.monotonic_ns()))
             self._outbox.drain(LAST_FRAMES)
         self._outbox.discard()
 
@@ -160,7 +162,7 @@ class Daemon:
         condition = self.link.condition
         return self._outages + condition.passives + condition.bus_offs
 
-    def _status(self, now: int) -> OutputFrame:
+    def _status(self, now: int) -> list[OutputFrame]:
         state, reason = self.state(now)
         figures = LinkFigures(self.dropped, self.troubles)
         injector_id = self._bench.config.outputs.injector_id

@@ -96,11 +96,13 @@ def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
     constants = bench_constants(bench)
     link = bench.config.link
     inputs = ", ".join(layout.name for layout in bus.input_layouts)
+    sent = [output for output in (bus.rate, bus.summary, bus.status) if output is not None]
+    outputs = ", ".join(output.layout.name for output in sent)
     rate = bench.config.sampling.rate_hz
     lookahead = constants.timing.lookahead
     say(
         console,
-        f"{link.interface} {link.channel}: {inputs} at {rate:g} Hz -> {bus.rate.layout.name}\n"
+        f"{link.interface} {link.channel}: {inputs} at {rate:g} Hz -> {outputs}\n"
         f"{constants.substeps} integration steps a sample, look-ahead {lookahead} samples "
         f"({lookahead / rate / MICROSECOND:g} us)",
     )
@@ -161,6 +163,8 @@ def _line(report: InjectionReport) -> str:
 
 
 def _farewell(daemon: Daemon, console: Console) -> None:
+    for timing in daemon.core.timing:
+        say(console, timing.as_text())
     counters = daemon.core.counters
     say(
         console,

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.message_timing import summary_of
 from observer_rt.service.report import InjectionReport
 from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS
 
@@ -103,6 +104,7 @@ class View:
             f"troubles {self._daemon.troubles}",
             style="dim",
         )
+        line.append(f"\n {summary_of(self._daemon.core.timing)}", style="dim")
         return line
 
 

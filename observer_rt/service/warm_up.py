@@ -23,7 +23,7 @@ def warm_up(bench: Bench, bus: BusMap) -> None:
     recording = Recording(time, pressure, np.zeros(_SAMPLES), pressure)
     core = Core(bench, bus)
     for frame in Framer(bus).frames(recording, whole(recording)):
-        core.handle(frame.frame_id, frame.is_extended, frame.payload)
+        core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
     core.finish()
     constants = bench_constants(bench)
     scale = constants.coefficients.pressure_scale

@@ -170,3 +170,12 @@ def test_a_million_rows_take_seconds(tmp_path: Path) -> None:
     read = read_csv(tmp_path / "long.csv")
     assert time.perf_counter() - begin < 20.0  # 2 s on an idle machine
     assert np.array_equal(read.rail_pressure, pressure)
+
+
+def test_truth_of_a_simulation_is_refused_by_name(tmp_path: Path) -> None:
+    """`*.csv` catches it, too."""
+    path = tmp_path / "worn.csv.truth.csv"
+    path.write_text("time_s,sac_pressure_MPa\n0,5\n")
+    with pytest.raises(UserError, match="truth behind a simulated recording") as error:
+        read_csv(path)
+    assert "leave it out" in str(error.value.remedy)

@@ -20,7 +20,7 @@ from observer_rt.model.effects import sized
 from observer_rt.recording.framing import Framer, whole
 from observer_rt.recording.player import play
 from observer_rt.recording.recording import Recording
-from observer_rt.recording.recording_frames import recording_frames
+from observer_rt.recording.recording_frames import recording_extent, recording_frames
 from observer_rt.service.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.output import OutputFrame
@@ -138,6 +138,7 @@ def test_replay_sends_what_cantools_encodes(
     replayed = contents(
         (f.frame_id, f.is_extended, f.payload, 0) for f in Framer(bus).frames(data, whole(data))
     )
+    assert recording_extent(data, bus, windowed=False).frames == sum(map(len, replayed.values()))
     expected = contents(frames(data))
     assert expected.keys() == replayed.keys()
     for frame_id, sent in expected.items():

@@ -10,8 +10,8 @@ from tests.service.time_frames import write_time_bench
 from tests.service.time_scenarios import NIBBLE, ONE_BASE, SLOW, STAMPS, TWO_BASES, slow
 
 
-def findings(folder: Path, signals: dict[str, str]) -> list[Finding]:
-    return time_findings(map_bus(load_bench(write_time_bench(folder, 20e3, signals))))
+def findings(folder: Path, signals: dict[str, str], rate: float = 20e3) -> list[Finding]:
+    return time_findings(map_bus(load_bench(write_time_bench(folder, rate, signals))))
 
 
 def test_messages_of_one_base_are_fine(tmp_path: Path) -> None:
@@ -23,6 +23,14 @@ def test_messages_of_one_base_are_fine(tmp_path: Path) -> None:
 def test_two_bases_tell_what_is_demanded_of_the_stamps(tmp_path: Path) -> None:
     found = findings(tmp_path, TWO_BASES)
     assert any("2 us" in finding.text and "0.25 MPa" in finding.text for finding in found)
+
+
+def test_lift_of_another_base_wants_a_high_rate(tmp_path: Path) -> None:
+    warned = [f for f in findings(tmp_path, TWO_BASES) if f.level is Level.WARNING]
+    assert len(warned) == 1
+    assert "RailLift" in warned[0].text
+    assert "50 kHz" in warned[0].text
+    assert all(f.level is Level.OK for f in findings(tmp_path, TWO_BASES, 50e3))
 
 
 def test_message_without_index_and_counter_is_warned_of(tmp_path: Path) -> None:

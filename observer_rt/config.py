@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
+from types import UnionType
 from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -27,6 +28,13 @@ class Role(StrEnum):
     RAIL_PRESSURE = "rail_pressure"
     NEEDLE_LIFT = "needle_lift"
     LINE_PRESSURE = "line_pressure"
+
+
+class OptionalRole(StrEnum):
+    """Slow signals the observer makes use of where a bench has them."""
+
+    LEARNING_ENABLE = "learning_enable"
+    MEASURED_MASS = "measured_mass"
 
 
 class _Section(BaseModel):
@@ -80,15 +88,36 @@ class SignalConfig(_Section):
         return self.signal or self.pattern or self.signals or ()
 
 
+class SlowSignalConfig(_Section):
+    """Which signal of which message carries an optional role: one value a frame."""
+
+    message: str
+    signal: str
+
+
+class SlowQuantityConfig(SlowSignalConfig):
+    """The same of a signal with a unit."""
+
+    unit: str | None = None  # replaces the unit of the bus database
+
+
 class SignalsConfig(_Section):
     rail_pressure: SignalConfig
     needle_lift: SignalConfig
     line_pressure: SignalConfig
+    learning_enable: SlowSignalConfig | None = None
+    measured_mass: SlowQuantityConfig | None = None  # of an injection
 
     def of(self, role: Role) -> SignalConfig:
         """The mapping of a role."""
         mapping: SignalConfig = getattr(self, role.value)
         return mapping
+
+    @property
+    def optional(self) -> tuple[tuple[OptionalRole, SlowSignalConfig], ...]:
+        """The optional roles the bench has, with their mappings."""
+        mappings = ((role, getattr(self, role.value)) for role in OptionalRole)
+        return tuple((role, mapping) for role, mapping in mappings if mapping is not None)
 
 
 class SamplingConfig(_Section):
@@ -260,7 +289,7 @@ def _keys_at(model: type[BaseModel], location: tuple[Any, ...]) -> list[str]:
 def _section_in(annotation: Any) -> type[BaseModel]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    if get_origin(annotation) in (tuple, Union):
+    if get_origin(annotation) in (tuple, Union, UnionType):
         return _section_in(get_args(annotation)[0])
     if get_origin(annotation) is Mapping:
         return _section_in(get_args(annotation)[1])

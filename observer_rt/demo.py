@@ -153,7 +153,7 @@ class Demo:
             view.on_report(report)
 
         stop, done = threading.Event(), threading.Event()
-        inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
+        inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]
         with contextlib.ExitStack() as stack:
             interrupted = stack.enter_context(stop_on_signals())
             warm_up(self.bench, bus)

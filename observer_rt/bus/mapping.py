@@ -1,6 +1,6 @@
 """From bench file and bus database to arrays: which frames carry which samples, which carry the results."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,10 +24,11 @@ from observer_rt.bus.outputs import (
     rate_message,
 )
 from observer_rt.bus.sample_groups import SampleGroup, require_carried, sample_groups
+from observer_rt.bus.slow_inputs import SlowMessage, set_unknown, slow_signal
 from observer_rt.bus.timing import INDEX_BITS, Following, following, map_timing, number_signal
-from observer_rt.config import Bench, Role
+from observer_rt.config import Bench, OptionalRole, Role, SlowQuantityConfig, SlowSignalConfig
 from observer_rt.errors import UserError
-from observer_rt.units import LENGTH_UNITS, PRESSURE_UNITS
+from observer_rt.units import LENGTH_UNITS, MASS_UNITS, PRESSURE_UNITS
 
 EXTENDED = 1 << 32  # added to the id of an extended frame, so that one number names a frame
 _UNITS = {
@@ -57,6 +58,8 @@ class BusMap:
 
     inputs: Inputs
     input_layouts: tuple[MessageLayout, ...]
+    slow: tuple[SlowMessage, ...]
+    """Messages with optional inputs."""
     following: tuple[Following | None, ...]  # how a stream that is not on the grid follows it
     rate: RateMessage | None
     """None: the injection rate is not published."""
@@ -66,6 +69,11 @@ class BusMap:
     """All messages of all databases, used or not."""
     overlooked: tuple[str, ...]
     """What is wrong with databases that were read leniently."""
+
+    @property
+    def received(self) -> tuple[MessageLayout, ...]:
+        """Every message that something is read from, once."""
+        return (*self.input_layouts, *(slow.layout for slow in self.slow if not slow.is_input))
 
 
 def stream_of(bus: BusMap, role: Role) -> int:
@@ -89,6 +97,8 @@ def map_bus(bench: Bench) -> BusMap:
     files = list(zip(bench.databases, bench.config.dbc, strict=True))
     databases = [load_database(path, entry.lenient) for path, entry in files]
     inputs, layouts = _map_inputs(bench, databases)
+    slow = _map_slow(bench, databases, layouts)
+    _say_nothing(inputs, slow)
     outputs = bench.config.outputs
     rate = None
     if outputs.injection_rate:
@@ -96,6 +106,7 @@ def map_bus(bench: Bench) -> BusMap:
     return BusMap(
         inputs=inputs,
         input_layouts=layouts,
+        slow=slow,
         following=tuple(following(bench, inputs.timing, inputs.streams["roles"].tolist())),
         rate=rate,
         summary=output_message(
@@ -136,16 +147,54 @@ def _map_inputs(bench: Bench, databases: Sequence[Database]) -> tuple[Inputs, tu
         message = _message(bench, databases, f"signals.{roles[0]}.message", name)
         layout = protected_layout(message)
         layouts.append(layout)
-        row = np.zeros((), INPUT_MESSAGE)
-        row["key"] = frame_key(layout.frame_id, layout.is_extended)
-        row["length"] = layout.length
-        row["padded_length"] = can.util.dlc2len(can.util.len2dlc(layout.length))
-        row["e2e_profile"] = layout.e2e_profile or UNPROTECTED
-        row["data_id"] = layout.e2e_data_id or 0
+        row = _frame_row(layout)
         streams += [(message, together) for together in _map_message(bench, message, roles, row, tables)]
     timing = map_timing(bench, streams, tables.stream_samples)
     _require_one_rate(bench, streams, timing["steps"].tolist())
     return tables.inputs(timing), tuple(layouts)
+
+
+def _frame_row(layout: MessageLayout) -> NDArray[np.void]:
+    """What tells whether a frame is a good one of this message; the rest is 0."""
+    row = np.zeros((), INPUT_MESSAGE)
+    row["key"] = frame_key(layout.frame_id, layout.is_extended)
+    row["length"] = layout.length
+    row["padded_length"] = can.util.dlc2len(can.util.len2dlc(layout.length))
+    row["e2e_profile"] = layout.e2e_profile or UNPROTECTED
+    row["data_id"] = layout.e2e_data_id or 0
+    return row
+
+
+def _map_slow(
+    bench: Bench, databases: Sequence[Database], inputs: Sequence[MessageLayout]
+) -> tuple[SlowMessage, ...]:
+    by_message: dict[str, list[tuple[OptionalRole, SlowSignalConfig]]] = {}
+    for role, config in bench.config.signals.optional:
+        by_message.setdefault(config.message, []).append((role, config))
+    slow = []
+    for name, mappings in by_message.items():
+        message = _message(bench, databases, f"signals.{mappings[0][0]}.message", name)
+        signals = []
+        for role, config in mappings:
+            with _named(f"{bench.path}: signals.{role}"):
+                find_signal(message, config.signal)
+            factor = 1.0
+            if isinstance(config, SlowQuantityConfig):
+                factor = _unit_factor(bench, role, message, config.signal, config.unit, MASS_UNITS)
+            with _named(f"{bench.path}: signals.{role}"):
+                signals.append(slow_signal(message, role, config.signal, factor))
+        layout = protected_layout(message)
+        slow.append(SlowMessage(layout, _frame_row(layout)[None], tuple(signals), layout in inputs))
+    return tuple(slow)
+
+
+def _say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
+    """Frames made of recordings, which have no optional inputs, must not tell any."""
+    for message in slow:
+        for row in inputs.messages[inputs.messages["key"] == message.frame[0]["key"]]:
+            first = int(row["first_kind"])
+            for kind in inputs.kinds[first : first + int(row["kind_count"])]:
+                set_unknown(message, kind["blank"])
 
 
 def _map_message(
@@ -215,8 +264,19 @@ def _named(place: str) -> Iterator[None]:
 
 
 def _factor(bench: Bench, message: Message, role: Role, samples: Sequence[str]) -> float:
-    units = _UNITS[role]
-    stated = bench.config.signals.of(role).unit or find_signal(message, samples[0]).unit or ""
+    return _unit_factor(bench, role, message, samples[0], bench.config.signals.of(role).unit, _UNITS[role])
+
+
+def _unit_factor(
+    bench: Bench,
+    role: Role | OptionalRole,
+    message: Message,
+    signal: str,
+    unit: str | None,
+    units: Mapping[str, float],
+) -> float:
+    """To SI, of a signal whose unit the database states or, instead, the bench file as `unit`."""
+    stated = unit or find_signal(message, signal).unit or ""
     if stated not in units:
         raise UserError(
             f"{bench.path}: signals.{role}",

@@ -16,8 +16,10 @@ from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import State
 from observer_rt.recording.framing import Framer, TimedFrame, bench_for, message_timing, whole
 from observer_rt.recording.recording import Recording
-from observer_rt.service.core import Core, Counters
+from observer_rt.service.core import Core
+from observer_rt.service.counters import Counters
 from observer_rt.service.learners import LearnerFactory, make_learner
+from observer_rt.service.measured_mass import MeasuredMass
 from observer_rt.service.output import OutputFrame
 from observer_rt.service.report import InjectionReport
 
@@ -55,6 +57,8 @@ class Evaluation:
     reports: tuple[InjectionReport, ...]
     counters: Counters
     standstill: Standstill
+    measured: tuple[MeasuredMass, ...] = ()
+    """Masses measured online, as a log of the bus has them."""
 
 
 @dataclass(frozen=True)
@@ -167,6 +171,7 @@ class _Run:
         learner_of: LearnerFactory,
     ) -> None:
         self._reports: list[InjectionReport] = []
+        self._measured: list[MeasuredMass] = []
         self._frames: list[OutputFrame] = []
         self._core = Core(
             bench,
@@ -174,6 +179,7 @@ class _Run:
             knowledge,
             learning=learning,
             on_report=self._reports.append,
+            on_measured=self._measured.append,
             learner_of=learner_of,
         )
         self._nominal = Core(bench, bus, learning=False)
@@ -231,11 +237,18 @@ class _Run:
         for part, (counters, standstill) in zip(self._parts, self._ends, strict=True):
             end = part.first_index + part.recording.samples
             reports = tuple(r for r in self._reports if part.first_index <= r.start_index < end)
+            measured = tuple(m for m in self._measured if part.first_index <= m.report.start_index < end)
             for report in reports:
                 part.note_report(report)
             evaluations.append(
                 Evaluation(
-                    part.recording, part.first_index, part.trace, reports, counters.since(before), standstill
+                    part.recording,
+                    part.first_index,
+                    part.trace,
+                    reports,
+                    counters.since(before),
+                    standstill,
+                    measured,
                 )
             )
             before = counters

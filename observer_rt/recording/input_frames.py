@@ -19,7 +19,7 @@ class InputFrames:
 
     def __init__(self, path: Path, bus: BusMap, channel: str | None) -> None:
         self.path = path
-        self._wanted = {(layout.frame_id, layout.is_extended): layout.name for layout in bus.input_layouts}
+        self._wanted = {(layout.frame_id, layout.is_extended): layout.name for layout in bus.received}
         self._channel = channel
         self._log: LogReader = open_log(path)
 

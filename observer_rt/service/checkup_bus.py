@@ -12,6 +12,7 @@ from observer_rt.bus.mapping import BusMap, frame_key
 from observer_rt.config import PACKAGE_DATA, Bench, LinkConfig, Role
 from observer_rt.recording.bus_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.recording.framing import message_timing
+from observer_rt.service.checkup_slow import slow_findings
 from observer_rt.service.core import configured_noise
 from observer_rt.service.findings import Finding, Level, graded
 from observer_rt.units import LENGTH_UNITS, MEGAPASCAL, MICROMETRE, MILLISECOND, PRESSURE_UNITS
@@ -35,7 +36,7 @@ class BusLoad:
 
 def bus_findings(bench: Bench, bus: BusMap) -> list[Finding]:
     """All findings about the bus of a bench."""
-    findings = [_mapping(bench, bus, role) for role in ROLES]
+    findings = [_mapping(bench, bus, role) for role in ROLES] + slow_findings(bus)
     findings += _sample_periods(bench, bus)
     findings += _identifiers(bus) + _databases(bus)
     frames = _frames(bench.config.link, _layouts(bus))
@@ -47,6 +48,8 @@ def bus_findings(bench: Bench, bus: BusMap) -> list[Finding]:
 
 def expected_load(bench: Bench, bus: BusMap) -> BusLoad:
     """Load by everything that is sent; windowed: only `WINDOW` of samples for each injection.
+
+    A message of optional inputs without a cycle time counts as sent once an injection.
 
     Raises:
         ValueError: a message does not fit its kind of frame.
@@ -70,6 +73,12 @@ def expected_load(bench: Bench, bus: BusMap) -> BusLoad:
     other = INJECTIONS_PER_SECOND * len(bus.summary.pages) * time_of(bus.summary.layout)
     status_period = bench.config.outputs.status_period_ms * MILLISECOND
     other += len(bus.status.pages) * time_of(bus.status.layout) / status_period
+    other += sum(
+        time_of(slow.layout)
+        * (1e9 / slow.layout.cycle_time_ns if slow.layout.cycle_time_ns else INJECTIONS_PER_SECOND)
+        for slow in bus.slow
+        if not slow.is_input
+    )
     return BusLoad(
         continuous=other + sum(time * own_rate / size for time, size, own_rate in blocks),
         windowed=other
@@ -82,7 +91,7 @@ def expected_load(bench: Bench, bus: BusMap) -> BusLoad:
 
 def _layouts(bus: BusMap) -> list[MessageLayout]:
     outputs = [bus.rate, bus.summary, bus.status]
-    return [*bus.input_layouts, *(output.layout for output in outputs if output is not None)]
+    return [*bus.received, *(output.layout for output in outputs if output is not None)]
 
 
 def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:

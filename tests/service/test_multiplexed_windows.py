@@ -9,7 +9,8 @@ from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench, load_bench
 from observer_rt.recording.framing import Framer, Span, TimedFrame
 from observer_rt.recording.recording import Recording
-from observer_rt.service.core import Core, Counters
+from observer_rt.service.core import Core
+from observer_rt.service.counters import Counters
 
 RATE = 50e3
 WINDOWS = [Span(0, 600), Span(3000, 3600)]

@@ -97,8 +97,9 @@ class View:
         line.append(f" {state.name} ", style="bold white on green" if good else "bold white on red")
         if reason:
             line.append(f" {reason.name}", style="yellow")
+        is_off = "" if self._daemon.core.learning else " off"
         line.append(
-            f"  learning: {counters.adoptions} adopted, {counters.rejected_adoptions} rejected, "
+            f"  learning{is_off}: {counters.adoptions} adopted, {counters.rejected_adoptions} rejected, "
             f"{counters.late_adoptions} late\n"
         )
         line.append(

@@ -1,15 +1,31 @@
 """The optional input `learning_enable`: what it stops, what it leaves, what is no word of it."""
 
+import io
+import time
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from observer_rt.bus.mapping import map_bus
 from observer_rt.config import load_bench
 from observer_rt.errors import UserError
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.service.checkup import Level, checkup
-from tests.service.core_frames import ONE_MESSAGE, Device, Frame, Result, bench_text, damaged, recording, run
+from observer_rt.service.daemon import Daemon
+from observer_rt.service.view import View
+from tests.service.core_frames import (
+    ONE_MESSAGE,
+    SAMPLE_RATE,
+    Device,
+    Frame,
+    Result,
+    bench_text,
+    damaged,
+    recording,
+    run,
+)
+from tests.service.participants import ScriptedLink
 from tests.service.slow_frames import bed, inserted, safe_bed, slow_bench
 from tests.service.test_checkup import worst
 
@@ -148,3 +164,20 @@ def test_unknown_key_of_an_optional_role(tmp_path: Path) -> None:
     with pytest.raises(UserError) as caught:
         load_bench(path)
     assert "did you mean 'message'" in caught.value.remedy
+
+
+def test_view_says_that_learning_is_off(tmp_path: Path) -> None:
+    bench = load_bench(slow_bench(tmp_path, ENABLE))
+    daemon = Daemon(bench, map_bus(bench), ScriptedLink())
+    view = View("title", SAMPLE_RATE)
+    view.watch(daemon)
+
+    def drawn() -> str:
+        screen = io.StringIO()
+        Console(file=screen, width=80, color_system=None).print(view.render(time.monotonic_ns(), 80, 24))
+        return screen.getvalue()
+
+    for value, expected in ((1, "learning: 0 adopted"), (0, "learning off: 0 adopted")):
+        frame = bed("LearnEnable", value)
+        daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+        assert expected in drawn()

@@ -8,14 +8,15 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.cli_discover import discover
-from observer_rt.cli_options import BenchOption, JsonOption, ModelOption, StateOption
+from observer_rt.cli_logs import convert, record, replay
+from observer_rt.cli_options import BenchOption, FromChannelOption, JsonOption, ModelOption, StateOption
 from observer_rt.cli_reproduce import reproduce
 from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR
 from observer_rt.errors import ObserverError, UserError
@@ -130,45 +131,6 @@ def run(
     serve(_load(bench), state, view, messages)
 
 
-@app.command(epilog="Example: observer-rt replay recording.csv --bench bench.toml --speed 0.1")
-def replay(
-    recording: Annotated[
-        Path,
-        typer.Argument(
-            help="Recording (.csv, .mf4) or candump log (.log).", metavar="RECORDING", show_default=False
-        ),
-    ],
-    bench: BenchOption = EXAMPLE_BENCH,
-    channel: Annotated[
-        str | None, typer.Option("--channel", help="CAN channel, instead of the bench's.")
-    ] = None,
-    interface: Annotated[
-        str | None, typer.Option("--interface", help="python-can interface, instead of the bench's.")
-    ] = None,
-    speed: Annotated[
-        float, typer.Option("--speed", help="1 = real time; 0 = as fast as the bus takes.", min=0.0)
-    ] = 1.0,
-    loop: Annotated[int, typer.Option("--loop", help="How often; 0 = until stopped.", min=0)] = 1,
-    start: Annotated[
-        float | None, typer.Option("--start", help="From this time of the recording [s].")
-    ] = None,
-    stop: Annotated[float | None, typer.Option("--stop", help="To this time of the recording [s].")] = None,
-    windowed: Annotated[
-        bool, typer.Option("--windowed", help="Only about 6 ms round each injection.")
-    ] = False,
-    as_json: JsonOption = False,
-) -> None:
-    """Send a recording onto a bus as the measuring devices would, on an absolute time grid."""
-    from observer_rt.recording.replay import ReplayOptions, replay_onto
-
-    chosen = _with_link(_load(bench), interface, channel)
-    statistics = replay_onto(chosen, recording, ReplayOptions(speed, loop, start, stop, windowed), messages)
-    if as_json:
-        print(json.dumps(statistics.as_json(), indent=2))
-    else:
-        print(statistics.as_text())
-
-
 @app.command(
     epilog="Example: observer-rt simulate --rail-pressure 60,100,140 --energizing-time 0.6,1.9 --injections 12 "
     "--effect orifice_area:v_H=0.3 --output worn.csv"
@@ -235,7 +197,11 @@ def simulate(
 def evaluate(
     recordings: Annotated[
         list[Path],
-        typer.Argument(help="Recordings (.csv, .mf4).", metavar="RECORDING", show_default=False),
+        typer.Argument(
+            help="Recordings (.csv, .mf4) or CAN logs (.blf, .asc, .log, .trc, .mf4).",
+            metavar="RECORDING",
+            show_default=False,
+        ),
     ],
     bench: BenchOption = EXAMPLE_BENCH,
     model: ModelOption = None,
@@ -256,6 +222,7 @@ def evaluate(
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Figure (png, svg, pdf).", metavar="FILE")
     ] = None,
+    from_channel: FromChannelOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
@@ -264,7 +231,7 @@ def evaluate(
     evaluate_files(
         _load(bench, model),
         recordings,
-        EvaluateOptions(state, save_state, not no_learning, chain, output, plot, as_json),
+        EvaluateOptions(state, save_state, not no_learning, chain, output, plot, as_json, from_channel),
         messages,
     )
 
@@ -288,6 +255,9 @@ def check(
         raise typer.Exit(1)
 
 
+app.command(epilog="Example: observer-rt replay recording.csv --bench bench.toml --speed 0.1")(replay)
+app.command(epilog="Example: observer-rt record --bench bench.toml --out bus.blf --rotate-size 500")(record)
+app.command(epilog="Example: observer-rt convert bus.blf recording.csv --bench bench.toml")(convert)
 app.command(epilog="Example: observer-rt discover --model injector.toml --out found worn_1.csv worn_2.csv")(
     discover
 )
@@ -298,13 +268,3 @@ def _load(path: Path, model: Path | None = None) -> "Bench":
     from observer_rt.config import load_bench
 
     return load_bench(path, model)
-
-
-def _with_link(bench: "Bench", interface: str | None, channel: str | None) -> "Bench":
-    changes: dict[str, Any] = {}
-    if interface is not None:
-        changes["interface"] = interface
-    if channel is not None:
-        changes["channel"] = channel
-    config = bench.config.model_copy(update={"link": bench.config.link.model_copy(update=changes)})
-    return bench.model_copy(update={"config": config})

@@ -20,4 +20,10 @@ ModelOption = Annotated[
 StateOption = Annotated[
     Path | None, typer.Option("--state", help="Learned state to start from.", metavar="FILE")
 ]
+FromChannelOption = Annotated[
+    str | None,
+    typer.Option(
+        "--from-channel", help="Channel of a CAN log, where the inputs are on several.", metavar="CHANNEL"
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Results as JSON on stdout.")]

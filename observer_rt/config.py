@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
+from types import UnionType
 from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -29,6 +30,13 @@ class Role(StrEnum):
     LINE_PRESSURE = "line_pressure"
 
 
+class OptionalRole(StrEnum):
+    """Slow signals the observer makes use of where a bench has them."""
+
+    LEARNING_ENABLE = "learning_enable"
+    MEASURED_MASS = "measured_mass"
+
+
 class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -42,9 +50,15 @@ class LinkConfig(_Section):
     bit_rate: Positive = 500e3  # bit/s, for `check`
     data_bit_rate: Positive = 5e6
 
+    def replaced(self, interface: str | None, channel: str | None) -> "LinkConfig":
+        """The same with another interface or channel; None keeps it."""
+        changes = {"interface": interface, "channel": channel}
+        return self.model_copy(update={key: value for key, value in changes.items() if value is not None})
+
 
 class DatabaseConfig(_Section):
     file: str  # relative to the bench file; or the name of a database shipped with the package
+    lenient: bool = False  # read it although signals overlap or do not fit
 
 
 class SignalConfig(_Section):
@@ -55,7 +69,11 @@ class SignalConfig(_Section):
     signals: tuple[str, ...] | None = None
     pattern: str | None = None
     time_base: str = "device"
-    index: str = "SampleIndex"  # signal with the index of the message's first sample
+    index: str | None = None  # signal with the index of the frame's first sample; "": none
+    counter: str | None = None  # signal that counts the frames of a message without index
+    rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
+    max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
+    delay_us: Annotated[float, Field(ge=0, le=1e6)] | None = None  # from a frame's last sample to its stamp
     unit: str | None = None  # replaces the unit of the bus database
 
     @model_validator(mode="after")
@@ -70,23 +88,36 @@ class SignalConfig(_Section):
         return self.signal or self.pattern or self.signals or ()
 
 
+class SlowSignalConfig(_Section):
+    """Which signal of which message carries an optional role: one value a frame."""
+
+    message: str
+    signal: str
+
+
+class SlowQuantityConfig(SlowSignalConfig):
+    """The same of a signal with a unit."""
+
+    unit: str | None = None  # replaces the unit of the bus database
+
+
 class SignalsConfig(_Section):
     rail_pressure: SignalConfig
     needle_lift: SignalConfig
     line_pressure: SignalConfig
+    learning_enable: SlowSignalConfig | None = None
+    measured_mass: SlowQuantityConfig | None = None  # of an injection
 
     def of(self, role: Role) -> SignalConfig:
         """The mapping of a role."""
         mapping: SignalConfig = getattr(self, role.value)
         return mapping
 
-    @model_validator(mode="after")
-    def _one_time_base(self) -> Self:
-        if len({self.of(role).time_base for role in Role}) > 1:
-            raise ValueError(
-                "all three signals must have the same 'time_base': their samples share one index"
-            )
-        return self
+    @property
+    def optional(self) -> tuple[tuple[OptionalRole, SlowSignalConfig], ...]:
+        """The optional roles the bench has, with their mappings."""
+        mappings = ((role, getattr(self, role.value)) for role in OptionalRole)
+        return tuple((role, mapping) for role, mapping in mappings if mapping is not None)
 
 
 class SamplingConfig(_Section):
@@ -109,7 +140,7 @@ class NoiseConfig(_Section):
 class OutputsConfig(_Section):
     """Messages the results go out in; signals are found in them by their names in observer_fd.dbc."""
 
-    injection_rate: str = "InjectionRate"
+    injection_rate: str | Literal[False] = "InjectionRate"  # false: not published
     injection_summary: str = "InjectionSummary"
     status: str = "ObserverStatus"
     injector_id: Annotated[int, Field(ge=0, le=255)] = 1
@@ -258,7 +289,7 @@ def _keys_at(model: type[BaseModel], location: tuple[Any, ...]) -> list[str]:
 def _section_in(annotation: Any) -> type[BaseModel]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    if get_origin(annotation) in (tuple, Union):
+    if get_origin(annotation) in (tuple, Union, UnionType):
         return _section_in(get_args(annotation)[0])
     if get_origin(annotation) is Mapping:
         return _section_in(get_args(annotation)[1])

@@ -1,4 +1,4 @@
-"""How one sample follows another: the word that alignment and observer share."""
+"""How one sample follows another, and how well its time is known: the words alignment and observer share."""
 
 from enum import IntEnum
 
@@ -11,3 +11,10 @@ class Break(IntEnum):
     JUMP = 2  # legal jump of a windowed source
     LOSS = 3  # samples were lost
     RESTART = 4  # the device's index began anew
+
+
+class Doubt(IntEnum):
+    """Why a sample cannot be trusted although it is there; numbers are those of `observer.state.Reason`."""
+
+    NONE = 0
+    TIME_BASE = 16  # when it was taken is not known well enough

@@ -19,7 +19,8 @@ from rich.text import Text
 
 from observer_rt.bus.codec import decode
 from observer_rt.bus.link import open_link
-from observer_rt.bus.mapping import BusMap, map_bus
+from observer_rt.bus.mapping import map_bus
+from observer_rt.bus.outputs import RateMessage
 from observer_rt.config import Bench, LinkConfig, load_bench
 from observer_rt.destinations import FIGURE_SUFFIXES, check_destination
 from observer_rt.evaluation.evaluate import evaluate
@@ -152,13 +153,14 @@ class Demo:
             view.on_report(report)
 
         stop, done = threading.Event(), threading.Event()
-        inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
+        inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]
         with contextlib.ExitStack() as stack:
             interrupted = stack.enter_context(stop_on_signals())
             warm_up(self.bench, bus)
             player_link = stack.enter_context(_open(self.link, []))
             daemon_link = stack.enter_context(_open(self.link, inputs))
-            listener = stack.enter_context(_listening(self.link, bus, self.recording.samples))
+            assert bus.rate is not None  # the example bench publishes it
+            listener = stack.enter_context(_listening(self.link, bus.rate, self.recording.samples))
             threads = stack.enter_context(ThreadPoolExecutor(2))
             daemon = Daemon(self.bench, bus, daemon_link, on_report=on_report)
             view.watch(daemon)
@@ -220,24 +222,24 @@ def write_figure(result: DemoResult, wear: float, path: Path) -> None:
 class _Listener:
     """Another participant of the bus: collects the published rates [m3/s] by sample index."""
 
-    def __init__(self, bus: BusMap, samples: int) -> None:
+    def __init__(self, message: RateMessage, samples: int) -> None:
         self.rate = np.full(samples, np.nan)
-        self._message = bus.rate
-        self._values = np.zeros(len(bus.rate.names))
-        self._first = len(bus.rate.names) - bus.rate_samples
+        self._page = message.page
+        self._values = np.zeros(len(message.page.names))
+        self._first = len(message.page.names) - message.samples
 
     def take(self, payload: bytes) -> None:
-        decode(np.frombuffer(payload, np.uint8), self._message.table, self._values)
-        index = int(self._values[self._message.names.index("SampleIndex")])
+        decode(np.frombuffer(payload, np.uint8), self._page.table, self._values)
+        index = int(self._values[self._page.names.index("SampleIndex")])
         rates = self._values[self._first :]
         count = min(len(rates), len(self.rate) - index)
         self.rate[index : index + count] = rates[:count] * MM3_PER_MS
 
 
 @contextlib.contextmanager
-def _listening(config: LinkConfig, bus: BusMap, samples: int) -> Iterator[_Listener]:
-    listener = _Listener(bus, samples)
-    layout = bus.rate.layout
+def _listening(config: LinkConfig, message: RateMessage, samples: int) -> Iterator[_Listener]:
+    listener = _Listener(message, samples)
+    layout = message.layout
     stop = threading.Event()
     with _open(config, [(layout.frame_id, layout.is_extended)]) as link:
 

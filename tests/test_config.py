@@ -218,12 +218,6 @@ def test_one_way_to_name_the_samples(tmp_path: Path) -> None:
     assert "exactly one" in error.problem
 
 
-def test_one_time_base(tmp_path: Path) -> None:
-    error = bench_refusal(tmp_path, BENCH + 'time_base = "other"\n')
-    assert error.place.endswith(": signals")
-    assert "time_base" in error.problem
-
-
 def test_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no such file") as refused:
         load_bench(tmp_path / "none.toml")

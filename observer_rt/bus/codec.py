@@ -14,6 +14,7 @@ cantools is the reference: wherever it defines a result, `decode` gives the same
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from cantools.database.can import Message, Signal
@@ -52,21 +53,19 @@ SIGNAL = np.dtype(
 )
 
 
-def signal_table(message: Message, names: tuple[str, ...] | list[str]) -> NDArray[np.void]:
+def signal_table(message: Message, names: Sequence[str]) -> NDArray[np.void]:
     """Compile the signals `names` of `message`, in this order, into a table of dtype `SIGNAL`.
 
     Raises:
-        UserError: a signal is missing, multiplexed, has scale 0, a float of odd width, or no usable code.
+        UserError: a signal is missing, does not fit, has scale 0, a float of odd width, or no usable code.
     """
     table = np.zeros(len(names), SIGNAL)
     for row, name in zip(table, names, strict=True):
-        _compile(find_signal(message, name), row, f"message {message.name}, signal {name}")
+        _compile(find_signal(message, name), row, f"message {message.name}, signal {name}", message.length)
     return table
 
 
-def _compile(signal: Signal, row: np.void, place: str) -> None:
-    if signal.multiplexer_ids is not None:
-        raise UserError(place, "is multiplexed, which is not supported", "map a signal that is always sent")
+def _compile(signal: Signal, row: np.void, place: str, message_length: int) -> None:
     if signal.length > 64:
         raise UserError(place, f"has {signal.length} bits, at most 64 are supported")
     if signal.scale == 0:
@@ -74,6 +73,11 @@ def _compile(signal: Signal, row: np.void, place: str) -> None:
     if signal.conversion.is_float and signal.length not in _FLOAT_KIND:
         raise UserError(place, f"is a float of {signal.length} bits, must be 16, 32 or 64")
     _set_position(signal, row)
+    last_byte = row["first_byte"] + row["step"] * (row["byte_count"] - 1)
+    if min(row["first_byte"], last_byte) < 0 or max(row["first_byte"], last_byte) >= message_length:
+        raise UserError(
+            place, f"does not fit in the {message_length} bytes of the message", "correct the bus database"
+        )
     if signal.conversion.is_float:
         row["kind"] = _FLOAT_KIND[signal.length]
     else:
@@ -111,10 +115,9 @@ def _raw_limits(signal: Signal) -> tuple[float, float]:
         lowest, highest = -math.ldexp(1.0, signal.length - 1), _largest_float_to((1 << signal.length - 1) - 1)
     else:
         lowest, highest = 0.0, _largest_float_to((1 << signal.length) - 1)
-    declared = [
-        (limit - signal.offset) / signal.scale if limit is not None else None
-        for limit in (signal.minimum, signal.maximum)
-    ]
+    # [0|0] means no range; cantools knows it, but not [0.0|0.0].
+    stated = (None, None) if signal.minimum == signal.maximum == 0 else (signal.minimum, signal.maximum)
+    declared = [(limit - signal.offset) / signal.scale if limit is not None else None for limit in stated]
     if signal.scale < 0:
         declared.reverse()
     if not signal.conversion.is_float:
@@ -168,14 +171,7 @@ def decode(payload: NDArray[np.uint8], table: NDArray[np.void], out: NDArray[np.
     """
     for i in range(table.size):
         signal = table[i]
-        bits = np.uint64(payload[signal.first_byte]) >> signal.shift
-        filled = np.uint64(8) - signal.shift
-        position = signal.first_byte
-        for _ in range(1, signal.byte_count):
-            position += signal.step
-            bits |= np.uint64(payload[position]) << filled
-            filled += np.uint64(8)
-        bits &= signal.mask
+        bits = field_bits(payload, signal)
         if (signal.has_not_available and bits == signal.not_available) or (
             signal.has_error and bits == signal.error
         ):
@@ -198,17 +194,35 @@ def encode(values: NDArray[np.float64], table: NDArray[np.void], payload: NDArra
     """
     for i in range(table.size):
         signal = table[i]
-        bits = _bits(values[i], signal) & signal.mask
-        low_bits = np.uint64(8) - signal.shift
-        mask = signal.mask
-        position = signal.first_byte
-        kept = ~(mask << signal.shift) & np.uint64(0xFF)
-        payload[position] = (np.uint64(payload[position]) & kept) | ((bits << signal.shift) & np.uint64(0xFF))
-        for _ in range(1, signal.byte_count):
-            position += signal.step
-            kept = ~(mask >> low_bits) & np.uint64(0xFF)
-            payload[position] = (np.uint64(payload[position]) & kept) | ((bits >> low_bits) & np.uint64(0xFF))
-            low_bits += np.uint64(8)
+        put_bits(payload, signal, _bits(values[i], signal))
+
+
+@njit(cache=True, nogil=True)
+def field_bits(payload, signal):  # type: ignore[no-untyped-def]
+    """The bits of a signal's field as they are; `signal`: one row of a table."""
+    bits = np.uint64(payload[signal.first_byte]) >> signal.shift
+    filled = np.uint64(8) - signal.shift
+    position = signal.first_byte
+    for _ in range(1, signal.byte_count):
+        position += signal.step
+        bits |= np.uint64(payload[position]) << filled
+        filled += np.uint64(8)
+    return bits & signal.mask
+
+
+@njit(cache=True, nogil=True)
+def put_bits(payload, signal, bits):  # type: ignore[no-untyped-def]
+    """Write the low bits of `bits` into a signal's field, in place."""
+    bits &= signal.mask
+    low_bits = np.uint64(8) - signal.shift
+    position = signal.first_byte
+    kept = ~(signal.mask << signal.shift) & np.uint64(0xFF)
+    payload[position] = (np.uint64(payload[position]) & kept) | ((bits << signal.shift) & np.uint64(0xFF))
+    for _ in range(1, signal.byte_count):
+        position += signal.step
+        kept = ~(signal.mask >> low_bits) & np.uint64(0xFF)
+        payload[position] = (np.uint64(payload[position]) & kept) | ((bits >> low_bits) & np.uint64(0xFF))
+        low_bits += np.uint64(8)
 
 
 @njit(cache=True, nogil=True)

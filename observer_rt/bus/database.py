@@ -1,26 +1,26 @@
-"""Bus databases: loading, looking up messages and signals, and the layout attributes the observer needs."""
+"""Bus databases: looking up messages and signals, and the layout attributes the observer needs."""
 
 import hashlib
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import cantools.database
 from cantools.database.can import Database, Message, Signal
 
 from observer_rt.errors import UserError
 from observer_rt.names import nearest
 
 NANOSECONDS_PER_MILLISECOND = 1_000_000
+NOT_AVAILABLE_NAMES = ("sna", "not_available", "signal_not_available", "value_not_available")
+ERROR_NAMES = ("error", "err", "signal_error")
 
 
 @dataclass(frozen=True)
 class MessageLayout:
     """What the observer must know of a message besides its signals.
 
-    `length` is in bytes. `sample_period_ns` is the time between two samples, None where the database
-    does not say. `e2e_profile` is the AUTOSAR profile number, None for an unprotected message.
+    `length` is in bytes. Time between two samples, time between two frames and number of samples in one are None
+    where the database does not state them. `e2e_profile` is the AUTOSAR profile number, None without protection.
     """
 
     name: str
@@ -28,8 +28,9 @@ class MessageLayout:
     is_extended: bool
     is_fd: bool
     length: int
-    samples_per_frame: int
+    samples_per_frame: int | None
     sample_period_ns: int | None
+    cycle_time_ns: int | None
     e2e_profile: int | None
     e2e_data_id: int | None
 
@@ -37,16 +38,9 @@ class MessageLayout:
     def of(cls, message: Message) -> "MessageLayout":
         """Read the layout of `message`.
 
-        Without the attribute `SamplesPerFrame` a frame carries one sample; without `SamplePeriodNs` the
-        sample period follows from the cycle time of the message, if it has one.
-
         Raises:
             UserError: an attribute is not a number, or a protected message has no `E2EDataId`.
         """
-        samples_per_frame = _integer_attribute(message, "SamplesPerFrame") or 1
-        sample_period_ns = _integer_attribute(message, "SamplePeriodNs") or None
-        if sample_period_ns is None and message.cycle_time:
-            sample_period_ns = message.cycle_time * NANOSECONDS_PER_MILLISECOND // samples_per_frame
         e2e_profile = _integer_attribute(message, "E2EProfile") or None
         e2e_data_id = _integer_attribute(message, "E2EDataId")
         if e2e_profile is not None and e2e_data_id is None:
@@ -61,30 +55,12 @@ class MessageLayout:
             is_extended=message.is_extended_frame,
             is_fd=message.is_fd,
             length=message.length,
-            samples_per_frame=samples_per_frame,
-            sample_period_ns=sample_period_ns,
+            samples_per_frame=_integer_attribute(message, "SamplesPerFrame") or None,
+            sample_period_ns=_integer_attribute(message, "SamplePeriodNs") or None,
+            cycle_time_ns=(message.cycle_time or 0) * NANOSECONDS_PER_MILLISECOND or None,
             e2e_profile=e2e_profile,
             e2e_data_id=e2e_data_id if e2e_profile is not None else None,
         )
-
-
-def load_database(path: Path) -> Database:
-    """Load a bus database (DBC, or another CAN format cantools reads) with overlap and fit checked.
-
-    Raises:
-        UserError: no such file, not readable, not a bus database, or signals that overlap or do not fit.
-    """
-    try:
-        database = cantools.database.load_file(path, strict=True)
-    except FileNotFoundError:
-        raise UserError(str(path), "no such file", "correct the path of the bus database") from None
-    except OSError as error:
-        raise UserError(str(path), f"cannot be read: {error.strerror}") from None
-    except (cantools.Error, UnicodeDecodeError, ValueError) as error:
-        raise UserError(str(path), _why_not_loaded(error), "mend the bus database") from None
-    if not isinstance(database, Database):
-        raise UserError(str(path), "is a diagnostics database, not a bus database", "name a DBC file")
-    return database
 
 
 def database_hash(paths: Iterable[Path]) -> int:
@@ -154,26 +130,28 @@ def find_signal(message: Message, name: str) -> Signal:
 
 
 def not_available_code(signal: Signal) -> int | None:
-    """Raw code of "signal not available" (attribute `GenSigSNA`), None without one.
+    """Raw code of "signal not available": attribute `GenSigSNA`, or the code of that name in the value table.
 
     Raises:
         UserError: the attribute is not a code of the signal's width.
     """
-    return _raw_code(signal, "GenSigSNA")
+    return _raw_code(signal, "GenSigSNA", NOT_AVAILABLE_NAMES)
 
 
 def error_code(signal: Signal) -> int | None:
-    """Raw code of "error" (attribute `GenSigError`), None without one.
+    """Raw code of "error": attribute `GenSigError`, or the code of that name in the value table; None without.
 
     Raises:
         UserError: the attribute is not a code of the signal's width.
     """
-    return _raw_code(signal, "GenSigError")
+    return _raw_code(signal, "GenSigError", ERROR_NAMES)
 
 
-def _raw_code(signal: Signal, attribute: str) -> int | None:
+def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | None:
     """The code as the bits of the field. Negative is a code for a signed signal, -1 means none otherwise."""
     code = _integer_attribute(signal, attribute)
+    if code is None:
+        code = _named_code(signal, names)
     if code is None or (code == -1 and not signal.is_signed):
         return None
     bits: int = signal.length
@@ -185,6 +163,18 @@ def _raw_code(signal: Signal, attribute: str) -> int | None:
             f"give a raw code from 0 to {(1 << bits) - 1}",
         )
     return code & ((1 << bits) - 1)
+
+
+def _named_code(signal: Signal, names: Collection[str]) -> int | None:
+    """The code a value table gives one of these names, in lower case with underscores; not of floats."""
+    if signal.conversion.is_float:
+        return None
+    choices = signal.choices or {}
+    return next((int(code) for code, name in choices.items() if _plain(str(name)) in names), None)
+
+
+def _plain(name: str) -> str:
+    return name.strip().lower().replace(" ", "_").replace("-", "_")
 
 
 def _integer_attribute(owner: Message | Signal, name: str) -> int | None:
@@ -230,8 +220,3 @@ def _expand(pattern: str, known: Sequence[str], place: str) -> tuple[str, ...]:
 def _nearest(name: str, known: Sequence[str]) -> str:
     best = nearest(name, known)
     return f"there are: {', '.join(known)}" if best is None else f"nearest name: {best}"
-
-
-def _why_not_loaded(error: Exception) -> str:
-    """cantools' message without its format prefix and the quotes around it."""
-    return re.sub(r'^[A-Z]+: "(.*)"$', r"\1", str(error), flags=re.DOTALL)

@@ -1,7 +1,10 @@
-"""AUTOSAR end-to-end protection, profile 5, as used at the start of every frame.
+"""AUTOSAR end-to-end protection as used at the start of a frame: profile 5 (CAN FD) and profile 1 (classic CAN).
 
-Bytes 0-1: CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF), little-endian, over byte 2 to the end of the
-frame and then over the data id of the message, low byte first. Byte 2: counter, one more with every frame.
+Profile 5. Bytes 0-1: CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF), little-endian, over byte 2 to the end
+of the frame and then over the data id of the message, low byte first. Byte 2: counter 0 to 255.
+
+Profile 1, variant 1A. Byte 0: CRC-8 (polynomial 0x1D, start 0), over the data id, low byte first, and then over
+byte 1 to the end of the frame. Byte 1, low four bits: counter 0 to 14; the high four bits are free.
 """
 
 from enum import IntEnum
@@ -10,9 +13,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-CRC_BYTES = 2
-COUNTER_BYTE = 2
-SHORTEST_FRAME = 3  # bytes: CRC and counter
+UNPROTECTED = 0
+PROFILE_1 = 1
+PROFILE_5 = 5
+PROFILES = (PROFILE_1, PROFILE_5)
+_CRC_BYTES = 2  # of profile 5
+_COUNTER_BYTE = 2
+_NIBBLE_BYTE = 1  # with the counter of profile 1
 
 
 class E2EStatus(IntEnum):
@@ -27,21 +34,29 @@ class E2EStatus(IntEnum):
     INITIAL = 6
 
 
-def _crc_table() -> NDArray[np.uint16]:
+def _crc16_table() -> NDArray[np.uint16]:
     remainder = np.arange(256, dtype=np.uint16) << np.uint16(8)
     for _ in range(8):
         remainder = np.where(remainder & 0x8000, (remainder << 1) ^ 0x1021, remainder << 1).astype(np.uint16)
     return remainder
 
 
-CRC_TABLE = _crc_table()
+def _crc8_table() -> NDArray[np.uint8]:
+    remainder = np.arange(256, dtype=np.uint8)
+    for _ in range(8):
+        remainder = np.where(remainder & 0x80, (remainder << 1) ^ 0x1D, remainder << 1).astype(np.uint8)
+    return remainder
+
+
+CRC16_TABLE = _crc16_table()
+CRC8_TABLE = _crc8_table()
 
 
 @njit(cache=True, nogil=True)
 def crc16(payload: NDArray[np.uint8], length: int, data_id: int) -> int:
-    """CRC of the first `length` bytes of `payload` (at least `SHORTEST_FRAME`) and the 16-bit `data_id`."""
+    """CRC of profile 5 over the first `length` bytes of `payload` (at least 3) and the 16-bit `data_id`."""
     crc = np.uint32(0xFFFF)
-    for i in range(CRC_BYTES, length):
+    for i in range(_CRC_BYTES, length):
         crc = _add_byte(crc, payload[i])
     crc = _add_byte(crc, data_id & 0xFF)
     crc = _add_byte(crc, (data_id >> 8) & 0xFF)
@@ -49,33 +64,80 @@ def crc16(payload: NDArray[np.uint8], length: int, data_id: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def protect(payload: NDArray[np.uint8], length: int, data_id: int, counter: int) -> None:
-    """Write `counter` (its low 8 bits) and then the CRC into the frame, in place."""
-    payload[COUNTER_BYTE] = counter & 0xFF
-    crc = crc16(payload, length, data_id)
-    payload[0] = crc & 0xFF
-    payload[1] = crc >> 8
+def crc8(payload: NDArray[np.uint8], length: int, data_id: int) -> int:
+    """CRC of profile 1 over the first `length` bytes of `payload` (at least 2) and the 16-bit `data_id`."""
+    crc = CRC8_TABLE[data_id & 0xFF]
+    crc = CRC8_TABLE[crc ^ ((data_id >> 8) & 0xFF)]
+    for i in range(_NIBBLE_BYTE, length):
+        crc = CRC8_TABLE[crc ^ payload[i]]
+    return int(crc)
 
 
 @njit(cache=True, nogil=True)
-def check(payload: NDArray[np.uint8], length: int, data_id: int) -> bool:
-    """Whether the CRC in the frame is that of its contents and `data_id`; False for a frame too short."""
-    if length < SHORTEST_FRAME or length > payload.size:
+def counter_values(profile: int) -> int:
+    """How many values the counter of a profile takes before it begins again at 0."""
+    return 15 if profile == PROFILE_1 else 256
+
+
+@njit(cache=True, nogil=True)
+def shortest_frame(profile: int) -> int:
+    """Bytes that CRC and counter of a profile take."""
+    return 2 if profile == PROFILE_1 else 3
+
+
+@njit(cache=True, nogil=True)
+def protect(payload: NDArray[np.uint8], length: int, profile: int, data_id: int, counter: int) -> None:
+    """Write the counter of the message's `counter`-th frame and then the CRC, in place.
+
+    An unprotected frame stays as it is.
+    """
+    counter %= counter_values(profile)
+    if profile == PROFILE_1:
+        payload[_NIBBLE_BYTE] = (payload[_NIBBLE_BYTE] & 0xF0) | counter
+        payload[0] = crc8(payload, length, data_id)
+    elif profile == PROFILE_5:
+        payload[_COUNTER_BYTE] = counter
+        crc = crc16(payload, length, data_id)
+        payload[0] = crc & 0xFF
+        payload[1] = crc >> 8
+
+
+@njit(cache=True, nogil=True)
+def check(payload: NDArray[np.uint8], length: int, profile: int, data_id: int) -> bool:
+    """Whether the CRC in the frame is that of its contents and `data_id`.
+
+    False for a frame too short and for a counter the profile does not have; True for an unprotected message.
+    """
+    if profile == UNPROTECTED:
+        return True
+    if not shortest_frame(profile) <= length <= payload.size:
         return False
+    if frame_counter(payload, profile) >= counter_values(profile):
+        return False
+    if profile == PROFILE_1:
+        return bool(payload[0] == crc8(payload, length, data_id))
     crc = crc16(payload, length, data_id)
     return bool(payload[0] == crc & 0xFF and payload[1] == crc >> 8)
 
 
 @njit(cache=True, nogil=True)
-def classify(counter: int, last_counter: int, seen: bool, max_delta: int) -> E2EStatus:
+def frame_counter(payload: NDArray[np.uint8], profile: int) -> int:
+    """Counter of a frame whose length was checked; 0 for an unprotected message."""
+    if profile == PROFILE_1:
+        return int(payload[_NIBBLE_BYTE] & 0x0F)
+    return int(payload[_COUNTER_BYTE]) if profile == PROFILE_5 else 0
+
+
+@njit(cache=True, nogil=True)
+def classify(counter: int, last_counter: int, seen: bool, max_delta: int, profile: int) -> E2EStatus:
     """Status of a frame with a good CRC, by its counter.
 
     `seen`: whether there was a frame before, with `last_counter`. `max_delta`: the largest step of the
-    counter that still counts as frames lost and not as a wrong sequence, 1 to 254.
+    counter that still counts as frames lost and not as a wrong sequence, 1 to two less than its values.
     """
     if not seen:
         return E2EStatus.INITIAL
-    delta = (counter - last_counter) & 0xFF
+    delta = (counter - last_counter) % counter_values(profile)
     if delta == 0:
         return E2EStatus.REPEATED
     if delta == 1:
@@ -87,4 +149,4 @@ def classify(counter: int, last_counter: int, seen: bool, max_delta: int) -> E2E
 
 @njit(cache=True, nogil=True)
 def _add_byte(crc, byte):  # type: ignore[no-untyped-def]
-    return np.uint32((crc << 8) & 0xFF00) ^ np.uint32(CRC_TABLE[(crc >> 8) ^ byte])
+    return np.uint32((crc << 8) & 0xFF00) ^ np.uint32(CRC16_TABLE[(crc >> 8) ^ byte])

@@ -49,8 +49,10 @@ class Link(Protocol):
         """
 
     @abstractmethod
-    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
-        """Send one data frame; a CAN FD frame with the bit rate switched. Waits a moment for a full queue.
+    def send(
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+    ) -> None:
+        """Send one data frame; `bit_rate_switch`: of a CAN FD frame. Waits a moment for a full queue.
 
         Raises:
             LinkDownError: the interface went down or away.

@@ -1,46 +1,41 @@
 """From bench file and bus database to arrays: which frames carry which samples, which carry the results."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import NamedTuple
+from pathlib import Path
 
 import can.util
 import numpy as np
 from cantools.database.can import Database, Message
 from numpy.typing import NDArray
 
-from observer_rt.bus.codec import signal_table
-from observer_rt.bus.database import MessageLayout, find_message, find_signal, load_database, signal_names
-from observer_rt.config import Bench, Role, SignalConfig
+from observer_rt.bus.database import MessageLayout, find_message, find_signal, signal_names
+from observer_rt.bus.database_file import load_database, overlooked
+from observer_rt.bus.e2e import UNPROTECTED
+from observer_rt.bus.inputs import INPUT_GROUP, INPUT_MESSAGE, ROLES, Inputs, InputTables
+from observer_rt.bus.outputs import (
+    STATUS_SIGNALS,
+    SUMMARY_SIGNALS,
+    OutputMessage,
+    RateMessage,
+    output_message,
+    protected_layout,
+    rate_message,
+)
+from observer_rt.bus.sample_groups import SampleGroup, require_carried, sample_groups
+from observer_rt.bus.slow_inputs import SlowMessage, set_unknown, slow_signal
+from observer_rt.bus.timing import INDEX_BITS, Following, following, map_timing, number_signal
+from observer_rt.config import Bench, OptionalRole, Role, SlowQuantityConfig, SlowSignalConfig
 from observer_rt.errors import UserError
-from observer_rt.units import LENGTH_UNITS, PRESSURE_UNITS
+from observer_rt.units import LENGTH_UNITS, MASS_UNITS, PRESSURE_UNITS
 
 EXTENDED = 1 << 32  # added to the id of an extended frame, so that one number names a frame
-E2E_PROFILE = 5
-INDEX_BITS = 32  # of the sample index in every input message
-ROLES = tuple(Role)
-MAX_INPUTS = len(ROLES)
 _UNITS = {
     Role.RAIL_PRESSURE: PRESSURE_UNITS,
     Role.NEEDLE_LIFT: LENGTH_UNITS,
     Role.LINE_PRESSURE: PRESSURE_UNITS,
 }
-
-INPUT_MESSAGE = np.dtype(
-    [
-        ("key", np.int64),
-        ("length", np.int64),  # bytes, by the database
-        ("padded_length", np.int64),  # bytes, as CAN FD carries a message of this length
-        ("data_id", np.int64),  # of E2E, -1 for an unprotected message
-        ("samples", np.int64),  # of every role, in one frame
-        ("roles", np.int64),  # bit r: carries ROLES[r]
-        ("position", np.int64, (MAX_INPUTS,)),  # of a role's first sample among the decoded values
-        ("factor", np.float64, (MAX_INPUTS,)),  # to SI
-        ("first_signal", np.int64),  # rows of the signal table: the sample index, then the samples
-        ("signal_count", np.int64),
-    ],
-    align=True,
-)
 
 
 def frame_key(frame_id: int, is_extended: bool) -> int:
@@ -48,20 +43,13 @@ def frame_key(frame_id: int, is_extended: bool) -> int:
     return frame_id + (EXTENDED if is_extended else 0)
 
 
-class Inputs(NamedTuple):
-    """What compiled code needs to decode the input frames."""
-
-    messages: NDArray[np.void]  # INPUT_MESSAGE
-    signals: NDArray[np.void]  # SIGNAL, of all messages one after another
-
-
 @dataclass(frozen=True)
-class OutputMessage:
-    """A message the results go out in: `names` of the known signals present in it, and their table."""
+class KnownMessage:
+    """A message that some database defines; `key` as by `frame_key`."""
 
-    layout: MessageLayout
-    names: tuple[str, ...]
-    table: NDArray[np.void]
+    name: str
+    key: int
+    path: Path
 
 
 @dataclass(frozen=True)
@@ -70,57 +58,35 @@ class BusMap:
 
     inputs: Inputs
     input_layouts: tuple[MessageLayout, ...]
-    rate: OutputMessage
-    rate_samples: int
+    slow: tuple[SlowMessage, ...]
+    """Messages with optional inputs."""
+    following: tuple[Following | None, ...]  # how a stream that is not on the grid follows it
+    rate: RateMessage | None
+    """None: the injection rate is not published."""
     summary: OutputMessage
     status: OutputMessage
+    known: tuple[KnownMessage, ...]
+    """All messages of all databases, used or not."""
+    overlooked: tuple[str, ...]
+    """What is wrong with databases that were read leniently."""
+
+    @property
+    def received(self) -> tuple[MessageLayout, ...]:
+        """Every message that something is read from, once."""
+        return (*self.input_layouts, *(slow.layout for slow in self.slow if not slow.is_input))
 
 
-HEADER_SIGNALS = ("SampleIndex", "Valid", "Learning", "State")
-RATE_PATTERN = "InjectionRate_{:02d}"
-SUMMARY_SIGNALS = (
-    *HEADER_SIGNALS,
-    "EndIndex",
-    "InjectionNumber",
-    "EventNumber",
-    "PhiVersion",
-    "InjectorId",
-    "Reason",
-    "Mass",
-    "MassSigma",
-    "Volume",
-    "RailPressureAtStart",
-    "PeakInjectionRate",
-    "NozzleWear",
-    "NozzleWearSigma",
-    "SeatWear",
-    "SeatWearSigma",
-    "LinePressureOffset",
-)
-STATUS_SIGNALS = (
-    *HEADER_SIGNALS,
-    "Reason",
-    "InjectorId",
-    "VersionMajor",
-    "VersionMinor",
-    "VersionPatch",
-    "ModelHash",
-    "DatabaseHash",
-    "SamplesProcessed",
-    "LostSamples",
-    "InterpolatedSamples",
-    "CrcErrors",
-    "SequenceErrors",
-    "LengthErrors",
-    "RepeatedFrames",
-    "OldFrames",
-    "DroppedFrames",
-    "LinkTroubles",
-    "Restarts",
-    "Adoptions",
-    "RejectedAdoptions",
-    "LateAdoptions",
-)
+def stream_of(bus: BusMap, role: Role) -> int:
+    """Number of the stream that carries a role."""
+    bit = 1 << ROLES.index(role)
+    return next(n for n, stream in enumerate(bus.inputs.streams) if int(stream["roles"]) & bit)
+
+
+def layout_of(bus: BusMap, stream: int) -> MessageLayout:
+    """The input message that carries a stream."""
+    group = int(np.flatnonzero(bus.inputs.groups["stream"] == stream)[0])
+    number = int(np.searchsorted(bus.inputs.messages["first_group"], group, side="right")) - 1
+    return bus.input_layouts[number]
 
 
 def map_bus(bench: Bench) -> BusMap:
@@ -128,21 +94,37 @@ def map_bus(bench: Bench) -> BusMap:
 
     Raises `UserError` naming bench file, key and what the database has instead.
     """
-    databases = [load_database(path) for path in bench.databases]
+    files = list(zip(bench.databases, bench.config.dbc, strict=True))
+    databases = [load_database(path, entry.lenient) for path, entry in files]
     inputs, layouts = _map_inputs(bench, databases)
+    slow = _map_slow(bench, databases, layouts)
+    _say_nothing(inputs, slow)
     outputs = bench.config.outputs
-    rate_message = _message(bench, databases, "outputs.injection_rate", outputs.injection_rate)
-    rates = signal_names(rate_message, RATE_PATTERN)
+    rate = None
+    if outputs.injection_rate:
+        rate = rate_message(_message(bench, databases, "outputs.injection_rate", outputs.injection_rate))
     return BusMap(
         inputs=inputs,
         input_layouts=layouts,
-        rate=_output(rate_message, (*HEADER_SIGNALS, *rates)),
-        rate_samples=len(rates),
-        summary=_output(
+        slow=slow,
+        following=tuple(following(bench, inputs.timing, inputs.streams["roles"].tolist())),
+        rate=rate,
+        summary=output_message(
             _message(bench, databases, "outputs.injection_summary", outputs.injection_summary),
             SUMMARY_SIGNALS,
         ),
-        status=_output(_message(bench, databases, "outputs.status", outputs.status), STATUS_SIGNALS),
+        status=output_message(_message(bench, databases, "outputs.status", outputs.status), STATUS_SIGNALS),
+        known=tuple(
+            KnownMessage(message.name, frame_key(message.frame_id, message.is_extended_frame), path)
+            for (path, _), database in zip(files, databases, strict=True)
+            for message in database.messages
+        ),
+        overlooked=tuple(
+            f"{path}: {complaint}"
+            for (path, entry), database in zip(files, databases, strict=True)
+            if entry.lenient
+            for complaint in overlooked(database)
+        ),
     )
 
 
@@ -150,95 +132,151 @@ def _message(bench: Bench, databases: Sequence[Database], key: str, name: str) -
     for database in databases:
         if any(message.name == name for message in database.messages):
             return find_message(database, name)
-    try:
+    with _named(f"{bench.path}: {key}"):
         return find_message(databases[0], name)
-    except UserError as error:
-        raise UserError(f"{bench.path}: {key}", f"{error.place} {error.problem}", error.remedy) from None
-
-
-def _output(message: Message, known: Sequence[str]) -> OutputMessage:
-    present = {signal.name for signal in message.signals}
-    names = tuple(name for name in known if name in present)
-    layout = MessageLayout.of(message)
-    _require_known_profile(layout)
-    return OutputMessage(layout, names, signal_table(message, names))
 
 
 def _map_inputs(bench: Bench, databases: Sequence[Database]) -> tuple[Inputs, tuple[MessageLayout, ...]]:
     by_message: dict[str, list[Role]] = {}
     for role in ROLES:
         by_message.setdefault(bench.config.signals.of(role).message, []).append(role)
-    rows = np.zeros(len(by_message), INPUT_MESSAGE)
-    tables = []
+    tables = InputTables()
     layouts = []
-    first_signal = 0
-    for row, (name, roles) in zip(rows, by_message.items(), strict=True):
+    streams = []
+    for name, roles in by_message.items():
         message = _message(bench, databases, f"signals.{roles[0]}.message", name)
-        table = _map_message(bench, message, roles, row)
-        row["first_signal"], row["signal_count"] = first_signal, len(table)
-        first_signal += len(table)
-        tables.append(table)
-        layouts.append(MessageLayout.of(message))
-    return Inputs(rows, np.concatenate(tables)), tuple(layouts)
+        layout = protected_layout(message)
+        layouts.append(layout)
+        row = _frame_row(layout)
+        streams += [(message, together) for together in _map_message(bench, message, roles, row, tables)]
+    timing = map_timing(bench, streams, tables.stream_samples)
+    _require_one_rate(bench, streams, timing["steps"].tolist())
+    return tables.inputs(timing), tuple(layouts)
 
 
-def _map_message(bench: Bench, message: Message, roles: Sequence[Role], row: np.void) -> NDArray[np.void]:
-    layout = MessageLayout.of(message)
-    _require_known_profile(layout)
+def _frame_row(layout: MessageLayout) -> NDArray[np.void]:
+    """What tells whether a frame is a good one of this message; the rest is 0."""
+    row = np.zeros((), INPUT_MESSAGE)
     row["key"] = frame_key(layout.frame_id, layout.is_extended)
     row["length"] = layout.length
     row["padded_length"] = can.util.dlc2len(can.util.len2dlc(layout.length))
-    row["data_id"] = -1 if layout.e2e_data_id is None else layout.e2e_data_id
-    names: list[str] = [_index_signal(bench, message, roles)]
+    row["e2e_profile"] = layout.e2e_profile or UNPROTECTED
+    row["data_id"] = layout.e2e_data_id or 0
+    return row
+
+
+def _map_slow(
+    bench: Bench, databases: Sequence[Database], inputs: Sequence[MessageLayout]
+) -> tuple[SlowMessage, ...]:
+    by_message: dict[str, list[tuple[OptionalRole, SlowSignalConfig]]] = {}
+    for role, config in bench.config.signals.optional:
+        by_message.setdefault(config.message, []).append((role, config))
+    slow = []
+    for name, mappings in by_message.items():
+        message = _message(bench, databases, f"signals.{mappings[0][0]}.message", name)
+        signals = []
+        for role, config in mappings:
+            with _named(f"{bench.path}: signals.{role}"):
+                find_signal(message, config.signal)
+            factor = 1.0
+            if isinstance(config, SlowQuantityConfig):
+                factor = _unit_factor(bench, role, message, config.signal, config.unit, MASS_UNITS)
+            with _named(f"{bench.path}: signals.{role}"):
+                signals.append(slow_signal(message, role, config.signal, factor))
+        layout = protected_layout(message)
+        slow.append(SlowMessage(layout, _frame_row(layout)[None], tuple(signals), layout in inputs))
+    return tuple(slow)
+
+
+def _say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
+    """Frames made of recordings, which have no optional inputs, must not tell any."""
+    for message in slow:
+        for row in inputs.messages[inputs.messages["key"] == message.frame[0]["key"]]:
+            first = int(row["first_kind"])
+            for kind in inputs.kinds[first : first + int(row["kind_count"])]:
+                set_unknown(message, kind["blank"])
+
+
+def _map_message(
+    bench: Bench, message: Message, roles: Sequence[Role], row: NDArray[np.void], tables: InputTables
+) -> list[list[Role]]:
+    """Add a message to the tables; returns the roles of each of its streams."""
+    samples: dict[Role, tuple[str, ...]] = {}
+    streams: dict[tuple[SampleGroup, ...], list[Role]] = {}
     for role in roles:
-        config = bench.config.signals.of(role)
-        samples = _sample_names(bench, message, role, config)
-        if row["samples"] not in (0, len(samples)):
+        with _named(f"{bench.path}: signals.{role}"):
+            samples[role] = signal_names(message, bench.config.signals.of(role).names)
+            groups = sample_groups(message, samples[role])
+        if row["samples"] not in (0, len(samples[role])):
             raise UserError(
                 f"{bench.path}: signals.{role}",
-                f"has {len(samples)} samples a frame, other signals of {message.name} have {row['samples']}",
+                f"has {len(samples[role])} samples a frame, other signals of {message.name} have {row['samples']}",
                 "name as many samples for every signal of a message",
             )
-        number = ROLES.index(role)
-        row["samples"] = len(samples)
-        row["roles"] |= 1 << number
-        row["position"][number] = len(names)
-        row["factor"][number] = _factor(bench, message, role, samples)
-        names.extend(samples)
-    return signal_table(message, names)
+        row["samples"] = len(samples[role])
+        streams.setdefault(groups, []).append(role)
+    for groups, together in streams.items():
+        number = number_signal(bench, message, together)
+        if number is not None:
+            with _named(f"{bench.path}: signals.{together[0]}"):
+                require_carried(message, number.name, groups)
+        if any(group.conditions for group in groups) and (number is None or number.length != INDEX_BITS):
+            raise UserError(
+                f"{bench.path}: signals.{together[0]}.index",
+                f"{message.name} sends samples in turns under a multiplexer, but no sample index with them",
+                "name the signal with the index of the frame's first sample",
+            )
+        for group in groups:
+            group_row = np.zeros((), INPUT_GROUP)
+            names = [] if number is None else [number.name]
+            for role in together:
+                place = ROLES.index(role)
+                group_row["position"][place] = len(names)
+                group_row["factor"][place] = _factor(bench, message, role, samples[role])
+                names.extend(samples[role][group.offset : group.offset + group.count])
+            tables.add_group(group_row, message, names, group)
+        tables.add_stream(int(row["samples"]), sum(1 << ROLES.index(role) for role in together))
+    tables.add_message(row, message, [group for groups in streams for group in groups])
+    return list(streams.values())
 
 
-def _sample_names(bench: Bench, message: Message, role: Role, config: SignalConfig) -> tuple[str, ...]:
+def _require_one_rate(
+    bench: Bench, streams: Sequence[tuple[Message, list[Role]]], steps: Sequence[int]
+) -> None:
+    """Streams of one message share its index."""
+    names = [message.name for message, _ in streams]
+    for (message, roles), ratio in zip(streams, steps, strict=True):
+        if ratio > 1 and names.count(message.name) > 1:
+            raise UserError(
+                f"{bench.path}: signals.{roles[0]}.rate_hz",
+                f"{message.name} carries other signals under the same sample index",
+                "leave rate_hz out: all signals of one message are sampled alike",
+            )
+
+
+@contextmanager
+def _named(place: str) -> Iterator[None]:
+    """Errors that name message and signal also name the place in the bench file."""
     try:
-        return signal_names(message, config.names)
+        yield
     except UserError as error:
-        raise UserError(
-            f"{bench.path}: signals.{role}", f"{error.place} {error.problem}", error.remedy
-        ) from None
-
-
-def _index_signal(bench: Bench, message: Message, roles: Sequence[Role]) -> str:
-    names = {bench.config.signals.of(role).index for role in roles}
-    name = names.pop()
-    if names or not any(signal.name == name for signal in message.signals):
-        raise UserError(
-            f"{bench.path}: signals.{roles[0]}.index",
-            f"message {message.name} has no signal {name!r} that carries its sample index",
-            "name the signal with the index of the frame's first sample; messages without one cannot be used yet",
-        )
-    signal = find_signal(message, name)
-    if (signal.length, signal.is_signed, signal.scale, signal.offset) != (INDEX_BITS, False, 1, 0):
-        raise UserError(
-            f"{bench.path}: signals.{roles[0]}.index",
-            f"{name} of message {message.name} is no unsigned number of {INDEX_BITS} bits in steps of 1",
-            "name such a signal; an index that wraps earlier cannot be told from a device that starts anew",
-        )
-    return name
+        raise UserError(place, f"{error.place} {error.problem}", error.remedy) from None
 
 
 def _factor(bench: Bench, message: Message, role: Role, samples: Sequence[str]) -> float:
-    units = _UNITS[role]
-    stated = bench.config.signals.of(role).unit or find_signal(message, samples[0]).unit or ""
+    return _unit_factor(bench, role, message, samples[0], bench.config.signals.of(role).unit, _UNITS[role])
+
+
+def _unit_factor(
+    bench: Bench,
+    role: Role | OptionalRole,
+    message: Message,
+    signal: str,
+    unit: str | None,
+    units: Mapping[str, float],
+) -> float:
+    """To SI, of a signal whose unit the database states or, instead, the bench file as `unit`."""
+    stated = unit or find_signal(message, signal).unit or ""
     if stated not in units:
         raise UserError(
             f"{bench.path}: signals.{role}",
@@ -246,12 +284,3 @@ def _factor(bench: Bench, message: Message, role: Role, samples: Sequence[str]) 
             f'add unit = "..." with one of {", ".join(units)}',
         )
     return units[stated]
-
-
-def _require_known_profile(layout: MessageLayout) -> None:
-    if layout.e2e_profile not in (None, E2E_PROFILE):
-        raise UserError(
-            f"message {layout.name}",
-            f"is protected by E2E profile {layout.e2e_profile}",
-            f"only profile {E2E_PROFILE} is supported",
-        )

@@ -68,8 +68,10 @@ class PythonCanLink(Link):
                     message.is_fd,
                 )
 
-    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
-        message = _message(frame_id, payload, is_extended, is_fd)
+    def send(
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+    ) -> None:
+        message = _message(frame_id, payload, is_extended, is_fd, bit_rate_switch)
         try:
             self._send(message, SEND_TIMEOUT_S)
         except (can.CanError, OSError) as error:
@@ -119,12 +121,14 @@ class PythonCanLink(Link):
             self._bus.shutdown()
 
 
-def _message(frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> can.Message:
+def _message(
+    frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+) -> can.Message:
     return can.Message(
         arbitration_id=frame_id,
         data=payload,
         is_extended_id=is_extended,
         is_fd=is_fd,
-        bitrate_switch=is_fd,
+        bitrate_switch=is_fd and bit_rate_switch,
         check=True,
     )

@@ -163,9 +163,12 @@ class SocketCanLink(Link):
                 stamp_ns = self._stamps.read(kind, value) or stamp_ns
         return stamp_ns or time.time_ns()  # the kernel begins to stamp a moment after it was asked to
 
-    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
+    def send(
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+    ) -> None:
         deadline = time.monotonic() + SEND_PATIENCE_S
-        while not self.try_send(frame_id, payload, is_extended, is_fd):
+        frame = self._packed(frame_id, payload, is_extended, is_fd, bit_rate_switch)
+        while not self._try_send(frame):
             if time.monotonic() > deadline:
                 raise RunError(
                     f"the transmit queue of {self._channel} stayed full for {SEND_PATIENCE_S} s\n"
@@ -175,15 +178,22 @@ class SocketCanLink(Link):
             time.sleep(SEND_RETRY_S)
 
     def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
+        return self._try_send(self._packed(frame_id, payload, is_extended, is_fd, True))
+
+    def _packed(
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool
+    ) -> bytes:
+        """The frame as the kernel takes it. Raises as `send` does."""
         if len(payload) > (_FD_DATA_BYTES if is_fd else _CLASSIC_DATA_BYTES):
             raise ValueError(f"{len(payload)} bytes do not fit into one frame")
         identifier = frame_id | (socket.CAN_EFF_FLAG if is_extended else 0)
         if is_fd:
             if not self._fd:
                 raise RunError(f"{self._channel} was opened without CAN FD\n  remedy: set link.fd = true")
-            frame = _FD_FRAME.pack(identifier, len(payload), _CANFD_BRS, payload)
-        else:
-            frame = _CLASSIC_FRAME.pack(identifier, len(payload), payload)
+            return _FD_FRAME.pack(identifier, len(payload), _CANFD_BRS * bit_rate_switch, payload)
+        return _CLASSIC_FRAME.pack(identifier, len(payload), payload)
+
+    def _try_send(self, frame: bytes) -> bool:
         try:
             self._socket.send(frame)
         except OSError as error:

@@ -1,25 +1,30 @@
 """Recordings through the same core as the daemon, as fast as the machine allows."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.link import Frame
 from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench
 from observer_rt.errors import UserError
+from observer_rt.evaluation.logged import LoggedRecording
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import State
-from observer_rt.recording.framing import Framer, bench_for, whole
+from observer_rt.recording.framing import Framer, TimedFrame, bench_for, message_timing, whole
 from observer_rt.recording.recording import Recording
-from observer_rt.service.core import Core, Counters
+from observer_rt.service.core import Core
+from observer_rt.service.counters import Counters
 from observer_rt.service.learners import LearnerFactory, make_learner
+from observer_rt.service.measured_mass import MeasuredMass
 from observer_rt.service.output import OutputFrame
 from observer_rt.service.report import InjectionReport
 
 Progress = Callable[[int], None]  # samples done
+NANOSECONDS = 1e9  # in a second
 PAUSE = 1.0  # s, between two recordings of a history
 _READ_EVERY = 64  # frames between two looks at the observer's memory
 
@@ -52,6 +57,8 @@ class Evaluation:
     reports: tuple[InjectionReport, ...]
     counters: Counters
     standstill: Standstill
+    measured: tuple[MeasuredMass, ...] = ()
+    """Masses measured online, as a log of the bus has them."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +96,20 @@ def evaluate(
     run = _Run(bench, map_bus(bench), knowledge, learning, progress, learner_of)
     for recording in recordings:
         run.take(recording)
+    run.finish()
+    return run.history()
+
+
+def evaluate_log(
+    bench: Bench,
+    log: LoggedRecording,
+    knowledge: Knowledge | None = None,
+    learning: bool = True,
+    progress: Progress | None = None,
+) -> History:
+    """Evaluate the frames of a CAN log as they are, as the daemon would have on the bus; else as `evaluate`."""
+    run = _Run(bench, map_bus(bench), knowledge, learning, progress, make_learner)
+    run.take_frames(log.recording, log.first_index, log.frames)
     run.finish()
     return run.history()
 
@@ -150,6 +171,7 @@ class _Run:
         learner_of: LearnerFactory,
     ) -> None:
         self._reports: list[InjectionReport] = []
+        self._measured: list[MeasuredMass] = []
         self._frames: list[OutputFrame] = []
         self._core = Core(
             bench,
@@ -157,10 +179,17 @@ class _Run:
             knowledge,
             learning=learning,
             on_report=self._reports.append,
+            on_measured=self._measured.append,
             learner_of=learner_of,
         )
         self._nominal = Core(bench, bus, learning=False)
         self._framer = Framer(bus)
+        self._delays = {
+            (layout.frame_id, layout.is_extended): round(
+                float(message_timing(bus, number)["delay"]) * NANOSECONDS
+            )
+            for number, layout in enumerate(bus.input_layouts)
+        }
         self._progress = progress or (lambda _: None)
         self._seen = 0
         self._nominal_seen = 0
@@ -170,14 +199,31 @@ class _Run:
     def take(self, recording: Recording) -> None:
         if self._parts:
             self._framer.pause(round(PAUSE * recording.sample_rate))
-        self._parts.append(_Part(recording, self._framer.next_index))
-        for count, frame in enumerate(self._framer.frames(recording, whole(recording))):
-            self._frames += self._core.handle(frame.frame_id, frame.is_extended, frame.payload)
-            self._nominal.handle(frame.frame_id, frame.is_extended, frame.payload)
+        first_index = self._framer.next_index
+        start = round(first_index / recording.sample_rate * NANOSECONDS)
+        frames = self._framer.frames(recording, whole(recording))
+        self.take_frames(recording, first_index, (self._received(frame, start) for frame in frames))
+
+    def take_frames(self, recording: Recording, first_index: int, frames: Iterable[Frame]) -> None:
+        """Observe frames, which carry the samples of a recording from an index on."""
+        self._parts.append(_Part(recording, first_index))
+        for count, frame in enumerate(frames):
+            frame_id, is_extended, payload, stamp = (
+                frame.frame_id,
+                frame.is_extended,
+                frame.payload,
+                frame.stamp_ns,
+            )
+            self._frames += self._core.handle(frame_id, is_extended, payload, stamp)
+            self._nominal.handle(frame_id, is_extended, payload, stamp)
             if count % _READ_EVERY == 0:
                 self._read()
         self._read()
         self._ends.append((self._core.counters, self._core.standstill))
+
+    def _received(self, frame: TimedFrame, start: int) -> Frame:
+        stamp = start + frame.stamp_ns + self._delays[frame.frame_id, frame.is_extended]
+        return Frame(frame.frame_id, frame.payload, stamp, frame.is_extended, frame.is_fd)
 
     def finish(self) -> None:
         self._frames += self._core.finish()
@@ -191,11 +237,18 @@ class _Run:
         for part, (counters, standstill) in zip(self._parts, self._ends, strict=True):
             end = part.first_index + part.recording.samples
             reports = tuple(r for r in self._reports if part.first_index <= r.start_index < end)
+            measured = tuple(m for m in self._measured if part.first_index <= m.report.start_index < end)
             for report in reports:
                 part.note_report(report)
             evaluations.append(
                 Evaluation(
-                    part.recording, part.first_index, part.trace, reports, counters.since(before), standstill
+                    part.recording,
+                    part.first_index,
+                    part.trace,
+                    reports,
+                    counters.since(before),
+                    standstill,
+                    measured,
                 )
             )
             before = counters

@@ -43,10 +43,17 @@ class Check:
 
 def injection_results(evaluation: Evaluation, c: Coefficients) -> list[InjectionResult]:
     """Results of every injection, each over the window it was detected in."""
-    return [_injection_result(evaluation, report, c) for report in evaluation.reports]
+    online = {measured.report.number: measured.mass for measured in evaluation.measured}
+    return [
+        _injection_result(evaluation, report, online.get(report.number, math.nan), c)
+        for report in evaluation.reports
+    ]
 
 
-def _injection_result(evaluation: Evaluation, report: InjectionReport, c: Coefficients) -> InjectionResult:
+def _injection_result(
+    evaluation: Evaluation, report: InjectionReport, online_mass: float, c: Coefficients
+) -> InjectionResult:
+    """online_mass [kg]: as measured online, nan: it was not; a measured rate goes before it."""
     recording = evaluation.recording
     first = report.start_index - evaluation.first_index
     last = min(report.end_index - evaluation.first_index, recording.samples - 1)
@@ -68,7 +75,7 @@ def _injection_result(evaluation: Evaluation, report: InjectionReport, c: Coeffi
         start=float(recording.time[first]),
         end=float(recording.time[last]),
         nominal_mass=mass(nominal),
-        measured_mass=math.nan if measured is None else mass(measured),
+        measured_mass=online_mass if measured is None else mass(measured),
         rate_rmse=rmse(rate),
         nominal_rate_rmse=rmse(nominal),
         rate_ci95_halfwidth=1.96 * float(np.mean(sigma)) if sigma.size else math.nan,

@@ -34,7 +34,8 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) 
         f"{counters.lost_samples} lost; {counters.adoptions} phi adopted, {counters.rejected_adoptions} rejected",
     )
     if injections:
-        console.print(_table(injections, recording.injection_rate is not None))
+        measured = any(not math.isnan(result.measured_mass) for result in injections)
+        console.print(_table(injections, measured or recording.injection_rate is not None))
     else:
         say(console, "no injection found")
     for reason, numbers in _not_valid(injections).items():

@@ -86,7 +86,7 @@ UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.AMBIGUOUS_SCALE, Reason.SUDDEN_CH
 BELIEVED_AFTER = 2  # explained events in a row, where what was learned was set aside
 
 
-class Doubt:
+class Mistrust:
     """What was learned is not carried where too many events are not explained by it.
 
     A sudden change is one such event, changes all the time are many; a scale that is not known is enough by itself.

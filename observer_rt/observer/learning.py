@@ -24,9 +24,9 @@ from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.observer.adequacy import (
-    Doubt,
     Finding,
     Freezer,
+    Mistrust,
     findings,
     looks_like_inertance,
     pooled,
@@ -78,7 +78,7 @@ class Learner:
         self._schedule = self._gains()
         self._previous: Window | None = None
         self._freezer = Freezer()
-        self._doubt = Doubt()
+        self._mistrust = Mistrust()
         self._lag_doubt = LagDoubt()
         self._trend = Trend()
 
@@ -122,7 +122,7 @@ class Learner:
             return self._frozen(window, in_force)
         verdict = Verdict.ADOPTED if better else Verdict.REJECTED
         outcome = self._outcome(verdict, window, in_force, doubts)
-        because = self._doubt.after(outcome.findings)
+        because = self._mistrust.after(outcome.findings)
         if because is not None:
             nominal = replace(outcome.knowledge, in_force=np.zeros(PARAMETERS))
             found = outcome.findings or (because,)
@@ -161,7 +161,7 @@ class Learner:
             return fit
         wide = prior.widened(self._rules.prior.vector(self._scale))
         in_vain = (
-            self._doubt.lasts
+            self._mistrust.lasts
         )  # nothing explained the events before, so that many steps would be lost on this
         other = fitter.fit(fit.linearisation, wide, ITERATIONS if in_vain else FIRST_ITERATIONS)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN

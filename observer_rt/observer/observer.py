@@ -16,6 +16,7 @@ from observer_rt.observer.front_end import LOOKAHEAD, dead_band, ramp_samples, t
 from observer_rt.observer.knowledge import EventLearner, Knowledge, Outcome, Verdict
 from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import (
+    INJECTIONS,
     OBSERVER,
     PENDING_EVENTS,
     RING,
@@ -118,6 +119,14 @@ def event_standstill(observer: Observer, number: int) -> Standstill:
     """
     event = observer.memory[0]["events"][number % PENDING_EVENTS]
     return standstill_of(event, observer.constants.coefficients.pressure_scale)
+
+
+def closed_injections(observer: Observer) -> int:
+    """How many injections are over, which is the number of the last of them."""
+    memory = observer.memory[0]
+    begun = int(memory["injections_begun"])
+    is_under_way = begun > 0 and memory["injections"][(begun - 1) % INJECTIONS]["end"] < 0
+    return begun - int(is_under_way)
 
 
 def in_force(observer: Observer) -> NDArray[np.float64]:

@@ -50,8 +50,9 @@ class Reason(IntEnum):
     SUDDEN_CHANGE = 13  # the event contradicts what was learned before it
     AMBIGUOUS_SCALE = 14  # line stiffness and nozzle flow changed as if the line's inertance had
     UNTESTED = 15  # the training in use (the paper's) has no test of its result
-    TIME_BASE = 16  # the line pressure seems recorded late, not by a lag of its sensor
+    TIME_BASE = 16  # when samples were taken is in doubt, or the line pressure seems recorded late
     REVISED = 17  # what was learned from the injection changes its mass
+    INPUT_STALE = 18  # one of the inputs stays away while others come
 
 
 SAMPLE = np.dtype(
@@ -63,6 +64,7 @@ SAMPLE = np.dtype(
         ("line_pressure", np.float64),
         ("interpolated", np.bool_),
         ("broken", np.int8),  # Break
+        ("doubt", np.int8),  # Doubt
         # as computed
         ("seat_area", np.float64),  # u2
         ("resting", np.bool_),

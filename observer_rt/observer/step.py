@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from observer_rt.continuity import Break
+from observer_rt.continuity import Break, Doubt
 from observer_rt.observer.events import (
     begin_injection,
     break_event,
@@ -28,6 +28,7 @@ _MASK = RING - 1
 _NONE = int(Break.NONE)
 _JUMP = int(Break.JUMP)
 _RESTART = int(Break.RESTART)
+_NO_DOUBT = int(Doubt.NONE)
 _NO_REASON = int(Reason.NONE)
 _BEFORE_START = int(Reason.STARTING)
 _JUMPED = int(Reason.JUMPED)
@@ -49,8 +50,12 @@ def push(
     line_pressure: float,
     interpolated: bool,
     broken: int,
+    doubt: int = 0,
 ) -> None:
-    """Append a sample in SI units to the stream; `broken` (Break) says why it does not follow the last one."""
+    """Append a sample in SI units to the stream.
+
+    `broken` (Break) says why it does not follow the last one, `doubt` (Doubt) why it is not to be trusted.
+    """
     c = observer.constants.coefficients
     inputs = observer.constants.inputs
     memory = observer.memory[0]
@@ -62,6 +67,10 @@ def push(
     row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
     row.interpolated = interpolated
     row.broken = broken
+    row.doubt = doubt
+    if doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
+        for position in range(memory.processed, memory.received):
+            observer.ring[position & _MASK].doubt = doubt
     memory.received += 1
     if interpolated:
         memory.interpolated += 1
@@ -214,6 +223,9 @@ def _mark(observer: Observer, position: int) -> None:
     row.reason = memory.unsynchronised_by
     if not memory.synchronised:
         row.injection_rate = np.nan
+    elif row.doubt != _NO_DOUBT:
+        row.reason = row.doubt
+        memory.event_learnable = False
     elif memory.events_judged < observer.constants.events_required:
         row.reason = _TOO_FEW_EVENTS
     else:
@@ -221,7 +233,11 @@ def _mark(observer: Observer, position: int) -> None:
     row.valid = row.reason == _NO_REASON
     if memory.unsynchronised_by == _BEFORE_START:
         row.state = _STARTING
-    elif memory.unsynchronised_by not in (_NO_REASON, _JUMPED) or memory.judgement != _NO_REASON:
+    elif (
+        memory.unsynchronised_by not in (_NO_REASON, _JUMPED)
+        or row.doubt != _NO_DOUBT
+        or memory.judgement != _NO_REASON
+    ):
         row.state = _DEGRADED
     elif memory.phi_version > 0:
         row.state = _ADAPTED

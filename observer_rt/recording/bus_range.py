@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.codec import FLOAT16, FLOAT32, FLOAT64, decode, encode
-from observer_rt.bus.mapping import ROLES, BusMap
+from observer_rt.bus.inputs import ROLES
+from observer_rt.bus.mapping import BusMap
 from observer_rt.config import Role
 from observer_rt.recording.recording import Recording
 from observer_rt.units import MEGAPASCAL, MILLIMETRE
@@ -29,29 +30,35 @@ class RoleRange:
 
 def message_of(bus: BusMap, role: Role) -> int:
     """Number of the input message that carries a role."""
-    bit = 1 << ROLES.index(role)
-    return next(n for n, message in enumerate(bus.inputs.messages) if int(message["roles"]) & bit)
+    return next(n for n in range(len(bus.inputs.messages)) if _groups(bus, n, role))
+
+
+def role_factor(bus: BusMap, role: Role) -> float:
+    """What a value of the role in the database's unit is multiplied by to be SI."""
+    (first, *_) = _groups(bus, message_of(bus, role), role)
+    return float(first["factor"][ROLES.index(role)])
 
 
 def role_range(bus: BusMap, role: Role) -> RoleRange:
     """The values that reach the receiver when more is encoded than fits."""
     message = bus.inputs.messages[message_of(bus, role)]
-    factor = float(message["factor"][ROLES.index(role)])
-    table = _samples(bus, role)
     ends = []
     for value in (-np.inf, np.inf):
-        payload = np.zeros(int(message["length"]), np.uint8)
-        encode(np.full(len(table), value), table, payload)
-        values = np.empty(len(table))
-        decode(payload, table, values)
-        ends.append(values * factor)
-    return RoleRange(float(ends[0].max()), float(ends[1].min()))
+        values = []
+        for signal in _samples(bus, role):
+            payload = np.zeros(int(message["length"]), np.uint8)
+            encode(np.array([value]), signal, payload)
+            decoded = np.empty(1)
+            decode(payload, signal, decoded)
+            values.append(float(decoded[0]) * role_factor(bus, role))
+        ends.append(values)
+    return RoleRange(max(ends[0]), min(ends[1]))
 
 
 def role_resolution(bus: BusMap, role: Role, value: float) -> float:
     """Distance of two neighbouring values [SI] on the bus, near `value` [SI]; the coarsest of the samples."""
-    factor = float(bus.inputs.messages[message_of(bus, role)]["factor"][ROLES.index(role)])
-    return max(_step(signal, value / factor) for signal in _samples(bus, role)) * factor
+    factor = role_factor(bus, role)
+    return max(_step(signal[0], value / factor) for signal in _samples(bus, role)) * factor
 
 
 def recorded_out_of_range(recording: Recording, bus: BusMap) -> list[str]:
@@ -75,11 +82,22 @@ def recorded_out_of_range(recording: Recording, bus: BusMap) -> list[str]:
     return warnings
 
 
-def _samples(bus: BusMap, role: Role) -> NDArray[np.void]:
-    """Rows of the signal table that hold the samples of a role."""
-    message = bus.inputs.messages[message_of(bus, role)]
-    first = int(message["first_signal"]) + int(message["position"][ROLES.index(role)])
-    return bus.inputs.signals[first : first + int(message["samples"])]
+def _groups(bus: BusMap, number: int, role: Role) -> list[np.void]:
+    """Groups of one input message with samples of a role."""
+    message = bus.inputs.messages[number]
+    first = int(message["first_group"])
+    groups = bus.inputs.groups[first : first + int(message["group_count"])]
+    roles = bus.inputs.streams["roles"]
+    return [group for group in groups if int(roles[group["stream"]]) >> ROLES.index(role) & 1]
+
+
+def _samples(bus: BusMap, role: Role) -> list[NDArray[np.void]]:
+    """Tables of one signal each, of all samples of a role."""
+    tables = []
+    for group in _groups(bus, message_of(bus, role), role):
+        first = int(group["first_signal"]) + int(group["position"][ROLES.index(role)])
+        tables += [bus.inputs.signals[n : n + 1] for n in range(first, first + int(group["samples"]))]
+    return tables
 
 
 def _step(signal: np.void, value: float) -> float:

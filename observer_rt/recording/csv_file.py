@@ -19,6 +19,7 @@ from observer_rt.names import hint
 from observer_rt.recording.recording import Recording, check_samples
 from observer_rt.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 
+TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
 STEPS_PER_UNIT = 1e9
 WRITE_FORMAT = "%.12g"
 ROWS_PER_WRITE = 100_000
@@ -91,9 +92,19 @@ def _to_si(printed: NDArray[np.float64], column: Column) -> NDArray[np.float64]:
 
 
 def _read_header(path: Path) -> list[Column]:
+    if path.name.endswith(TRUTH_SUFFIX):
+        raise UserError(
+            str(path),
+            "is the truth behind a simulated recording, which is not for the observer",
+            "leave it out",
+        )
     known = {column.header: column for column in COLUMNS}
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         header = file.readline().strip()
+    if not header:
+        raise UserError(
+            str(path), "is empty, or begins with an empty line", "begin it with the names of the columns"
+        )
     place = f"{path}, line 1"
     expected = f"the header is {','.join(known)} in any order, the last column optional"
     if ";" in header:

@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from observer_rt.bus.codec import encode
 from observer_rt.bus.database import MessageLayout
 from observer_rt.bus.e2e import protect
-from observer_rt.bus.mapping import MAX_INPUTS, ROLES, BusMap
+from observer_rt.bus.inputs import MAX_INPUTS, ROLES
+from observer_rt.bus.mapping import BusMap
+from observer_rt.bus.multiplexing import is_selected
+from observer_rt.bus.timing import Numbering
 from observer_rt.config import EXAMPLE_BENCH, Bench, SamplingConfig
 from observer_rt.errors import UserError
 from observer_rt.recording.recording import Recording
@@ -22,6 +25,8 @@ WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x
 WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
 RATE_TOLERANCE = 1e-6  # relative, between recording and bench
 OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
+_BY_INDEX = int(Numbering.INDEX)
+_BY_COUNTER = int(Numbering.COUNTER)
 
 
 def bench_for(bench: Bench, recording: Recording) -> Bench:
@@ -51,6 +56,15 @@ class TimedFrame(NamedTuple):
     is_extended: bool
     is_fd: bool
     payload: bytes
+    channel: str = ""
+    """Of the log it comes from; none for a frame made from a recording."""
+    bit_rate_switch: bool = True
+    """Of a CAN FD frame."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """When it was received by a receiver without delay, in whole nanoseconds."""
+        return round(self.time * 1e9)
 
 
 @dataclass(frozen=True)
@@ -80,6 +94,18 @@ def windows(recording: Recording) -> list[Span]:
     return spans
 
 
+def message_timing(bus: BusMap, number: int) -> np.void:
+    """TIMING of an input message: its streams share index and rate."""
+    group = bus.inputs.groups[int(bus.inputs.messages[number]["first_group"])]
+    timing: np.void = bus.inputs.timing[int(group["stream"])]
+    return timing
+
+
+def grid_samples(bus: BusMap, number: int) -> int:
+    """Samples of the grid from one sample index of an input message to its next."""
+    return int(bus.inputs.messages[number]["samples"]) * int(message_timing(bus, number)["steps"])
+
+
 class Framer:
     """Turns recordings into frames; its counters and sample index go on from one recording to the next."""
 
@@ -98,8 +124,15 @@ class Framer:
 
         The index then begins a frame of every message, so that no frame sent before reaches into it.
         """
-        block = math.lcm(*(int(message["samples"]) for message in self._bus.inputs.messages))
-        self._index = -(-(self._index + samples) // block) * block
+        before = self._index
+        block = math.lcm(*(grid_samples(self._bus, n) for n in range(len(self._bus.input_layouts))))
+        self._index = -(-(before + samples) // block) * block
+        for number in range(len(self._counters)):
+            if (
+                message_timing(self._bus, number)["numbering"] != Numbering.INDEX
+            ):  # their counters go on with time
+                passed = (self._index - before) // grid_samples(self._bus, number)
+                self._counters[number] += passed
 
     def frames(self, recording: Recording, spans: Sequence[Span]) -> Iterator[TimedFrame]:
         """Frames of the spans in order of time: each is sent with its last sample.
@@ -108,19 +141,18 @@ class Framer:
         """
         values = np.column_stack([getattr(recording, role.value) for role in ROLES])
         for span in spans:
-            encoded = [
-                self._encode(number, values[span.start : span.end], self._index + span.start)
-                for number in range(len(self._bus.input_layouts))
-            ]
+            encoded = [self._encode(number, values, span) for number in range(len(self._bus.input_layouts))]
             yield from self._in_order(encoded, span, 1.0 / recording.sample_rate)
         self._index += recording.samples
 
-    def _encode(self, number: int, values: NDArray[np.float64], index: int) -> NDArray[np.uint8]:
-        message = self._bus.inputs.messages[number]
-        first = int(message["first_signal"])
-        table = self._bus.inputs.signals[first : first + int(message["signal_count"])]
-        payloads: NDArray[np.uint8] = _payloads(values, index, message, table, self._counters[number])
-        self._counters[number] = (self._counters[number] + len(payloads)) & 0xFF
+    def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> NDArray[np.uint8]:
+        steps = int(message_timing(self._bus, number)["steps"])
+        first_index = -(-(self._index + span.start) // steps)  # of its own samples
+        rows = slice(first_index * steps - self._index, span.end, steps)
+        payloads: NDArray[np.uint8] = _payloads(
+            values[rows], first_index, self._bus.inputs, number, self._counters[number]
+        )
+        self._counters[number] += len(payloads)
         return payloads
 
     def _in_order(
@@ -130,8 +162,12 @@ class Framer:
         position = [0] * len(encoded)
 
         def due(number: int) -> int:
-            samples = int(self._bus.inputs.messages[number]["samples"])
-            return span.start + (position[number] + 1) * samples - 1
+            message = self._bus.inputs.messages[number]
+            block, kind = divmod(position[number], int(message["kind_count"]))
+            end = int(self._bus.inputs.kinds[int(message["first_kind"]) + kind]["end"])
+            steps = int(message_timing(self._bus, number)["steps"])
+            first = -(-(self._index + span.start) // steps) * steps - self._index
+            return first + (block * int(message["samples"]) + end - 1) * steps
 
         while any(position[number] < len(encoded[number]) for number in range(len(encoded))):
             number = min(
@@ -146,22 +182,36 @@ def _timed(layout: MessageLayout, time: float, payload: NDArray[np.uint8]) -> Ti
 
 
 @njit(cache=True, nogil=True)
-def _payloads(values, index, message, table, counter):  # type: ignore[no-untyped-def]
-    """Frames (n, length) of one message for samples (m, MAX_INPUTS) [SI] from `index` on."""
-    samples = message.samples
-    count = (values.shape[0] + samples - 1) // samples
-    result = np.zeros((count, message.length), np.uint8)
-    numbers = np.empty(message.signal_count)
-    for block in range(count):
-        numbers[:] = np.nan
-        numbers[0] = (index + block * samples) & 0xFFFFFFFF
-        for role in range(MAX_INPUTS):
-            if (message.roles >> role) & 1:
-                for k in range(min(samples, values.shape[0] - block * samples)):
-                    numbers[message.position[role] + k] = (
-                        values[block * samples + k, role] / message.factor[role]
-                    )
-        encode(numbers, table, result[block])
-        if message.data_id >= 0:
-            protect(result[block], message.length, message.data_id, counter + block)
+def _payloads(values, index, inputs, number, counter):  # type: ignore[no-untyped-def]
+    """Frames (n, length) of one input message for samples (m, MAX_INPUTS) [SI] from `index` on."""
+    message = inputs.messages[number]
+    kinds = message.kind_count
+    blocks = (values.shape[0] + message.samples - 1) // message.samples
+    result = np.zeros((blocks * kinds, message.length), np.uint8)
+    for frame in range(blocks * kinds):
+        payload = result[frame]
+        first = frame // kinds * message.samples
+        payload[:] = inputs.kinds[message.first_kind + frame % kinds].blank[: message.length]
+        for g in range(message.first_group, message.first_group + message.group_count):
+            group = inputs.groups[g]
+            if is_selected(payload, inputs.selection, group.first_condition, group.condition_count):
+                _fill(payload, values, index, first, counter + frame, inputs, group)
+        protect(payload, message.length, message.e2e_profile, message.data_id, counter + frame)
     return result
+
+
+@njit(cache=True, nogil=True)
+def _fill(payload, values, index, first, counter, inputs, group):  # type: ignore[no-untyped-def]
+    """Encode the samples of a group, for the block that begins at row `first`; counter: of the frame."""
+    timing = inputs.timing[group.stream]
+    numbers = np.full(group.signal_count, np.nan)
+    if timing.numbering == _BY_INDEX:
+        numbers[0] = (index + first) & 0xFFFFFFFF
+    elif timing.numbering == _BY_COUNTER:
+        numbers[0] = counter % timing.modulus
+    for role in range(MAX_INPUTS):
+        if (inputs.streams[group.stream].roles >> role) & 1:
+            start = first + group.offset
+            for k in range(min(group.samples, values.shape[0] - start)):
+                numbers[group.position[role] + k] = values[start + k, role] / group.factor[role]
+    encode(numbers, inputs.signals[group.first_signal : group.first_signal + group.signal_count], payload)

@@ -1,88 +1,131 @@
-"""A candump log, or a part of it, as the frames that are replayed: as recorded, once or again and again."""
+"""A CAN log, or a part of it, as the frames that are replayed: as recorded, once or again and again."""
 
 import math
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
 from observer_rt.errors import UserError
-from observer_rt.recording.candump_log import NANOSECONDS, CandumpLog
 from observer_rt.recording.framing import TimedFrame
+from observer_rt.recording.log import NANOSECONDS
+from observer_rt.recording.logs import open_log
 from observer_rt.recording.recording_frames import Extent, refuse_unordered
 
 
-def log_frames(
-    path: Path,
-    loop: int = 1,
-    start: float | None = None,
-    stop: float | None = None,
-    leave_out: Collection[tuple[int, bool]] = frozenset(),
-) -> Iterator[TimedFrame]:
-    """Frames of a candump log as recorded, of all its channels; in a loop only the times go on.
+@dataclass(frozen=True)
+class LogExtent(Extent):
+    """Extent of a log, the (identifier, is extended) and channels of its frames, and what is odd about it."""
 
-    loop: how often, 0 for ever. start, stop: [start, stop) in seconds after the log's first frame; the replay
-    begins at `start`, or with the first frame. leave_out: (identifier, is extended) of frames not to send, such
-    as results that were recorded beside the inputs.
+    identifiers: frozenset[tuple[int, bool]]
+    channels: tuple[str, ...]
+    notes: tuple[str, ...]
 
-    Raises:
-        UserError: nothing is selected; while iterating: the log is malformed, or too short to be looped.
+
+@dataclass(frozen=True)
+class LogPart:
+    """Selected frames of a log, on a time that begins at 0: [start, stop) in seconds after the log's first frame.
+
+    The replay begins at `start`, or with the first frame. leave_out: (identifier, is extended) of frames not to
+    send, such as results that were recorded beside the inputs. channels: only frames of these; None: of all.
     """
-    part = _Part(path, start, stop, leave_out)
-    if next(iter(part), None) is None:
-        raise UserError(
-            "--start, --stop",
-            f"select no frame of {path}, which runs from 0 to {part.last_seen:.6g} s",
-            "choose times within the log",
-        )
-    return _looped(part, loop)
 
-
-def log_extent(
-    path: Path,
-    start: float | None = None,
-    stop: float | None = None,
-    leave_out: Collection[tuple[int, bool]] = frozenset(),
-) -> Extent:
-    """Extent of one loop of `log_frames`, which raises the same errors.
-
-    Reads the log to its end: what is malformed is found before anything is sent.
-    """
-    duration, frames = 0.0, 0
-    for frame in log_frames(path, 1, start, stop, leave_out):
-        duration, frames = frame.time, frames + 1
-    return Extent(duration, frames)
-
-
-class _Part:
-    """Selected frames of a log, on a time that begins at 0."""
-
-    def __init__(
-        self, path: Path, start: float | None, stop: float | None, leave_out: Collection[tuple[int, bool]]
-    ) -> None:
-        refuse_unordered(start, stop)
-        self.path = path
-        self.last_seen = 0.0
-        """Time of the last frame read, selected or not, in seconds after the log's first."""
-        self._start = 0.0 if start is None else start
-        self._stop = math.inf if stop is None else stop
-        self._leave_out = frozenset(leave_out)
+    path: Path
+    start: float | None = None
+    stop: float | None = None
+    leave_out: Collection[tuple[int, bool]] = frozenset()
+    channels: Collection[str] | None = None
 
     def __iter__(self) -> Iterator[TimedFrame]:
+        """Read the log once. Raises `UserError`, also while iterating: malformed, or nothing is selected."""
+        refuse_unordered(self.start, self.stop)
+        return self._frames(_Seen())
+
+    def extent(self) -> LogExtent:
+        """Read the log to its end: what is malformed is found before anything is sent; errors as by iterating."""
+        refuse_unordered(self.start, self.stop)
+        seen = _Seen()
+        duration, frames = 0.0, 0
+        identifiers: set[tuple[int, bool]] = set()
+        channels: dict[str, None] = {}
+        for frame in self._frames(seen):
+            duration, frames = frame.time, frames + 1
+            identifiers.add((frame.frame_id, frame.is_extended))
+            channels[frame.channel] = None
+        return LogExtent(duration, frames, frozenset(identifiers), tuple(channels), tuple(seen.notes))
+
+    def _frames(self, seen: "_Seen") -> Iterator[TimedFrame]:
+        start = 0.0 if self.start is None else self.start
+        stop = math.inf if self.stop is None else self.stop
+        leave_out = frozenset(self.leave_out)
+        log = open_log(self.path)
         first_stamp: int | None = None
-        for entry in CandumpLog(self.path):
+        selected = 0
+        for entry in log:
             frame = entry.frame
             if first_stamp is None:
                 first_stamp = frame.stamp_ns
-            self.last_seen = (frame.stamp_ns - first_stamp) / NANOSECONDS
+            seen.channels.add(entry.channel)
+            seen.until = (frame.stamp_ns - first_stamp) / NANOSECONDS
             if (
-                self._start <= self.last_seen < self._stop
-                and (frame.frame_id, frame.is_extended) not in self._leave_out
+                start <= seen.until < stop
+                and (frame.frame_id, frame.is_extended) not in leave_out
+                and (self.channels is None or entry.channel in self.channels)
             ):
-                moment = self.last_seen - self._start
-                yield TimedFrame(moment, frame.frame_id, frame.is_extended, frame.is_fd, frame.payload)
+                selected += 1
+                yield TimedFrame(
+                    seen.until - start,
+                    frame.frame_id,
+                    frame.is_extended,
+                    frame.is_fd,
+                    frame.payload,
+                    entry.channel,
+                    entry.bit_rate_switch,
+                )
+        seen.notes = log.notes()
+        if not selected:
+            self._refuse_empty(seen)
+
+    def _refuse_empty(self, seen: "_Seen") -> None:
+        if not seen.channels:
+            notes = f" ({'; '.join(seen.notes)})" if seen.notes else ""
+            raise UserError(
+                str(self.path), f"holds no data frame{notes}", "record it while frames are on the bus"
+            )
+        missing = sorted(set(self.channels or ()) - seen.channels)
+        if missing:
+            raise UserError(
+                f"channel {', '.join(missing)}",
+                f"is not in {self.path}, which has {', '.join(sorted(seen.channels))}",
+                "name a channel of the log",
+            )
+        if self.start is None and self.stop is None:
+            raise UserError(
+                str(self.path), "holds nothing but results of the observer", "record the inputs as well"
+            )
+        raise UserError(
+            "--start, --stop",
+            f"select no frame of {self.path}, which runs from 0 to {seen.until:.6g} s",
+            "choose times within the log",
+        )
 
 
-def _looped(part: _Part, loop: int) -> Iterator[TimedFrame]:
+class _Seen:
+    """What one reading of a log has met so far."""
+
+    def __init__(self) -> None:
+        self.channels: set[str] = set()
+        self.until = 0.0
+        """Time of the last frame read, selected or not, in seconds after the log's first."""
+        self.notes: list[str] = []
+
+
+def log_frames(part: LogPart, loop: int = 1) -> Iterator[TimedFrame]:
+    """Frames of a log as recorded; in a loop only the times go on. loop: how often, 0 for ever.
+
+    Raises:
+        UserError: while iterating: nothing is selected, or the log is malformed or too short to be looped.
+    """
     offset = 0.0
     for number in count(1):
         first = last = math.nan

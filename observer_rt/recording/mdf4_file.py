@@ -1,6 +1,7 @@
 """Recordings as MDF4, ASAM's measurement file: one channel per signal, units read from the channel."""
 
 import gc
+import logging
 import struct
 import sys
 import traceback
@@ -41,6 +42,7 @@ REQUIRED = ("rail_pressure", "needle_lift", "line_pressure")
 SI_UNITS = {"rail_pressure": "Pa", "needle_lift": "m", "line_pressure": "Pa", "injection_rate": "m3/s"}
 MAGIC = b"MDF"
 READABLE = "give a complete MDF 4 measurement"
+logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come as errors, too
 NO_DATE = datetime.fromtimestamp(0, UTC)
 
 
@@ -58,7 +60,7 @@ def read_mdf4(path: Path) -> Recording:
             with MDF(handle) as file:
                 signals = _read_channels(file, path)
         except (MdfException, struct.error, ValueError, KeyError, EOFError) as error:
-            _discard(error)
+            discard(error)
             raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
     time = signals["rail_pressure"].timestamps.astype(np.float64)
     for name, signal in signals.items():
@@ -89,17 +91,22 @@ def write_mdf4(path: Path, recording: Recording) -> None:
         for name, values in recording.signals.items()
     ]
     with MDF(version="4.10") as file:
-        file.start_time = NO_DATE
-        history = FileHistory()
-        history.time_stamp = NO_DATE
-        history.comment = "<FHcomment><TX>created</TX><tool_id>observer-rt</tool_id></FHcomment>"
-        file.file_history.append(history)
+        add_history(file)
         file.append(signals, comment="", common_timebase=True)
         with path.open("wb+") as handle:
             file.save(handle, add_history_block=False)
 
 
-def _discard(error: Exception) -> None:
+def add_history(file: MDF) -> None:
+    """Say what wrote the file, but not when: the same content gives the same bytes."""
+    file.start_time = NO_DATE
+    history = FileHistory()
+    history.time_stamp = NO_DATE
+    history.comment = "<FHcomment><TX>created</TX><tool_id>observer-rt</tool_id></FHcomment>"
+    file.file_history.append(history)
+
+
+def discard(error: Exception) -> None:
     """Drop the half-read file: asammdf's destructor fails on it, which would print a traceback later on."""
     hook = sys.unraisablehook
     sys.unraisablehook = lambda _: None

@@ -77,6 +77,9 @@ def check_samples(
     `place_of_row` turns a zero-based row into what a user finds it by: a line of a file, a sample number.
     Raises `UserError` for the first violation.
     """
+    if time.size < 2:
+        problem = "holds no sample" if not time.size else "holds one sample only"
+        raise UserError(place_of_row(0), problem, "record, or select, at least two samples")
     uneven = find_uneven_time(time)
     if uneven is not None:
         raise UserError(

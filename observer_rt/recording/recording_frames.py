@@ -9,8 +9,8 @@ import numpy as np
 
 from observer_rt.bus.mapping import BusMap
 from observer_rt.errors import UserError
-from observer_rt.recording.candump_log import CLASSIC_LENGTH
-from observer_rt.recording.framing import Framer, Span, TimedFrame, whole, windows
+from observer_rt.recording.framing import Framer, Span, TimedFrame, grid_samples, whole, windows
+from observer_rt.recording.log import CLASSIC_LENGTH
 from observer_rt.recording.recording import Recording
 
 ENCODED_AT_ONCE = 1000  # samples, so that encoding delays no frame by much
@@ -58,9 +58,10 @@ def recording_extent(
     """Extent of one loop of `recording_frames`. Raises `UserError` when nothing is selected."""
     part, spans = _selected(recording, bus, windowed, start, stop)
     frames = sum(
-        -(-(span.end - span.start) // int(message["samples"]))
+        -(-(span.end - span.start) // grid_samples(bus, number))
+        * int(bus.inputs.messages[number]["kind_count"])
         for span in spans
-        for message in bus.inputs.messages
+        for number in range(len(bus.input_layouts))
     )
     return Extent(part.samples / part.sample_rate, frames)
 
@@ -95,7 +96,7 @@ def _shifted(frames: Iterable[TimedFrame], offset: float) -> Iterator[TimedFrame
 
 def _block(bus: BusMap) -> int:
     """Samples after which all input messages begin a frame together."""
-    return math.lcm(*(int(message["samples"]) for message in bus.inputs.messages))
+    return math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
 
 
 def _selected(

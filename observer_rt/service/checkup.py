@@ -20,6 +20,7 @@ from observer_rt.service.checkup_bus import bus_findings
 from observer_rt.service.checkup_host import real_time_findings, this_host
 from observer_rt.service.checkup_interface import interface_findings, read_controller
 from observer_rt.service.checkup_model import plausibility_findings
+from observer_rt.service.checkup_time import time_findings
 from observer_rt.service.core import bench_constants, configured_noise
 from observer_rt.service.findings import Finding, Level, as_json_document, as_table, failed, graded
 from observer_rt.service.learners import make_learner, refuse_state
@@ -42,7 +43,9 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
         findings.append(_state(bench, state))
     findings += plausibility_findings(bench.injector)
     try:
-        findings += bus_findings(bench, map_bus(bench))
+        bus = map_bus(bench)
+        findings += bus_findings(bench, bus)
+        findings += time_findings(bus)
     except UserError as error:
         findings.append(failed("mapping", error))
     findings += _integration(bench)

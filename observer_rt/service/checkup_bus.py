@@ -3,11 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from observer_rt.bus.database import MessageLayout
+from observer_rt.bus.inputs import ROLES
 from observer_rt.bus.load import frame_time
-from observer_rt.bus.mapping import ROLES, BusMap, frame_key
-from observer_rt.config import Bench, LinkConfig, Role
-from observer_rt.recording.bus_range import message_of, role_range, role_resolution
+from observer_rt.bus.mapping import BusMap, frame_key
+from observer_rt.config import PACKAGE_DATA, Bench, LinkConfig, Role
+from observer_rt.recording.bus_range import message_of, role_factor, role_range, role_resolution
+from observer_rt.recording.framing import message_timing
+from observer_rt.service.checkup_slow import slow_findings
 from observer_rt.service.core import configured_noise
 from observer_rt.service.findings import Finding, Level, graded
 from observer_rt.units import LENGTH_UNITS, MEGAPASCAL, MICROMETRE, MILLISECOND, PRESSURE_UNITS
@@ -18,6 +23,7 @@ WINDOW = 6 * MILLISECOND  # of samples that a windowed source sends for an injec
 HIGH_LOAD = 0.6
 CLASSIC_LENGTH = 8  # bytes
 PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take
+CYCLE_TOLERANCE = 0.5e6  # ns, what rounding to whole milliseconds may take
 
 
 @dataclass(frozen=True)
@@ -30,9 +36,9 @@ class BusLoad:
 
 def bus_findings(bench: Bench, bus: BusMap) -> list[Finding]:
     """All findings about the bus of a bench."""
-    findings = [_mapping(bench, bus, role) for role in ROLES]
+    findings = [_mapping(bench, bus, role) for role in ROLES] + slow_findings(bus)
     findings += _sample_periods(bench, bus)
-    findings += _identifiers(bus)
+    findings += _identifiers(bus) + _databases(bus)
     frames = _frames(bench.config.link, _layouts(bus))
     findings += frames
     if all(finding.level is Level.OK for finding in frames):
@@ -42,6 +48,8 @@ def bus_findings(bench: Bench, bus: BusMap) -> list[Finding]:
 
 def expected_load(bench: Bench, bus: BusMap) -> BusLoad:
     """Load by everything that is sent; windowed: only `WINDOW` of samples for each injection.
+
+    A message of optional inputs without a cycle time counts as sent once an injection.
 
     Raises:
         ValueError: a message does not fit its kind of frame.
@@ -53,21 +61,37 @@ def expected_load(bench: Bench, bus: BusMap) -> BusLoad:
         return frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
 
     blocks = [
-        (time_of(layout), int(message["samples"]))
-        for layout, message in zip(bus.input_layouts, bus.inputs.messages, strict=True)
+        (
+            time_of(layout) * int(message["kind_count"]),
+            int(message["samples"]),
+            1 / float(message_timing(bus, number)["interval"]),
+        )
+        for number, (layout, message) in enumerate(zip(bus.input_layouts, bus.inputs.messages, strict=True))
     ]
-    blocks.append((time_of(bus.rate.layout), bus.rate_samples))
-    other = INJECTIONS_PER_SECOND * time_of(bus.summary.layout)
-    other += time_of(bus.status.layout) / (bench.config.outputs.status_period_ms * MILLISECOND)
-    samples = round(WINDOW * rate)
+    if bus.rate is not None:
+        blocks.append((time_of(bus.rate.layout), bus.rate.samples, rate))
+    other = INJECTIONS_PER_SECOND * len(bus.summary.pages) * time_of(bus.summary.layout)
+    status_period = bench.config.outputs.status_period_ms * MILLISECOND
+    other += len(bus.status.pages) * time_of(bus.status.layout) / status_period
+    other += sum(
+        time_of(slow.layout)
+        * (1e9 / slow.layout.cycle_time_ns if slow.layout.cycle_time_ns else INJECTIONS_PER_SECOND)
+        for slow in bus.slow
+        if not slow.is_input
+    )
     return BusLoad(
-        continuous=other + sum(time * rate / size for time, size in blocks),
-        windowed=other + sum(time * INJECTIONS_PER_SECOND * -(-samples // size) for time, size in blocks),
+        continuous=other + sum(time * own_rate / size for time, size, own_rate in blocks),
+        windowed=other
+        + sum(
+            time * INJECTIONS_PER_SECOND * -(-round(WINDOW * own_rate) // size)
+            for time, size, own_rate in blocks
+        ),
     )
 
 
 def _layouts(bus: BusMap) -> list[MessageLayout]:
-    return [*bus.input_layouts, bus.rate.layout, bus.summary.layout, bus.status.layout]
+    outputs = [bus.rate, bus.summary, bus.status]
+    return [*bus.received, *(output.layout for output in outputs if output is not None)]
 
 
 def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:
@@ -80,14 +104,21 @@ def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:
     resolution = role_resolution(bus, role, needed)
     noise: float = getattr(configured_noise(bench), role.value)
     text = (
-        f"{role}: {layout.name} 0x{layout.frame_id:X}, {int(message['samples'])} samples a frame in "
-        f"{_unit(role, float(message['factor'][ROLES.index(role)]))}, {limits.lowest / factor:.6g} to "
+        f"{role}: {layout.name} 0x{layout.frame_id:X}, {_division(message)} in "
+        f"{_unit(role, role_factor(bus, role))}, {limits.lowest / factor:.6g} to "
         f"{limits.highest / factor:.6g} {unit} in steps of {resolution / factor:.3g} {unit}"
     )
     if not (limits.lowest <= 0.0 and limits.highest >= needed):
         return graded("mapping", False, text, f"cannot hold 0 to {needed / factor:g} {unit}")
     is_fine = resolution <= noise
     return graded("mapping", is_fine, text, f"coarser than the noise configured, {noise / factor:g} {unit}")
+
+
+def _division(message: np.void) -> str:
+    samples, frames = int(message["samples"]), int(message["kind_count"])
+    if frames > 1:
+        return f"{samples} samples in {frames} frames that take turns,"
+    return "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
 
 
 def _unit(role: Role, factor: float) -> str:
@@ -97,20 +128,45 @@ def _unit(role: Role, factor: float) -> str:
 
 def _sample_periods(bench: Bench, bus: BusMap) -> list[Finding]:
     rate = bench.config.sampling.rate_hz
-    expected = 1e9 / rate
-    findings = [Finding("sampling", Level.OK, f"{rate:g} Hz, a sample every {expected:.6g} ns")]
-    for layout in (*bus.input_layouts, bus.rate.layout):
-        stated = layout.sample_period_ns
-        if stated is not None and abs(stated - expected) > PERIOD_TOLERANCE:
-            findings.append(
-                Finding(
-                    "sampling",
-                    Level.WARNING,
-                    f"{layout.name} states a sample period of {stated} ns in the bus database; "
-                    f"set sampling.rate_hz = {1e9 / stated:g}, or its SamplePeriodNs to {expected:.0f}",
-                )
-            )
+    findings = [Finding("sampling", Level.OK, f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns")]
+    for number, layout in enumerate(bus.input_layouts):
+        message = bus.inputs.messages[number]
+        expected = 1e9 * float(message_timing(bus, number)["interval"])
+        findings += _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
+    if bus.rate is not None and not _is_shipped(bus, bus.rate.layout.name):
+        findings += _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
     return findings
+
+
+def _is_shipped(bus: BusMap, name: str) -> bool:
+    """Whether a message is of a database of ours, whose example of a sample period no user can change."""
+    return next(message.path for message in bus.known if message.name == name).parent == PACKAGE_DATA
+
+
+def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) -> list[Finding]:
+    """What the database says of the time between samples [ns], which `expected` is by the bench file.
+
+    samples: of every role that `frames` frames together carry.
+    """
+    findings = []
+    period = layout.sample_period_ns
+    if period is not None and abs(period - expected) > PERIOD_TOLERANCE:
+        findings.append(
+            f"{layout.name} states a sample period of {period} ns in the bus database; "
+            f"set sampling.rate_hz = {1e9 / period:g}, or its SamplePeriodNs to {expected:.0f}"
+        )
+    cycle = layout.cycle_time_ns
+    if period is None and cycle is not None and abs(cycle * frames - samples * expected) > CYCLE_TOLERANCE:
+        findings.append(
+            f"{layout.name} states a cycle time of {cycle / 1e6:g} ms in the bus database, which means "
+            f"{1e9 * samples / (cycle * frames):g} Hz; correct sampling.rate_hz or its GenMsgCycleTime"
+        )
+    if layout.samples_per_frame not in (None, samples):
+        findings.append(
+            f"{layout.name} states {layout.samples_per_frame} samples a frame in the bus database, "
+            f"{samples} are named; name them all, or correct its SamplesPerFrame"
+        )
+    return [Finding("sampling", Level.WARNING, text) for text in findings]
 
 
 def _identifiers(bus: BusMap) -> list[Finding]:
@@ -126,7 +182,30 @@ def _identifiers(bus: BusMap) -> list[Finding]:
         for key, names in owners.items()
         if len(names) > 1
     ]
-    return clashes or [Finding("identifiers", Level.OK, f"{len(owners)} messages, all different")]
+    used = {layout.name for layout in _layouts(bus)}
+    others = [
+        Finding(
+            "identifiers",
+            Level.WARNING,
+            f"{owners[message.key][0]} shares 0x{message.key & 0x1FFFFFFF:X} with {message.name} of {message.path}; "
+            "if that one is on this bus too, give one of them another identifier",
+        )
+        for message in bus.known
+        if message.key in owners and message.name not in used
+    ]
+    return clashes + others or [Finding("identifiers", Level.OK, f"{len(owners)} messages, all different")]
+
+
+def _databases(bus: BusMap) -> list[Finding]:
+    """Names that several databases define, and what is wrong with those read leniently."""
+    findings = []
+    for layout in _layouts(bus):
+        files = [str(message.path) for message in bus.known if message.name == layout.name]
+        if len(files) > 1:
+            text = f"{layout.name} is in {' and in '.join(files)}; the first is used, rename the other"
+            findings.append(Finding("databases", Level.WARNING, text))
+    findings += [Finding("databases", Level.WARNING, f"overlooked: {text}") for text in bus.overlooked]
+    return findings
 
 
 def _frames(link: LinkConfig, layouts: Sequence[MessageLayout]) -> list[Finding]:
@@ -146,7 +225,7 @@ def _frames(link: LinkConfig, layouts: Sequence[MessageLayout]) -> list[Finding]
 
 
 def _load_findings(load: BusLoad, link: LinkConfig) -> list[Finding]:
-    rates = f"at {link.bit_rate / 1e3:g}k/{link.data_bit_rate / 1e6:g}M bit/s"
+    rates = f"at {link.bit_rate / 1e3:g}k{f'/{link.data_bit_rate / 1e6:g}M' if link.fd else ''} bit/s"
     windowed = (
         f"windowed, {INJECTIONS_PER_SECOND:g} injections/s of {WINDOW / MILLISECOND:g} ms: "
         f"{load.windowed:.0%} {rates}"

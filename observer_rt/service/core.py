@@ -2,14 +2,16 @@
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import make_alignment
-from observer_rt.bus.mapping import BusMap, frame_key
-from observer_rt.config import Bench
+from observer_rt.bus.alignment_memory import make_alignment
+from observer_rt.bus.mapping import BusMap, frame_key, stream_of
+from observer_rt.bus.timekeeping import make_timekeeping
+from observer_rt.bus.timing import SLOTS
+from observer_rt.config import Bench, Role
 from observer_rt.errors import UserError
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.effects import effective_model
@@ -28,7 +30,11 @@ from observer_rt.observer.observer import (
 from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import INJECTIONS, RING, Constants, Reason, State
 from observer_rt.paper.network import FreeNetwork
+from observer_rt.service.counters import Counters
 from observer_rt.service.learners import LearnerFactory, make_learner
+from observer_rt.service.measured_mass import MeasuredMass
+from observer_rt.service.message_timing import MessageTiming, timing_of
+from observer_rt.service.optional_inputs import OptionalInputs
 from observer_rt.service.output import FrameWriter, OutputFrame, summary_values
 from observer_rt.service.pipeline import Pipeline, handle, make_receiver, proceed
 from observer_rt.service.publisher import flush, make_publisher
@@ -38,32 +44,6 @@ from observer_rt.units import MEGAPASCAL, MICROMETRE, MILLISECOND
 
 EVENTS_REQUIRED = 2  # judged, before a sample is valid
 EVENTS_REQUIRED_RESTORED = 1  # the same with a restored state
-
-
-@dataclass(frozen=True)
-class Counters:
-    """What was counted since the start."""
-
-    samples: int
-    lost_samples: int
-    interpolated_samples: int
-    frames: int
-    crc_errors: int
-    length_errors: int
-    sequence_errors: int
-    repeated_frames: int
-    old_frames: int
-    restarts: int
-    jumps: int
-    events: int
-    injections: int
-    adoptions: int
-    rejected_adoptions: int
-    late_adoptions: int
-
-    def since(self, earlier: "Counters") -> "Counters":
-        """What was counted since an earlier look."""
-        return Counters(**{name: count - getattr(earlier, name) for name, count in vars(self).items()})
 
 
 def configured_noise(bench: Bench) -> NoiseLevels:
@@ -112,15 +92,21 @@ class Core:
         executor: Executor | None = None,
         learning: bool | None = None,
         on_report: Callable[[InjectionReport], None] | None = None,
+        on_measured: Callable[[MeasuredMass], None] | None = None,
         learner_of: LearnerFactory = make_learner,
     ) -> None:
-        """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep)."""
+        """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep).
+
+        on_report is called with every injection, on_measured then, or later, with those whose mass was measured.
+        """
         config = bench.config
+        self._bus = bus
         self._constants = bench_constants(bench, restored=knowledge is not None)
         self._pressure_scale = self._constants.coefficients.pressure_scale
         noise = configured_noise(bench)
         start = knowledge or no_knowledge(noise, self._pressure_scale)
-        self._learning = config.learning.enabled if learning is None else learning
+        learning = config.learning.enabled if learning is None else learning
+        self._optional = OptionalInputs(bus.slow, learning, on_measured)
         self._injector_id = config.outputs.injector_id
         learner = learner_of(bench, self._constants, start)
         lockstep = executor is None or config.learning.lockstep
@@ -129,11 +115,14 @@ class Core:
         self._pipeline = Pipeline(
             bus.inputs,
             make_receiver(),
-            make_alignment(len(bus.inputs.messages), dead_band(noise.needle_lift)[0]),
+            make_timekeeping(
+                bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
+            ),
+            make_alignment(bus.following, dead_band(noise.needle_lift)[0]),
             self._observer,
-            make_publisher(bus.rate, bus.rate_samples, self._learning),
+            make_publisher(bus.rate, learning),
         )
-        self._rate_layout = bus.rate.layout
+        self._rate_layout = bus.rate.layout if bus.rate else None
         self._summary_writer = FrameWriter(bus.summary)
         self._on_report = on_report or (lambda _: None)
         self._known = start
@@ -143,10 +132,17 @@ class Core:
         self._first_version = start.phi_version
         self._frames: list[OutputFrame] = []
 
-    def handle(self, frame_id: int, is_extended: bool, payload: bytes) -> list[OutputFrame]:
-        """Take one received frame; frames that are not ours are ignored. Returns the frames to send."""
+    def handle(self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int) -> list[OutputFrame]:
+        """Take one received frame; frames that are not ours are ignored. Returns the frames to send.
+
+        stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames. Where all
+        messages of one time base carry an index, it changes no result.
+        """
         data = np.frombuffer(payload, np.uint8)
-        waiting = handle(self._pipeline, frame_key(frame_id, is_extended), data)
+        key = frame_key(frame_id, is_extended)
+        if self._optional.take(key, data, self._observer):
+            self._pipeline.publisher.memory["learning"] = self.learning
+        waiting = handle(self._pipeline, key, data, stamp_ns)
         return self._go_on(waiting)
 
     def finish(self) -> list[OutputFrame]:
@@ -174,13 +170,19 @@ class Core:
         """State and reason of the last processed sample."""
         if self.processed == 0:
             return State.STARTING, Reason.STARTING
+        alignment = self._pipeline.alignment.memory[0]
+        if (
+            alignment["followers"]["stale"].any()
+            or alignment["newest"] - alignment["next_index"] > SLOTS // 2
+        ):
+            return State.DEGRADED, Reason.INPUT_STALE
         row = self._observer.ring[(self.processed - 1) % RING]
         return State(int(row["state"])), Reason(int(row["reason"]))
 
     @property
     def learning(self) -> bool:
-        """Whether learning is enabled."""
-        return self._learning
+        """Whether learning is enabled, by the bench and by its learning enable, if it has one."""
+        return self._optional.learning
 
     @property
     def last_index(self) -> int:
@@ -198,6 +200,11 @@ class Core:
         return standstill_of(self._observer.memory[0], self._pressure_scale)
 
     @property
+    def timing(self) -> tuple[MessageTiming, ...]:
+        """How regularly the input messages come, as far as their stamps show it."""
+        return timing_of(self._bus, self._pipeline.keeping)
+
+    @property
     def counters(self) -> Counters:
         """What was counted so far."""
         receiver = self._pipeline.receiver[0]
@@ -208,8 +215,8 @@ class Core:
             lost_samples=int(alignment["lost"]),
             interpolated_samples=int(memory["interpolated"]),
             frames=int(receiver["frames"]),
-            crc_errors=int(receiver["crc_errors"]),
-            length_errors=int(receiver["length_errors"]),
+            crc_errors=int(receiver["crc_errors"]) + self._optional.crc_errors,
+            length_errors=int(receiver["length_errors"]) + self._optional.length_errors,
             sequence_errors=int(receiver["sequence_errors"]),
             repeated_frames=int(alignment["repeated"]),
             old_frames=int(alignment["old"]),
@@ -236,7 +243,7 @@ class Core:
     def _submit_events(self) -> None:
         closed = int(self._observer.memory["events_closed"][0])
         while self._events_submitted < closed:
-            window = event_window(self._observer, self._events_submitted) if self._learning else None
+            window = event_window(self._observer, self._events_submitted) if self.learning else None
             standstill = event_standstill(self._observer, self._events_submitted)
             self._training.submit(window, standstill, in_force(self._observer))
             self._events_submitted += 1
@@ -265,14 +272,17 @@ class Core:
             memory["injections_reported"] += 1
             carried = in_force(self._observer), self._free_rows
             report = report_of(injection, event, outcome, *carried, self._constants.coefficients)
-            values = summary_values(report, self._injector_id, self._learning, self._pressure_scale)
-            self._frames.append(self._summary_writer.write(values))
+            values = summary_values(report, self._injector_id, self.learning, self._pressure_scale)
+            self._frames += self._summary_writer.write(values)
             self._on_report(report)
+            self._optional.on_report(report)
 
     def _collect_rate_frames(self) -> None:
         publisher = self._pipeline.publisher
         count = int(publisher.memory["frames"][0])
         layout = self._rate_layout
+        if layout is None:
+            return
         for frame in publisher.out[:count]:
             payload = frame["payload"][: int(frame["length"])].tobytes()
             self._frames.append(OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload))

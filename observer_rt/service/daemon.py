@@ -15,6 +15,7 @@ from observer_rt.observer.knowledge import Knowledge
 from observer_rt.observer.state import Reason, State
 from observer_rt.service.core import Core
 from observer_rt.service.link_watch import LinkWatch
+from observer_rt.service.measured_mass import MeasuredMass
 from observer_rt.service.outbox import RETRY, Outbox
 from observer_rt.service.output import FrameWriter, OutputFrame
 from observer_rt.service.report import InjectionReport
@@ -39,10 +40,12 @@ class Daemon:
         knowledge: Knowledge | None = None,
         on_report: Callable[[InjectionReport], None] | None = None,
         on_message: Callable[[str], None] | None = None,
+        on_measured: Callable[[MeasuredMass], None] | None = None,
     ) -> None:
         """knowledge: restored from an earlier run.
 
-        on_report is called from the loop with every injection, on_message with what goes wrong on the link.
+        on_report is called from the loop with every injection, on_measured with those whose mass was measured,
+        on_message with what goes wrong on the link.
         """
         self.link = link
         self._outbox = Outbox(link)
@@ -53,7 +56,7 @@ class Daemon:
         self._last_outage = ("", -SILENCE)  # what was the matter, and when
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning")
         self._bench = bench
-        self.core = Core(bench, bus, knowledge, self._executor, on_report=on_report)
+        self.core = Core(bench, bus, knowledge, self._executor, on_report=on_report, on_measured=on_measured)
         self._status_writer = FrameWriter(bus.status)
         self._status_period = round(bench.config.outputs.status_period_ms * 1e6)
         self._hashes = (int(model_hash(bench.injector)[:8], 16), database_hash(bench.databases))
@@ -87,12 +90,14 @@ class Daemon:
         frame = self.link.receive(RETRY if self._outbox else RECEIVE_TIMEOUT)
         now = time.monotonic_ns()
         if frame is not None:
-            self._outbox.post(self.core.handle(frame.frame_id, frame.is_extended, frame.payload))
+            self._outbox.post(
+                self.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
+            )
         elif self._outbox:
             self._outbox.flush()
         if now >= self._next_status:
             self._next_status = now + self._status_period
-            self._outbox.post([self._status(now)])
+            self._outbox.post(self._status(now))
             for message in self._watch.messages(now):
                 self._on_message(message)
 
@@ -128,7 +133,7 @@ class Daemon:
         """Publish what is complete, and a last status frame, as far as the link takes them."""
         with contextlib.suppress(LinkDownError):
             self._outbox.post(self.core.finish())
-            self._outbox.post([self._status(time.monotonic_ns())])
+            self._outbox.post(self._status(time.monotonic_ns()))
             self._outbox.drain(LAST_FRAMES)
         self._outbox.discard()
 
@@ -160,7 +165,7 @@ class Daemon:
         condition = self.link.condition
         return self._outages + condition.passives + condition.bus_offs
 
-    def _status(self, now: int) -> OutputFrame:
+    def _status(self, now: int) -> list[OutputFrame]:
         state, reason = self.state(now)
         figures = LinkFigures(self.dropped, self.troubles)
         injector_id = self._bench.config.outputs.injector_id

@@ -16,6 +16,7 @@ from observer_rt.screen import say, say_if_compiling
 from observer_rt.service.core import bench_constants
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.learners import refuse_state
+from observer_rt.service.measured_mass import MeasuredMass
 from observer_rt.service.report import InjectionReport
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
 from observer_rt.service.view import View
@@ -43,7 +44,7 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
     knowledge = restored_knowledge(state, model, pressure_scale, console)
     _announce(bench, bus, console)
     link_config = bench.config.link
-    wanted = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
+    wanted = [(layout.frame_id, layout.is_extended) for layout in bus.received]
     screen = View(
         f"observer_rt: {link_config.interface} {link_config.channel}", bench.config.sampling.rate_hz
     )
@@ -54,6 +55,12 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
         else:
             say(console, _line(report))
 
+    def on_measured(measured: MeasuredMass) -> None:
+        if view:
+            screen.on_measured(measured)
+        else:
+            say(console, measured.as_text())
+
     def on_message(text: str) -> None:
         say(console, text)
 
@@ -63,7 +70,7 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
         warm_up(bench, bus)
         with open_link(link_config.interface, link_config.channel, link_config.fd, wanted) as link:
             _announce_link(link, console)
-            daemon = Daemon(bench, bus, link, knowledge, on_report, on_message)
+            daemon = Daemon(bench, bus, link, knowledge, on_report, on_message, on_measured)
             screen.watch(daemon)
             say(console, "ready")
             try:
@@ -95,12 +102,14 @@ def restored_knowledge(
 def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
     constants = bench_constants(bench)
     link = bench.config.link
-    inputs = ", ".join(layout.name for layout in bus.input_layouts)
+    inputs = ", ".join(layout.name for layout in bus.received)
+    sent = [output for output in (bus.rate, bus.summary, bus.status) if output is not None]
+    outputs = ", ".join(output.layout.name for output in sent)
     rate = bench.config.sampling.rate_hz
     lookahead = constants.timing.lookahead
     say(
         console,
-        f"{link.interface} {link.channel}: {inputs} at {rate:g} Hz -> {bus.rate.layout.name}\n"
+        f"{link.interface} {link.channel}: {inputs} at {rate:g} Hz -> {outputs}\n"
         f"{constants.substeps} integration steps a sample, look-ahead {lookahead} samples "
         f"({lookahead / rate / MICROSECOND:g} us)",
     )
@@ -161,6 +170,8 @@ def _line(report: InjectionReport) -> str:
 
 
 def _farewell(daemon: Daemon, console: Console) -> None:
+    for timing in daemon.core.timing:
+        say(console, timing.as_text())
     counters = daemon.core.counters
     say(
         console,

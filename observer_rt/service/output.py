@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from observer_rt.bus.codec import encode
-from observer_rt.bus.e2e import protect
-from observer_rt.bus.mapping import OutputMessage
+from observer_rt.bus.e2e import UNPROTECTED, protect
+from observer_rt.bus.outputs import OutputMessage, OutputPage
 from observer_rt.service.report import InjectionReport
 from observer_rt.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 
@@ -28,15 +28,22 @@ class FrameWriter:
         self._message = message
         self._counter = 0
 
-    def write(self, values: Mapping[str, float]) -> OutputFrame:
-        """Frame with these values in the database's units; signals not named are not available."""
+    def write(self, values: Mapping[str, float]) -> list[OutputFrame]:
+        """A frame for every page, values in the database's units; signals not named are not available."""
+        return [self._write(page, values) for page in self._message.pages]
+
+    def _write(self, page: OutputPage, values: Mapping[str, float]) -> OutputFrame:
         layout = self._message.layout
-        payload = np.zeros(layout.length, np.uint8)
-        numbers = np.array([values.get(name, np.nan) for name in self._message.names])
-        encode(numbers, self._message.table, payload)
-        if layout.e2e_data_id is not None:
-            protect(payload, layout.length, layout.e2e_data_id, self._counter)
-            self._counter = (self._counter + 1) & 0xFF
+        payload = page.blank.copy()
+        encode(np.array([values.get(name, np.nan) for name in page.names]), page.table, payload)
+        protect(
+            payload,
+            layout.length,
+            layout.e2e_profile or UNPROTECTED,
+            layout.e2e_data_id or 0,
+            self._counter,
+        )
+        self._counter += 1
         return OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes())
 
 

@@ -6,20 +6,22 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.bus.codec import encode
-from observer_rt.bus.e2e import protect
-from observer_rt.bus.mapping import HEADER_SIGNALS, OutputMessage
+from observer_rt.bus.codec import SIGNAL, encode
+from observer_rt.bus.e2e import UNPROTECTED, protect
+from observer_rt.bus.inputs import LONGEST_FRAME
+from observer_rt.bus.outputs import HEADER_SIGNALS, RateMessage
 from observer_rt.continuity import Break
 from observer_rt.observer.state import RING, Observer
 from observer_rt.units import MM3_PER_MS
 
-MAX_FRAME = 64  # bytes
 FRAMES = 512  # that one input frame can cause at the most, with a wide margin
-_HEADER = len(HEADER_SIGNALS)
+_SAMPLE_INDEX, _VALID, _LEARNING, _STATE = (
+    HEADER_SIGNALS.index(name) for name in ("SampleIndex", "Valid", "Learning", "State")
+)
 _MASK = RING - 1
 _RESTART = int(Break.RESTART)
 
-OUT_FRAME = np.dtype([("length", np.int64), ("payload", np.uint8, (MAX_FRAME,))], align=True)
+OUT_FRAME = np.dtype([("length", np.int64), ("payload", np.uint8, (LONGEST_FRAME,))], align=True)
 
 PUBLISHER = np.dtype(
     [
@@ -29,8 +31,11 @@ PUBLISHER = np.dtype(
         ("block_valid", np.bool_),
         ("block_state", np.int64),
         ("learning", np.bool_),
+        ("header", np.int64, (len(HEADER_SIGNALS),)),  # their places among the values, -1: not in the message
+        ("samples", np.int64),  # of a block, 0: no rates are published
         ("length", np.int64),
-        ("data_id", np.int64),  # -1: not protected
+        ("e2e_profile", np.int64),
+        ("data_id", np.int64),
         ("counter", np.int64),
         ("frames", np.int64),  # ready in `out`
     ],
@@ -41,7 +46,7 @@ PUBLISHER = np.dtype(
 class Publisher(NamedTuple):
     """Publisher as compiled functions see it; `out` holds `memory[0].frames` frames for the caller.
 
-    values: what is encoded: SampleIndex, Valid, Learning, State, then the block's rates.
+    values: what is encoded; the block's rates come last.
     """
 
     memory: NDArray[np.void]  # (1,) PUBLISHER
@@ -50,15 +55,21 @@ class Publisher(NamedTuple):
     out: NDArray[np.void]  # (FRAMES,) OUT_FRAME
 
 
-def make_publisher(message: OutputMessage, samples: int, learning: bool) -> Publisher:
-    """Publisher of blocks of `samples` rates in `message`."""
+def make_publisher(message: RateMessage | None, learning: bool) -> Publisher:
+    """Publisher of blocks of rates in `message`; None: of nothing."""
+    if message is None:
+        return Publisher(np.zeros(1, PUBLISHER), np.zeros(0, SIGNAL), np.zeros(0), np.zeros(0, OUT_FRAME))
+    names = message.page.names
     publisher = Publisher(
-        np.zeros(1, PUBLISHER), message.table, np.full(_HEADER + samples, np.nan), np.zeros(FRAMES, OUT_FRAME)
+        np.zeros(1, PUBLISHER), message.page.table, np.full(len(names), np.nan), np.zeros(FRAMES, OUT_FRAME)
     )
     memory = publisher.memory[0]
     memory["learning"] = learning
+    memory["header"] = [names.index(name) if name in names else -1 for name in HEADER_SIGNALS]
+    memory["samples"] = message.samples
     memory["length"] = message.layout.length
-    memory["data_id"] = -1 if message.layout.e2e_data_id is None else message.layout.e2e_data_id
+    memory["e2e_profile"] = message.layout.e2e_profile or UNPROTECTED
+    memory["data_id"] = message.layout.e2e_data_id or 0
     return publisher
 
 
@@ -66,7 +77,10 @@ def make_publisher(message: OutputMessage, samples: int, learning: bool) -> Publ
 def publish(publisher: Publisher, observer: Observer) -> None:
     """Frames of all blocks completed by the samples processed since the last call."""
     memory = publisher.memory[0]
-    samples = publisher.values.shape[0] - _HEADER
+    samples = memory.samples
+    if samples == 0:
+        return
+    rates = publisher.values[publisher.values.size - samples :]
     while memory.published < observer.memory[0].processed:
         row = observer.ring[memory.published & _MASK]
         if memory.filled > 0 and (row.broken == _RESTART or row.index >= memory.block_start + samples):
@@ -74,9 +88,9 @@ def publish(publisher: Publisher, observer: Observer) -> None:
         if memory.filled == 0:
             memory.block_start = row.index
             memory.block_valid = True
-            publisher.values[_HEADER:] = np.nan
+            rates[:] = np.nan
         place = row.index - memory.block_start
-        publisher.values[_HEADER + place] = row.injection_rate / MM3_PER_MS
+        rates[place] = row.injection_rate / MM3_PER_MS
         memory.filled = place + 1
         memory.block_valid = memory.block_valid and row.valid
         memory.block_state = row.state
@@ -91,16 +105,23 @@ def flush(publisher: Publisher) -> None:
     memory = publisher.memory[0]
     if memory.filled == 0:
         return
-    publisher.values[0] = memory.block_start & 0xFFFFFFFF
-    publisher.values[1] = memory.block_valid
-    publisher.values[2] = memory.learning
-    publisher.values[3] = memory.block_state
+    _put(publisher, _SAMPLE_INDEX, memory.block_start & 0xFFFFFFFF)
+    _put(publisher, _VALID, memory.block_valid)
+    _put(publisher, _LEARNING, memory.learning)
+    _put(publisher, _STATE, memory.block_state)
     frame = publisher.out[memory.frames]
     frame.payload[:] = 0
     frame.length = memory.length
     encode(publisher.values, publisher.table, frame.payload)
-    if memory.data_id >= 0:
-        protect(frame.payload, memory.length, memory.data_id, memory.counter)
-        memory.counter = (memory.counter + 1) & 0xFF
+    protect(frame.payload, memory.length, memory.e2e_profile, memory.data_id, memory.counter)
+    memory.counter += 1
     memory.filled = 0
     memory.frames += 1
+
+
+@njit(cache=True, nogil=True)
+def _put(publisher: Publisher, signal: int, value: float) -> None:
+    """One signal of the header, where the message has it."""
+    place = publisher.memory[0].header[signal]
+    if place >= 0:
+        publisher.values[place] = value

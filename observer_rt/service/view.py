@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import plotext
@@ -13,6 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.measured_mass import MeasuredMass
+from observer_rt.service.message_timing import summary_of
 from observer_rt.service.report import InjectionReport
 from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS
 
@@ -37,6 +39,7 @@ class _Shown:
     report: InjectionReport
     rate: NDArray[np.float64]
     references: Sequence[Reference]
+    measured: MeasuredMass | None = None
 
 
 class View:
@@ -65,6 +68,12 @@ class View:
         rate = self._daemon.core.rows(report.start, report.end + 1)["injection_rate"].copy()
         self._shown.append(_Shown(report, rate, self._references(report)))
 
+    def on_measured(self, measured: MeasuredMass) -> None:
+        """Take in the measured mass of an injection taken in before; to be called from the daemon's loop."""
+        for place, shown in enumerate(self._shown):
+            if shown.report is measured.report:
+                self._shown[place] = replace(shown, measured=measured)
+
     def render(self, now: int, width: int, height: int) -> RenderableType:
         """The whole view at a monotonic time [ns], for a terminal of `width` x `height` characters."""
         shown = list(self._shown)
@@ -88,8 +97,9 @@ class View:
         line.append(f" {state.name} ", style="bold white on green" if good else "bold white on red")
         if reason:
             line.append(f" {reason.name}", style="yellow")
+        is_off = "" if self._daemon.core.learning else " off"
         line.append(
-            f"  learning: {counters.adoptions} adopted, {counters.rejected_adoptions} rejected, "
+            f"  learning{is_off}: {counters.adoptions} adopted, {counters.rejected_adoptions} rejected, "
             f"{counters.late_adoptions} late\n"
         )
         line.append(
@@ -103,6 +113,7 @@ class View:
             f"troubles {self._daemon.troubles}",
             style="dim",
         )
+        line.append(f"\n {summary_of(self._daemon.core.timing)}", style="dim")
         return line
 
 
@@ -125,6 +136,9 @@ def _plot(shown: _Shown, sample_rate: float, size: tuple[int, int]) -> str:
 def _table(shown: Sequence[_Shown]) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
     names = [f"{reference.name}\nmg" for reference in shown[-1].references]
+    is_measured = any(item.measured for item in shown)
+    if is_measured:
+        names += ["measured\nmg", "error\n%"]
     for heading in ("\nno", "rail\nMPa", "mass\nmg", *names, "v_H\n-", ""):
         table.add_column(Text(heading), justify="right", no_wrap=True)
     for item in shown:
@@ -136,7 +150,15 @@ def _table(shown: Sequence[_Shown]) -> Table:
             f"{report.rail_pressure / MEGAPASCAL:.1f}",
             f"{report.mass / MILLIGRAM:.2f}",
             *(f"{reference.mass / MILLIGRAM:.2f}" for reference in item.references),
+            *(_measured(item) if is_measured else ()),
             f"{wear.value:+.3f}{sigma}",
             "[green]valid" if report.valid else f"[yellow]{report.reason.name}",
         )
     return table
+
+
+def _measured(shown: _Shown) -> tuple[str, str]:
+    """Measured mass, and the error of the estimate."""
+    if shown.measured is None:
+        return "-", "-"
+    return f"{shown.measured.mass / MILLIGRAM:.2f}", f"{100 * shown.measured.error:+.2f}"

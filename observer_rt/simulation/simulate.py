@@ -16,6 +16,7 @@ from observer_rt.recording.csv_file import (
     LINE_PRESSURE,
     NEEDLE_LIFT,
     TIME,
+    TRUTH_SUFFIX,
     Column,
     write_columns,
 )
@@ -72,7 +73,7 @@ def simulate(
 
 def truth_path(recording: Path) -> Path:
     """Where the truth of a recording goes: `FILE.truth.csv`."""
-    return recording.with_name(recording.name + ".truth.csv")
+    return recording.with_name(recording.name + TRUTH_SUFFIX)
 
 
 def write_truth(path: Path, truth: Truth) -> None:

@@ -5,8 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from observer_rt.bus.alignment import Placing, decide, make_alignment, place_block, store
-from observer_rt.bus.mapping import ROLES
+from observer_rt.bus.alignment import decide, store
+from observer_rt.bus.alignment_memory import make_alignment
+from observer_rt.bus.inputs import ROLES
+from observer_rt.bus.placing import Placing, place_block
 from observer_rt.config import Role
 from observer_rt.continuity import Break
 
@@ -63,7 +65,7 @@ class Aligner:
     role_of: Callable[[int], int] = lambda role: role
 
     def __post_init__(self) -> None:
-        self._alignment = make_alignment(len(self.roles), CLOSED_LIFT)
+        self._alignment = make_alignment([None] * len(self.roles), CLOSED_LIFT)
 
     def take(self, block: Block) -> Placing:
         raw = block.index % WRAP

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.bus.alignment import Placing
+from observer_rt.bus.placing import Placing
 from observer_rt.continuity import Break
 from tests.bus.alignment_driver import ONE, THREE, WRAP, Aligner, Block, value
 

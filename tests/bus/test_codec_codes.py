@@ -2,6 +2,7 @@
 
 import math
 import struct
+from typing import Literal
 
 import cantools.database
 import numpy as np
@@ -157,8 +158,13 @@ def test_unusable_signals_are_refused(message: Message, said: str) -> None:
     assert "Value" in str(caught.value)
 
 
-def test_multiplexed_signals_are_refused() -> None:
-    selector = Signal("Selector", 0, 8, is_multiplexer=True)
-    value = Signal("Value", 8, 8, multiplexer_ids=[1], multiplexer_signal="Selector")
-    with pytest.raises(UserError, match="Value: is multiplexed"):
-        signal_table(Message(1, "Message", 8, [selector, value]), ["Value"])
+@pytest.mark.parametrize(
+    ("start", "length", "order"), [(60, 8, "little_endian"), (56, 16, "big_endian"), (70, 1, "little_endian")]
+)
+def test_signals_beyond_the_message_are_refused(
+    start: int, length: int, order: Literal["little_endian", "big_endian"]
+) -> None:
+    """A database read leniently may have them; decoding them would read foreign memory."""
+    value = Signal("Value", start, length, byte_order=order)
+    with pytest.raises(UserError, match="Value: does not fit in the 8 bytes"):
+        signal_table(Message(1, "Message", 8, [value], strict=False), ["Value"])

@@ -1,6 +1,7 @@
 """Loading bus databases, our own layout, and errors that name what is wrong."""
 
 import hashlib
+import re
 from importlib.resources import files
 from pathlib import Path
 
@@ -12,10 +13,10 @@ from observer_rt.bus.database import (
     database_hash,
     error_code,
     find_message,
-    load_database,
     not_available_code,
     signal_names,
 )
+from observer_rt.bus.database_file import load_database, overlooked
 from observer_rt.errors import UserError
 
 OUR_LAYOUT = Path(str(files("observer_rt.data") / "observer_fd.dbc"))
@@ -60,17 +61,17 @@ def load_text(folder: Path, text: str) -> Database:
         ("NeedleLiftBlock", 0x111, 64, 28),
         ("LinePressureBlock", 0x112, 64, 28),
         ("InjectionRate", 0x200, 64, 28),
-        ("InjectionSummary", 0x201, 48, 1),
-        ("ObserverStatus", 0x202, 64, 1),
+        ("InjectionSummary", 0x201, 48, None),
+        ("ObserverStatus", 0x202, 64, None),
     ],
 )
-def test_our_messages(ours: Database, name: str, frame_id: int, length: int, samples: int) -> None:
+def test_our_messages(ours: Database, name: str, frame_id: int, length: int, samples: int | None) -> None:
     layout = MessageLayout.of(find_message(ours, name))
     assert (layout.frame_id, layout.length, layout.samples_per_frame) == (frame_id, length, samples)
     assert layout.is_fd
     assert not layout.is_extended
     assert layout.e2e_profile == 5
-    if samples > 1:
+    if samples:
         assert layout.sample_period_ns == 10_000
 
 
@@ -129,7 +130,7 @@ def test_a_users_database(tmp_path: Path) -> None:
     message = find_message(load_text(tmp_path, USER_DBC), "Pressures")
     layout = MessageLayout.of(message)
     assert (layout.frame_id, layout.is_extended, layout.is_fd) == (0x400, True, False)
-    assert layout.sample_period_ns == 1_500_000
+    assert (layout.samples_per_frame, layout.cycle_time_ns) == (2, 3_000_000)
     assert layout.e2e_profile is None
     assert not_available_code(message.get_signal_by_name("Rail1")) == 0xFFFF
     assert not_available_code(message.get_signal_by_name("Rail2")) is None
@@ -176,17 +177,53 @@ def test_wrong_message_name(ours: Database) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "line", "said", "may_be_lenient"),
     [
-        (("Rail1 : 7|16@0+", "Rail1 : 7|16@0*"), "line 4, column"),
-        (("Rail1 : 7|16@0+", "Rail1 : 7|17@0+"), "Rail1.*overlapping|overlapping.*Rail1"),
-        (("Line3 : 55|16@0-", "Line3 : 55|17@0-"), "Line3 does not fit in message Pressures"),
+        (("Rail1 : 7|16@0+", "Rail1 : 7|16@0*"), 4, "Invalid syntax", False),
+        (("Rail1 : 7|16@0+", "Rail1 : 7|17@0+"), 5, "Rail2 and Rail1 are overlapping", True),
+        (("Line3 : 55|16@0-", "Line3 : 55|17@0-"), 7, "Line3 does not fit in message Pressures", True),
+        (("Rail2 : 23|16@0+", "Rail2 : 23|0@0+"), 5, "Rail2 length 0 is not greater than 0", False),
+        (("BO_ 2147484672 P", "BO_ 4096 P"), 3, "Standard frame id 0x1000 is more than 11 bits", False),
+        (('BA_DEF_ BO_ "GenMsgCycleTime"', 'BA_DEF_ BO_ "Other"'), 16, "uses GenMsgCycleTime", False),
     ],
 )
-def test_faulty_databases_are_refused(tmp_path: Path, change: tuple[str, str], said: str) -> None:
+def test_faulty_databases_are_refused_with_file_line_and_reason(
+    tmp_path: Path, change: tuple[str, str], line: int | None, said: str, may_be_lenient: bool
+) -> None:
+    assert change[0] in USER_DBC
+    text = USER_DBC.replace(*change)
     with pytest.raises(UserError, match=said) as caught:
-        load_text(tmp_path, USER_DBC.replace(*change))
-    assert "user.dbc" in str(caught.value)
+        load_text(tmp_path, text)
+    path = tmp_path / "user.dbc"
+    assert caught.value.place == (str(path) if line is None else f"{path}:{line}")
+    assert ("lenient = true" in caught.value.remedy) == may_be_lenient
+    if may_be_lenient:
+        database = load_database(path, lenient=True)
+        assert any(re.search(said, complaint) for complaint in overlooked(database))
+    else:
+        with pytest.raises(UserError, match=said):
+            load_database(path, lenient=True)
+
+
+def test_nothing_is_overlooked_in_a_correct_database(tmp_path: Path) -> None:
+    load_text(tmp_path, USER_DBC)
+    assert overlooked(load_database(tmp_path / "user.dbc", lenient=True)) == []
+
+
+@pytest.mark.parametrize(
+    ("names", "codes"),
+    [
+        ('65535 "SNA" 65534 "Error"', (65535, 65534)),
+        ('65533 "Signal not available"', (65533, None)),
+        ('0 "off" 1 "on"', (None, None)),
+    ],
+)
+def test_codes_named_in_a_value_table(
+    tmp_path: Path, names: str, codes: tuple[int | None, int | None]
+) -> None:
+    text = USER_DBC + f"VAL_ 2147484672 Rail2 {names} ;\n"
+    signal = find_message(load_text(tmp_path, text), "Pressures").get_signal_by_name("Rail2")
+    assert (not_available_code(signal), error_code(signal)) == codes
 
 
 def test_missing_database(tmp_path: Path) -> None:

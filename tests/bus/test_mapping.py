@@ -4,13 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.database import find_message, load_database
+from observer_rt.bus.database import find_message, not_available_code
+from observer_rt.bus.database_file import load_database
+from observer_rt.bus.e2e import UNPROTECTED
 from observer_rt.bus.mapping import BusMap, frame_key, map_bus
-from observer_rt.config import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
+from observer_rt.bus.outputs import STATUS_SIGNALS, SUMMARY_SIGNALS, output_message, rate_message
+from observer_rt.config import EXAMPLE_BENCH, PACKAGE_DATA, Role, load_bench
 from observer_rt.errors import UserError
 from observer_rt.observer.state import Reason, State
 
 FD_DATABASE = PACKAGE_DATA / "observer_fd.dbc"
+CLASSIC_DATABASE = PACKAGE_DATA / "observer_classic.dbc"
 USER_DBC = """VERSION ""
 BU_: Device
 BO_ 291 Daq: 24 Device
@@ -33,7 +37,7 @@ BA_DEF_DEF_ "E2EProfile" 0;
 BA_DEF_DEF_ "E2EDataId" 0;
 BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
 BA_ "VFrameFormat" BO_ 291 14;
-BA_ "E2EProfile" BO_ 292 1;
+BA_ "E2EProfile" BO_ 292 2;
 BA_ "E2EDataId" BO_ 292 7;
 """
 
@@ -67,7 +71,8 @@ def test_example_bench_maps_our_layout() -> None:
     (message,) = bus.inputs.messages
     assert int(message["key"]) == 0x100
     assert (int(message["length"]), int(message["samples"])) == (64, 9)
-    assert bus.rate_samples == 28
+    assert bus.rate is not None
+    assert bus.rate.samples == 28
     assert [out.layout.name for out in (bus.rate, bus.summary, bus.status)] == [
         "InjectionRate",
         "InjectionSummary",
@@ -78,19 +83,21 @@ def test_example_bench_maps_our_layout() -> None:
 def test_every_signal_we_send_is_in_our_layout() -> None:
     """A name misspelt in code would never go out."""
     bus = map_bus(load_bench())
-    for out in (bus.rate, bus.summary, bus.status):
-        assert len(out.names) == len(out.table)
-    assert {"Mass", "NozzleWear", "EndIndex", "LinePressureOffset"} <= set(bus.summary.names)
-    assert {"LateAdoptions", "CrcErrors", "ModelHash", "Reason"} <= set(bus.status.names)
+    (summary,), (status,) = bus.summary.pages, bus.status.pages
+    for page in (summary, status):
+        assert len(page.names) == len(page.table)
+    assert {"Mass", "NozzleWear", "EndIndex", "LinePressureOffset"} <= set(summary.names)
+    assert {"LateAdoptions", "CrcErrors", "ModelHash", "Reason"} <= set(status.names)
 
 
 def test_users_own_database(tmp_path: Path) -> None:
     bus = user_map(tmp_path)
     (message,) = bus.inputs.messages
     assert int(message["key"]) == 291
-    assert int(message["data_id"]) == -1
+    assert int(message["e2e_profile"]) == UNPROTECTED
     assert int(message["samples"]) == 1
-    assert message["factor"].tolist() == [1e5, 1e-6, 1e5]
+    (group,) = bus.inputs.groups
+    assert group["factor"].tolist() == [1e5, 1e-6, 1e5]
 
 
 def test_number_of_an_extended_frame_is_another() -> None:
@@ -136,10 +143,19 @@ def test_different_numbers_of_samples(tmp_path: Path) -> None:
     assert "2" in error.problem
 
 
-def test_message_without_an_index(tmp_path: Path) -> None:
-    error = refusal(tmp_path, rail_pressure='signal = "Rail"\nindex = "SampleIndex"')
+def test_signals_of_a_message_have_one_index(tmp_path: Path) -> None:
+    error = refusal(tmp_path, line_pressure='signal = "Line"\nindex = "Second"')
+    assert error.place.endswith("signals.line_pressure.index")
+    assert "Daq" in error.problem
+
+
+def test_index_that_is_not_there(tmp_path: Path) -> None:
+    names = ("Rail", "Lift", "Line")
+    lines = {f"{role}": f'signal = "{name}"\nindex = "Indx"' for role, name in zip(Role, names, strict=True)}
+    error = refusal(tmp_path, **lines)
     assert error.place.endswith("signals.rail_pressure.index")
     assert "sample index" in error.problem
+    assert 'index = ""' in error.remedy
 
 
 @pytest.mark.parametrize("index", ["Short", "Signed", "Steps"])
@@ -159,8 +175,21 @@ def test_index_that_cannot_be_unwrapped(tmp_path: Path, index: str) -> None:
 def test_protection_that_is_not_supported(tmp_path: Path) -> None:
     error = refusal(tmp_path, rail_pressure='message = "Guarded"\nsignal = "Rail"')
     assert "Guarded" in error.place
-    assert "profile 1" in error.problem
-    assert "5" in error.remedy
+    assert "profile 2" in error.problem
+    assert "1 and 5" in error.remedy
+
+
+def test_a_message_too_short_for_its_protection(tmp_path: Path) -> None:
+    path = tmp_path / "short.dbc"
+    attributes = USER_DBC[USER_DBC.index("BA_DEF_") :].replace(
+        'E2EProfile" BO_ 292 2', 'E2EProfile" BO_ 292 5'
+    )
+    text = (
+        'VERSION ""\nBU_: A\nBO_ 291 Long: 64 A\nBO_ 292 Short: 2 A\n SG_ State : 0|3@1+ (1,0) [0|0] "" A\n'
+    )
+    path.write_text(text + attributes)
+    with pytest.raises(UserError, match="has 2 bytes, which E2E profile 5"):
+        output_message(find_message(load_database(path), "Short"), ["State"])
 
 
 @pytest.mark.parametrize(
@@ -179,9 +208,44 @@ def test_output_message_that_is_not_there(tmp_path: Path, key: str, name: str) -
 
 
 @pytest.mark.parametrize("message", ["InjectionSummary", "ObserverStatus"])
-def test_the_database_names_every_state_and_reason(message: str) -> None:
-    signals = {signal.name: signal for signal in find_message(load_database(FD_DATABASE), message).signals}
+@pytest.mark.parametrize("database", [FD_DATABASE, CLASSIC_DATABASE])
+def test_the_databases_name_every_state_and_reason(database: Path, message: str) -> None:
+    signals = {signal.name: signal for signal in find_message(load_database(database), message).signals}
     for signal, meaning in (("State", State), ("Reason", Reason)):
         choices = signals[signal].choices
         assert choices is not None
         assert {int(code): str(name) for code, name in choices.items()} == {m.value: m.name for m in meaning}
+
+
+@pytest.mark.parametrize(
+    ("message", "names", "pages"),
+    [("InjectionSummary", SUMMARY_SIGNALS, 7), ("ObserverStatus", STATUS_SIGNALS, 12)],
+)
+def test_the_classic_layout_carries_what_the_fd_layout_does(
+    message: str, names: tuple[str, ...], pages: int
+) -> None:
+    classic = output_message(find_message(load_database(CLASSIC_DATABASE), message), names)
+    assert len(classic.pages) == pages
+    assert {name for page in classic.pages for name in page.names} == set(names)
+    fd = find_message(load_database(FD_DATABASE), message)
+    for signal in find_message(load_database(CLASSIC_DATABASE), message).signals:
+        if signal.name in names:
+            other = fd.get_signal_by_name(signal.name)
+            assert (signal.length, signal.scale, signal.offset) == (other.length, other.scale, other.offset)
+            assert not_available_code(signal) == not_available_code(other)
+
+
+def test_a_rate_message_may_lack_header_signals_but_not_be_multiplexed(tmp_path: Path) -> None:
+    text = 'VERSION ""\nBU_: A\nBO_ 1 Rates: 8 A\n SG_ Page M : 0|8@1+ (1,0) [0|0] "" A\n'
+    text += (
+        ' SG_ InjectionRate_00 : 8|16@1+ (0.01,0) [0|0] "" A\n SG_ State MARK : 24|3@1+ (1,0) [0|0] "" A\n'
+    )
+    text += ' SG_ InjectionRate_01 MARK : 32|16@1+ (0.01,0) [0|0] "" A\n'
+    path = tmp_path / "rates.dbc"
+    path.write_text(text.replace("MARK ", ""))
+    rate = rate_message(find_message(load_database(path), "Rates"))
+    assert rate.page.names == ("State", "InjectionRate_00", "InjectionRate_01")
+    assert rate.samples == 2
+    path.write_text(text.replace("State MARK", "State m0").replace("MARK", "m1"))
+    with pytest.raises(UserError, match="multiplexed"):
+        rate_message(find_message(load_database(path), "Rates"))

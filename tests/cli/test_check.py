@@ -66,7 +66,7 @@ def test_error_found_is_exit_code_1(command: Command, bench: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "key"),
     [
-        ("rate_hz", "rate_hzz", "sampling.rate_hzz: unknown key"),
+        ("\nrate_hz", "\nrate_hzz", "sampling.rate_hzz: unknown key"),
         ("rate_hz = 50e3", "rate_hz = -1", "sampling.rate_hz"),
         ("injector_id = 1", 'injector_id = "one"', "outputs.injector_id"),
         ("[link]", "[link", "is not valid TOML"),

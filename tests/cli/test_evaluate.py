@@ -8,6 +8,10 @@ from typing import Any
 
 import pytest
 
+from observer_rt.bus.mapping import map_bus
+from observer_rt.config import load_bench
+from observer_rt.recording.files import read_recording
+from observer_rt.recording.framing import Framer, whole
 from tests.cli.conftest import Command
 
 INJECTION_KEYS = {
@@ -206,7 +210,8 @@ def test_model_replaces_that_of_the_bench(command: Command, worn: Path, bench: P
         (("{worn}", "--state", "{here}/no.json"), "--state {here}/no.json: no such file"),
         (("{worn}", "--bench", "{here}/no.toml"), "{here}/no.toml: no such file"),
         (("{here}/no.csv",), "{here}/no.csv: no such file"),
-        (("{here}/a.log",), "known suffixes: .csv, .mf4"),
+        (("{here}/a.log",), "{here}/a.log: no such file"),
+        (("{here}/a.db",), "known suffixes: .csv, .mf4, .log, .blf, .asc, .trc"),
         (("{here}",), "known suffixes: .csv, .mf4"),
     ],
 )
@@ -236,3 +241,25 @@ def test_recording_at_another_rate_than_the_users_bench(command: Command, restin
     outcome = command("evaluate", resting, "--bench", bench)
     assert outcome.code == 2
     assert "sampling.rate_hz: is 50000 Hz" in outcome.err
+
+
+def test_a_log_is_evaluated_as_the_recording_it_was_made_of(
+    command: Command, worn: Path, bench: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "bus.log"
+    recording = read_recording(worn)
+    frames = Framer(map_bus(load_bench(bench))).frames(recording, whole(recording))
+    log.write_text(
+        "(0.0) can0 123#R\n"
+        + "".join(f"({f.time:.6f}) can0 {f.frame_id:03X}##1{f.payload.hex()}\n" for f in frames)
+    )
+    expected = json.loads(command("evaluate", worn, "--bench", bench, "--json").out)["recordings"][0]
+    outcome = command("evaluate", log, "--bench", bench, "--json")
+    assert outcome.code == 0
+    assert f"{log}: left out: 1 remote frame" in outcome.err
+    found = json.loads(outcome.out)["recordings"][0]
+    assert [i["mass_mg"] for i in found["injections"]] == [i["mass_mg"] for i in expected["injections"]]
+    assert command("evaluate", log, "--bench", bench, "--from-channel", "can7").code == 2
+    refused = command("evaluate", log, worn, "--bench", bench, "--chain")
+    assert refused.code == 2
+    assert "convert the logs first" in refused.err

@@ -14,7 +14,7 @@ import cantools.database
 import pytest
 
 from observer_rt.config import PACKAGE_DATA
-from tests.cli.conftest import Command
+from tests.cli.conftest import Command, Outcome
 
 CHANNEL = "replay-test"
 ON_BUS = ("--interface", "virtual", "--channel", CHANNEL)
@@ -81,6 +81,76 @@ def test_log_is_sent_as_recorded(command: Command, bus: can.BusABC, tmp_path: Pa
     assert (second.arbitration_id, second.is_extended_id, second.is_fd) == (0x456, True, False)
 
 
+def test_the_bit_rate_is_switched_as_recorded(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
+    log = tmp_path / "bus.log"
+    log.write_text("(100.0) can0 123##1AA\n(100.1) can0 123##0AA\n(100.2) can0 123#AA\n")
+    assert command("replay", log, *ON_BUS, "--speed", "0").code == 0
+    assert [(m.is_fd, m.bitrate_switch) for m in received(bus)] == [
+        (True, True),
+        (True, False),
+        (False, False),
+    ]
+
+
+def test_frames_go_out_under_other_identifiers(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
+    log = tmp_path / "bus.log"
+    log.write_text("(100.000000) can0 123##1AABBCC\n(100.001000) can0 00000456#DD\n")
+    outcome = command("replay", log, *ON_BUS, "--map-id", "0x456=0x18DAF110")
+    assert outcome.code == 0
+    first, second = received(bus)
+    assert (first.arbitration_id, first.is_extended_id) == (0x123, False)
+    assert (second.arbitration_id, second.is_extended_id) == (0x18DAF110, True)
+
+
+def test_channels_of_a_log_go_onto_their_own_bus(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
+    log = tmp_path / "bus.log"
+    log.write_text("(100.0) can0 100#00\n(100.1) can1 101#01\n(100.2) can2 102#02\n(100.3) can1 101#03\n")
+    maps = ("--map-channel", "can0=elsewhere", "--map-channel", f"can1={CHANNEL}")
+    with can.Bus(interface="virtual", channel="elsewhere") as other:
+        assert command("replay", log, *ON_BUS, "--speed", "0", *maps).code == 0
+        assert [bytes(m.data) for m in received(other)] == [b"\x00"]
+    assert [bytes(m.data) for m in received(bus)] == [b"\x01", b"\x03"]
+    outcome = command("replay", log, *ON_BUS, "--speed", "0")
+    assert "frames of can0, can1, can2 all go onto one bus" in outcome.err
+
+
+def test_what_a_log_leaves_out_is_told(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
+    log = tmp_path / "bus.log"
+    log.write_text("(100.0) can0 100#00\n(100.1) can0 100#R\n# 12 frames lost before this\n")
+    outcome = command("replay", log, *ON_BUS)
+    assert "left out: 1 remote frame" in outcome.err
+    assert "12 frames were lost while it was recorded" in outcome.err
+
+
+def test_a_bus_where_others_send_the_same_is_refused_unless_forced(
+    command: Command, bus: can.BusABC, worn: Path
+) -> None:
+    part = ("--start", "0.1", "--stop", "0.11", "--speed", "0")
+
+    def while_sending(identifier: int, *arguments: str) -> Outcome:
+        over = threading.Event()
+
+        def send() -> None:
+            while not over.wait(0.01):
+                bus.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=b"\1"))
+
+        sender = threading.Thread(target=send)
+        sender.start()
+        try:
+            return command("replay", worn, *ON_BUS, *part, *arguments)
+        finally:
+            over.set()
+            sender.join()
+
+    refused = while_sending(BLOCK.frame_id)
+    assert refused.code == 2
+    assert f"identifier 0x{BLOCK.frame_id:X} come in already" in refused.err
+    assert not received(bus)
+    assert while_sending(BLOCK.frame_id + 1).code == 0
+    assert while_sending(BLOCK.frame_id, "--map-id", f"{BLOCK.frame_id}=0x7F0").code == 0
+    assert while_sending(BLOCK.frame_id, "--force").code == 0
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_an_endless_replay(command: Command, worn: Path, number: signal.Signals) -> None:
     with can.Bus(interface="virtual", channel=CHANNEL, fd=True) as bus:
@@ -103,7 +173,13 @@ def test_signal_ends_an_endless_replay(command: Command, worn: Path, number: sig
     [
         (("{here}/no.csv",), "no.csv: no such file"),
         (("{here}/no.log",), "no.log: no such file"),
-        (("{here}/no.blf",), "known suffixes: .csv, .mf4, .log"),
+        (("{here}/no.blf",), "no.blf: no such file"),
+        (("{here}/no.xyz",), "known suffixes: .csv, .mf4, .log, .blf, .asc, .trc"),
+        (("{log}", "--map-id", "0x123"), "--map-id: '0x123' is not of the form FROM=TO"),
+        (("{log}", "--map-id", "0x124=0x200"), "--map-id: no frame with identifier 0x124"),
+        (("{log}", "--map-id", "0x123=0x800"), "--map-id: 0x800 is too long for the standard frame 0x123"),
+        (("{log}", "--map-channel", "can7=x"), "channel can7: is not in"),
+        (("{worn}", "--map-channel", "can7=x"), "is no CAN log: it has no channels"),
         (("{worn}", "--start", "0.2", "--stop", "0.1"), "--start, --stop: 0.2 s is not before 0.1 s"),
         (("{worn}", "--start", "nan"), "--start, --stop"),
         (("{worn}", "--start", "99"), "select 0 samples"),

@@ -15,9 +15,9 @@ from observer_rt.estimation.phases import (
 from observer_rt.observer.adequacy import (
     LARGEST_LAG,
     LARGEST_OFFSET,
-    Doubt,
     Finding,
     Freezer,
+    Mistrust,
     findings,
     inadequate_phase,
     looks_like_inertance,
@@ -177,8 +177,8 @@ def test_vanished_nozzle_is_still_a_number() -> None:
 
 def doubts(*reasons: Reason | None) -> list[Reason | None]:
     """Why what was learned is set aside after each of the events; None as a reason: it passed."""
-    doubt = Doubt()
-    found = [doubt.after([] if r is None else [Finding(r)]) for r in reasons]
+    mistrust = Mistrust()
+    found = [mistrust.after([] if r is None else [Finding(r)]) for r in reasons]
     return [None if finding is None else finding.reason for finding in found]
 
 

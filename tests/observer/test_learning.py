@@ -280,7 +280,9 @@ def test_standstill_that_contradicts_the_model_freezes_learning() -> None:
         if outcome.verdict is Verdict.FROZEN:
             assert not carried.any()
             assert not outcome.knowledge.belief.mean.any()
-            assert outcome.findings  # nothing is valid while frozen, the good events before the release included
+            assert (
+                outcome.findings
+            )  # nothing is valid while frozen, the good events before the release included
     assert verdicts[:3] == [Verdict.ADOPTED, Verdict.FROZEN, Verdict.FROZEN]
     assert verdicts[5] is Verdict.FROZEN  # fewer than three good events since
     assert Verdict.FROZEN not in verdicts[-2:]

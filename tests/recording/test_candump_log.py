@@ -7,7 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.errors import UserError
-from observer_rt.recording.candump_log import CandumpLog, LogFrame
+from observer_rt.recording.candump_log import CandumpLog
+from observer_rt.recording.log import LogFrame
 
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 

@@ -104,11 +104,20 @@ def test_semicolons(tmp_path: Path) -> None:
     assert "separated by ';'" in message(write(tmp_path, HEADER.replace(",", ";") + "\n0;1,5;0;1\n"))
 
 
-@pytest.mark.parametrize("text", ["", "\n", HEADER, HEADER + "\n", HEADER + "\n0,1,1,1\n"])
-def test_too_short_files(tmp_path: Path, text: str) -> None:
-    assert "line 1" in message(write(tmp_path, text)) or "a recording needs at least 2" in message(
-        write(tmp_path, text)
-    )
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "is empty"),
+        ("\n", "is empty, or begins with an empty line"),
+        (HEADER, "holds no sample"),
+        (HEADER + "\n", "holds no sample"),
+        (HEADER + "\n0,1,1,1\n", "line 2: holds one sample only"),
+    ],
+)
+def test_too_short_files(tmp_path: Path, text: str, said: str) -> None:
+    found = message(write(tmp_path, text))
+    assert said in found
+    assert "cut it at the gap" not in found
 
 
 @pytest.mark.parametrize("bad", ["abc", "1.2.3", "--", "0x10"])
@@ -161,3 +170,12 @@ def test_a_million_rows_take_seconds(tmp_path: Path) -> None:
     read = read_csv(tmp_path / "long.csv")
     assert time.perf_counter() - begin < 20.0  # 2 s on an idle machine
     assert np.array_equal(read.rail_pressure, pressure)
+
+
+def test_truth_of_a_simulation_is_refused_by_name(tmp_path: Path) -> None:
+    """`*.csv` catches it, too."""
+    path = tmp_path / "worn.csv.truth.csv"
+    path.write_text("time_s,sac_pressure_MPa\n0,5\n")
+    with pytest.raises(UserError, match="truth behind a simulated recording") as error:
+        read_csv(path)
+    assert "leave it out" in str(error.value.remedy)

@@ -27,7 +27,9 @@ class Sink(Link):
     def receive(self, timeout_s: float) -> Frame | None:
         return None
 
-    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
+    def send(
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+    ) -> None:
         self.stamps.append(time.monotonic())
         self.sent.append((frame_id, payload, is_extended, is_fd))
 
@@ -125,7 +127,9 @@ def test_progress_rises_with_the_time_of_the_recording() -> None:
 
 def test_a_failing_link_ends_the_replay() -> None:
     class Broken(Sink):
-        def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
+        def send(
+            self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+        ) -> None:
             raise RunError("the interface went away")
 
     with pytest.raises(RunError, match="went away"):

@@ -43,6 +43,7 @@ class Frame:
 
     frame_id: int
     payload: bytes
+    stamp_ns: int = 0
 
 
 def bench_text(messages: dict[str, str], extra: str = "", dbc: str = "observer_fd.dbc") -> str:
@@ -150,7 +151,7 @@ def run(bench: Path, frames: Iterable[Frame], knowledge: Knowledge | None = None
     core = Core(loaded, map_bus(loaded), knowledge, on_report=reports.append)
     out: list[OutputFrame] = []
     for frame in frames:
-        out += core.handle(frame.frame_id, False, frame.payload)
+        out += core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
     return Result(core, out + core.finish(), reports)
 
 

@@ -64,7 +64,9 @@ class ScriptedLink(Link):
         time.sleep(timeout_s)
         return None
 
-    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
+    def send(
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+    ) -> None:
         self.sent.append(Frame(frame_id, payload, 0, is_extended, is_fd))
 
     @property

@@ -1,6 +1,7 @@
 """The core on frames made and read by plain cantools and autosar-e2e: undisturbed traffic."""
 
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -72,15 +73,28 @@ def test_same_frames_same_bytes(bench: Path, frames: list[Frame], result: Result
     assert run(bench, frames).frames == result.frames
 
 
+@pytest.mark.parametrize("messages", [ONE_MESSAGE, THREE_MESSAGES], ids=["one message", "three messages"])
+def test_stamps_change_nothing_where_messages_share_an_index(
+    tmp_path: Path, messages: dict[str, str]
+) -> None:
+    """Not a bit of what goes out, whatever the receiver's clock does: it stands still, or it runs wild."""
+    bench = tmp_path / "bench.toml"
+    bench.write_text(bench_text(messages))
+    frames = Device(messages).send(recording(), 0, 14_000)
+    random = np.random.default_rng(7)
+    wild = [replace(frame, stamp_ns=int(random.integers(-(1 << 62), 1 << 62))) for frame in frames]
+    assert run(bench, wild).frames == run(bench, frames).frames
+
+
 def test_frames_of_others_change_nothing(bench: Path, frames: list[Frame], result: Result) -> None:
     loaded = load_bench(bench)
     core = Core(loaded, map_bus(loaded))
     out = []
     for frame in frames:
-        out += core.handle(0x7FF, False, b"\x00" * 8)
-        out += core.handle(frame.frame_id, True, frame.payload)  # an extended frame with our number
-        out += core.handle(frame.frame_id, False, frame.payload)
-        out += core.handle(0x200, False, frame.payload)  # our own output, by somebody else
+        out += core.handle(0x7FF, False, b"\x00" * 8, 0)
+        out += core.handle(frame.frame_id, True, frame.payload, 0)  # an extended frame with our number
+        out += core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+        out += core.handle(0x200, False, frame.payload, 0)  # our own output, by somebody else
     assert out + core.finish() == result.frames
     assert core.counters.frames == len(frames)
 
@@ -159,7 +173,7 @@ def test_learning_switched_off(bench: Path, frames: list[Frame]) -> None:
     loaded = load_bench(bench)
     core = Core(loaded, map_bus(loaded), learning=False)
     for frame in frames:
-        core.handle(frame.frame_id, False, frame.payload)
+        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
     core.finish()
     assert core.counters.adoptions == 0
     assert core.counters.events == 3
@@ -177,7 +191,7 @@ def test_learning_that_is_late_is_skipped_and_counted(bench: Path, frames: list[
     loaded = load_bench(bench)
     core = Core(loaded, map_bus(loaded), executor=NeverDone())
     for frame in frames:
-        core.handle(frame.frame_id, False, frame.payload)
+        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
     assert core.counters.late_adoptions == 3
     assert core.counters.adoptions == 0
     assert core.counters.samples > 14_900

@@ -64,7 +64,7 @@ def _through(bench: Path, frames: Iterator[tuple[int, bool, bytes]]) -> Result:
     core = Core(loaded, map_bus(loaded))
     out = []
     for frame_id, is_extended, payload in frames:
-        out += core.handle(frame_id, is_extended, payload)
+        out += core.handle(frame_id, is_extended, payload, 0)
     return Result(core, out + core.finish(), [])
 
 

@@ -27,7 +27,9 @@ class NarrowLink(Link):
     def receive(self, timeout_s: float) -> Frame | None:
         raise NotImplementedError
 
-    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
+    def send(
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+    ) -> None:
         raise AssertionError("would wait")
 
     def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:

@@ -43,7 +43,7 @@ def view(path: Path) -> View:
     daemon = Daemon(bench, map_bus(bench), ScriptedLink(), on_report=view.on_report)
     view.watch(daemon)
     for frame in Framer(map_bus(bench)).frames(recording, whole(recording)):
-        daemon.core.handle(frame.frame_id, frame.is_extended, frame.payload)
+        daemon.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
     daemon.core.finish()
     return view
 

@@ -25,6 +25,7 @@ from tools.benchmarks.discovery.run import Plan as DiscoveryPlan
 from tools.benchmarks.discovery.run import print_results as print_discovery
 from tools.benchmarks.discovery.run import run_discovery
 from tools.benchmarks.figures import save_figures
+from tools.benchmarks.formats import formats_document, formats_table, measure_formats
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.runs import Plan
@@ -103,6 +104,19 @@ def discovery(
         print(json.dumps(discovery_tables.json_document(found.results, found.crashes), indent=2))
     else:
         print_discovery(found, _console())
+
+
+@app.command(epilog="Example: tools/bench formats --frames 100000")
+def formats(
+    frames: Annotated[int, typer.Option(min=1000, help="CAN frames, or as many samples.")] = 50_000,
+    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+) -> None:
+    """What each file format holds, how exactly it keeps time, and how fast it is written and read."""
+    found = measure_formats(frames)
+    if as_json:
+        print(json.dumps(formats_document(found), indent=2))
+    else:
+        _console().print(formats_table(found))
 
 
 @app.command(epilog="Example: tools/bench peer-tuning --peer ekf")

@@ -10,7 +10,7 @@ from observer_rt.evaluation.evaluate import Evaluation, Trace, evaluate
 from observer_rt.observer.state import State
 from observer_rt.recording.framing import Span, windows
 from observer_rt.recording.recording import Recording
-from observer_rt.service.core import Counters
+from observer_rt.service.counters import Counters
 from observer_rt.service.learners import LearnerFactory
 
 

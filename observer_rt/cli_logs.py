@@ -1,0 +1,136 @@
+"""Commands between files and buses: `replay`, `record` and `convert`."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from observer_rt.cli_options import BenchOption, FromChannelOption, JsonOption
+from observer_rt.config import EXAMPLE_BENCH
+
+if TYPE_CHECKING:
+    from observer_rt.config import Bench
+
+ChannelOption = Annotated[str | None, typer.Option("--channel", help="CAN channel, instead of the bench's.")]
+InterfaceOption = Annotated[
+    str | None, typer.Option("--interface", help="python-can interface, instead of the bench's.")
+]
+MEGABYTE = 1_000_000
+messages = Console(stderr=True)
+
+
+def replay(
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            help="Recording (.csv, .mf4) or CAN log (.blf, .asc, .log, .trc, .mf4).",
+            metavar="RECORDING",
+            show_default=False,
+        ),
+    ],
+    bench: BenchOption = EXAMPLE_BENCH,
+    channel: ChannelOption = None,
+    interface: InterfaceOption = None,
+    speed: Annotated[
+        float, typer.Option("--speed", help="1 = real time; 0 = as fast as the bus takes.", min=0.0)
+    ] = 1.0,
+    loop: Annotated[int, typer.Option("--loop", help="How often; 0 = until stopped.", min=0)] = 1,
+    start: Annotated[
+        float | None, typer.Option("--start", help="From this time of the recording [s].")
+    ] = None,
+    stop: Annotated[float | None, typer.Option("--stop", help="To this time of the recording [s].")] = None,
+    windowed: Annotated[
+        bool, typer.Option("--windowed", help="Only about 6 ms round each injection.")
+    ] = False,
+    map_id: Annotated[
+        list[str] | None,
+        typer.Option("--map-id", help="Send under another identifier; repeatable.", metavar="FROM=TO"),
+    ] = None,
+    map_channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map-channel", help="Frames of this channel of a log onto that bus only.", metavar="FROM=TO"
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Send although others send the same identifiers.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Send a recording onto a bus as the measuring devices would, on an absolute time grid."""
+    from observer_rt.config import load_bench
+    from observer_rt.recording.replay import ReplayOptions, replay_onto
+
+    chosen = _with_link(load_bench(bench), interface, channel)
+    options = ReplayOptions(speed, loop, start, stop, windowed, map_id or (), map_channel or (), force)
+    statistics = replay_onto(chosen, recording, options, messages)
+    if as_json:
+        print(json.dumps(statistics.as_json(), indent=2))
+    else:
+        print(statistics.as_text())
+
+
+def record(
+    out: Annotated[Path, typer.Option("--out", help="Log to write (.blf, .log).", metavar="FILE")],
+    bench: BenchOption = EXAMPLE_BENCH,
+    channel: ChannelOption = None,
+    interface: InterfaceOption = None,
+    duration: Annotated[
+        float | None, typer.Option("--duration", help="End after this time [s].", min=0.0)
+    ] = None,
+    frames: Annotated[int | None, typer.Option("--frames", help="End after so many frames.", min=1)] = None,
+    rotate_size: Annotated[
+        float | None, typer.Option("--rotate-size", help="Begin a new file at this size [MB].", min=0.001)
+    ] = None,
+    rotate_time: Annotated[
+        float | None, typer.Option("--rotate-time", help="Begin a new file after this time [s].", min=0.001)
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that are there already.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write every frame of a bus into a log, until stopped; how many were lost is noted in it."""
+    from observer_rt.config import load_bench
+    from observer_rt.recording.record_command import record_bus
+    from observer_rt.recording.recorder import RecordLimits
+
+    limits = RecordLimits(
+        duration, frames, None if rotate_size is None else round(rotate_size * MEGABYTE), rotate_time
+    )
+    link = _with_link(load_bench(bench), interface, channel).config.link
+    statistics = record_bus(link, out, limits, force, messages)
+    print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
+
+
+def convert(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="Recording (.csv, .mf4) or CAN log (.blf, .asc, .log, .trc, .mf4).",
+            metavar="IN",
+            show_default=False,
+        ),
+    ],
+    target: Annotated[
+        Path,
+        typer.Argument(help="File to write, in the format of its suffix.", metavar="OUT", show_default=False),
+    ],
+    bench: Annotated[
+        Path | None,
+        typer.Option("--bench", help="Bench file by which a log becomes a recording.", metavar="FILE"),
+    ] = None,
+    from_channel: FromChannelOption = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it is there already.")] = False,
+) -> None:
+    """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""
+    from observer_rt.config import load_bench
+    from observer_rt.convert import convert as convert_file
+
+    chosen = None if bench is None else load_bench(bench)
+    print(convert_file(source, target, chosen, from_channel, force, messages))
+
+
+def _with_link(bench: "Bench", interface: str | None, channel: str | None) -> "Bench":
+    link = bench.config.link.replaced(interface, channel)
+    return bench.model_copy(update={"config": bench.config.model_copy(update={"link": link})})

@@ -1,0 +1,274 @@
+"""Logs as Vector's tools write them in text: `.asc`, hexadecimal or decimal, times absolute or from line to line."""
+
+import re
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+
+import can.util
+
+from observer_rt.errors import UserError
+from observer_rt.recording.log import (
+    CLASSIC_LENGTH,
+    FD_LENGTHS,
+    NANOSECONDS,
+    ChannelNumbers,
+    LogFrame,
+    LogReader,
+    LogWriter,
+    text_nanoseconds,
+)
+
+MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
+DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+MONTHS_ELSEWHERE = {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12}
+FLAG_REMOTE, FLAG_FD, FLAG_BIT_RATE_SWITCH, FLAG_ERROR_STATE = 0x10, 0x1000, 0x2000, 0x4000
+_TIME = re.compile(r"\d+(?:[.,]\d+)?")
+_DATE = re.compile(
+    r"(?:\S+\s+)?(?P<month>[^\W\d]+)\.?\s+(?P<day>\d{1,2})\s+"
+    r"(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d)(?:[.,](?P<fraction>\d{1,9}))?"
+    r"(?:\s+(?P<half>[ap]m))?\s+(?P<year>\d{4})",
+    re.IGNORECASE,
+)
+_BASE = re.compile(
+    r"base\s+(?P<base>hex|dec)(?:\s+timestamps\s+(?P<times>absolute|relative))?", re.IGNORECASE
+)
+_IDENTIFIER = {16: re.compile(r"[0-9A-Fa-f]+[xX]?"), 10: re.compile(r"[0-9]+[xX]?")}
+_DIRECTIONS = {"rx": False, "tx": True}
+_AFTER_DATA = 4  # words of a CAN FD line from its data to its flags, which comes third
+
+
+class AscLog(LogReader):
+    """Reader; channels are numbered from 1 and named by their number.
+
+    Dates are taken as local time; where one is in a language not known, times count from the start of the log,
+    and `notes` says so.
+    """
+
+    def _entries(self) -> Iterator[tuple[int, LogFrame]]:
+        self._radix = 16
+        self._relative = False
+        self._time = 0
+        self._start: int | None = None
+        self._dated = False
+        self._ended = False
+        with self.path.open(encoding="utf-8", errors="replace") as file:
+            for number, line in enumerate(file, start=1):
+                self._position += len(line)
+                words = line.split()
+                if not words:
+                    continue
+                if number == 1 and words[0].lower() not in ("date", "base", "//"):
+                    self.refuse(number, "no ASC log: neither date nor base", "give a log of Vector's tools")
+                if _TIME.fullmatch(words[0]) is None:
+                    self._header(line, number)
+                    continue
+                try:
+                    entry = self._event(words, number)
+                except (ValueError, IndexError):
+                    self._malformed(line, number)
+                    continue
+                if entry is not None and self._is_whole(line, number):
+                    yield number, entry
+        if not self._ended:
+            self.remarks.append("it has no End TriggerBlock: it may have been cut")
+
+    def _is_whole(self, line: str, number: int) -> bool:
+        """Whether a frame surely ends where its line does: a decimal one cut short may look like another."""
+        if line.endswith("\n") or self._radix == 16:
+            return True
+        self.remarks.append(f"line {number} is cut short and left out")
+        return False
+
+    def _malformed(self, line: str, number: int) -> None:
+        if line.endswith("\n"):
+            self.refuse(number, f"not a line of an ASC log: '{line.strip()[:60]}'")
+        self.remarks.append(f"line {number} is cut short and left out")
+
+    def _header(self, line: str, number: int) -> None:
+        text = line.strip()
+        lower = text.lower()
+        if (base := _BASE.match(text)) is not None:
+            self._radix = 16 if base["base"].lower() == "hex" else 10
+            self._relative = (base["times"] or "").lower() == "relative"
+        elif lower.startswith("date "):
+            self._take_date(text[len("date ") :], number)
+        elif lower.startswith("begin trigger"):
+            # of two dates this one belongs to time 0; later blocks go on in the same time
+            if not self._dated:
+                self._take_date(text.split(None, 2)[2] if len(text.split()) > 2 else "", number)
+            self._dated = True
+        elif lower.startswith("end trigger"):
+            self._ended = True
+        elif not text[0].isalpha() and not text.startswith("//"):
+            self._malformed(line, number)
+
+    def _take_date(self, text: str, number: int) -> None:
+        start = _date(text.strip())
+        if start is None:
+            self.remarks.append(f"line {number}: date '{text.strip()}' not understood, times count from 0")
+        self._start = start
+
+    def _event(self, words: list[str], number: int) -> LogFrame | None:
+        time = text_nanoseconds(words[0])
+        self._time = self._time + time if self._relative else time
+        stamp = (self._start or 0) + self._time
+        if words[1].upper() == "CANFD":
+            return self._fd(words, number, stamp)
+        if words[1].isdigit():
+            return self._classic(words, number, stamp)
+        self.other_entries += " ".join(words[1:]).lower() != "start of measurement"
+        return None
+
+    def _classic(self, words: list[str], number: int, stamp: int) -> LogFrame | None:
+        if words[2].lower().startswith("errorframe"):
+            self.error_frames += 1
+            return None
+        direction = words[3].lower() if len(words) > 3 else ""
+        is_identifier = _IDENTIFIER[self._radix].fullmatch(words[2]) is not None
+        if direction not in _DIRECTIONS:
+            if is_identifier and direction != "txrq" and len(words) < 5:
+                raise ValueError
+            self.other_entries += 1  # statistics, transport protocols, requests to send
+            return None
+        if not is_identifier:
+            self.refuse(number, f"identifier '{words[2]}' is a name", "export the log with numbers")
+        kind = words[4].lower()
+        if kind == "r":
+            self.remote_frames += 1
+            return None
+        if kind != "d":
+            raise ValueError
+        length = min(int(words[5], self._radix), CLASSIC_LENGTH)
+        return self.frame(
+            number,
+            stamp,
+            *self._identifier(words[2]),
+            self._data(words[6 : 6 + length], length),
+            False,
+            str(int(words[1])),
+            is_sent=_DIRECTIONS[direction],
+        )
+
+    def _fd(self, words: list[str], number: int, stamp: int) -> LogFrame | None:
+        direction = words[3].lower()
+        if direction not in _DIRECTIONS:
+            if direction != "txrq":
+                raise ValueError
+            self.other_entries += 1
+            return None
+        if words[4].lower().startswith("errorframe"):
+            self.error_frames += 1
+            return None
+        at = 5 if words[5].isdigit() and len(words[5]) == 1 else 6  # a name may stand after the identifier
+        switch, state, dlc, length = words[at], words[at + 1], words[at + 2], int(words[at + 3])
+        if switch not in "01" or state not in "01" or length not in FD_LENGTHS:
+            raise ValueError
+        first = at + 4
+        after = words[first + length :]
+        flags = int(after[2], 16) if len(after) >= _AFTER_DATA else FLAG_FD
+        if not flags & FLAG_FD and flags & FLAG_REMOTE:
+            self.remote_frames += 1
+            return None
+        if flags & FLAG_FD and can.util.dlc2len(int(dlc, 16)) != length:
+            raise ValueError
+        return self.frame(
+            number,
+            stamp,
+            *self._identifier(words[4]),
+            self._data(words[first : first + length], length),
+            bool(flags & FLAG_FD),
+            str(int(words[2])),
+            switch == "1",
+            state == "1",
+            _DIRECTIONS[direction],
+        )
+
+    def _identifier(self, word: str) -> tuple[int, bool]:
+        is_extended = word[-1] in "xX"
+        return int(word[:-1] if is_extended else word, self._radix), is_extended
+
+    def _data(self, words: list[str], length: int) -> bytes:
+        # hexadecimal: pairs of digits only, for of a byte that was cut one digit may be left
+        data = bytes.fromhex(" ".join(words)) if self._radix == 16 else bytes(map(int, words))
+        if len(data) != length or len(words) != length:
+            raise ValueError
+        return data
+
+
+class AscWriter(LogWriter):
+    """Writer; channels are numbered from 1. Stamps have six digits where those are enough, else nine."""
+
+    def __init__(self, path: Path, start_ns: int) -> None:
+        """See `LogWriter`."""
+        super().__init__(path, start_ns)
+        millisecond = NANOSECONDS // 1000
+        self._start = start_ns // millisecond * millisecond
+        self._numbers = ChannelNumbers()
+        moment = datetime.fromtimestamp(self._start // NANOSECONDS)
+        date = (
+            f"{DAYS[moment.weekday()]} {MONTHS[moment.month - 1]} {moment.day:02d} {moment:%H:%M:%S}."
+            f"{self._start % NANOSECONDS // millisecond:03d} {moment.year}"
+        )
+        self._file = path.open("w", encoding="ascii", newline="\n")
+        self._file.write(
+            f"date {date}\nbase hex  timestamps absolute\ninternal events logged\n"
+            f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
+        )
+
+    def write(self, entry: LogFrame) -> None:
+        frame = entry.frame
+        time = frame.stamp_ns - self._start
+        if time < 0:
+            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
+        seconds, rest = divmod(time, NANOSECONDS)
+        stamp = f"{seconds:4d}.{rest:09d}" if rest % 1000 else f"{seconds:4d}.{rest // 1000:06d}"
+        channel = self._numbers.of(entry.channel)
+        identifier = f"{frame.frame_id:X}{'x' if frame.is_extended else ''}"
+        direction = "Tx" if entry.is_sent else "Rx"
+        data = frame.payload.hex(" ").upper()
+        length = len(frame.payload)
+        if frame.is_fd:
+            flags = (
+                FLAG_FD
+                | FLAG_BIT_RATE_SWITCH * entry.bit_rate_switch
+                | FLAG_ERROR_STATE * entry.error_state_indicator
+            )
+            self._file.write(
+                f"{stamp} CANFD {channel:>3} {direction:<4} {identifier:>8}  {'':>32} "
+                f"{entry.bit_rate_switch:d} {entry.error_state_indicator:d} {can.util.len2dlc(length):x} "
+                f"{length:>2} {data} {0:>8} {0:>4} {flags:>8X} {0:>8} {0:>8} {0:>8} {0:>8} {0:>8}\n"
+            )
+        else:
+            self._file.write(
+                f"{stamp} {channel}  {identifier:<15} {direction:<4} d {length:x} {data}".rstrip() + "\n"
+            )
+
+    def close(self) -> None:
+        if not self._file.closed:
+            self._file.write("End TriggerBlock\n")
+            self._file.close()
+
+
+def _date(text: str) -> int | None:
+    """A date as Vector's tools write it, as local time, in ns since 1970; None in an unknown language."""
+    match = _DATE.fullmatch(text)
+    if match is None:
+        return None
+    known = {month.lower(): number for number, month in enumerate(MONTHS, start=1)} | MONTHS_ELSEWHERE
+    month = known.get(match["month"].lower())
+    hour = int(match["hour"])
+    if match["half"]:
+        hour = hour % 12 + 12 * (match["half"].lower() == "pm")
+    try:
+        moment = datetime(
+            int(match["year"]),
+            month or 0,
+            int(match["day"]),
+            hour,
+            int(match["minute"]),
+            int(match["second"]),
+        )
+        return int(moment.timestamp()) * NANOSECONDS + text_nanoseconds(f"0.{match['fraction'] or 0}")
+    except (ValueError, OverflowError):
+        return None

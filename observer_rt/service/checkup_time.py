@@ -1,0 +1,77 @@
+"""Findings about time: how the samples of every message come together, and what cannot be seen of it."""
+
+import numpy as np
+
+from observer_rt.bus.inputs import ROLES
+from observer_rt.bus.mapping import BusMap, layout_of
+from observer_rt.bus.timing import TOLERANCE, Joining, Numbering
+from observer_rt.config import Role
+from observer_rt.service.findings import Finding, Level
+from observer_rt.service.message_timing import LINE_SLOPE
+from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLISECOND
+
+COARSE = 20.5e-6  # s between samples of the lift, above which their interpolation costs too much
+_NUMBERED = {
+    Numbering.INDEX: "by its sample index",
+    Numbering.COUNTER: "counted by its counter and receive stamps",
+    Numbering.E2E_COUNTER: "counted by its E2E counter and receive stamps",
+    Numbering.STAMPS: "counted by receive stamps",
+}
+
+
+def time_findings(bus: BusMap) -> list[Finding]:
+    """One finding for each input message, warnings where something of its time cannot be seen."""
+    findings = []
+    for stream, timing in enumerate(bus.inputs.timing):
+        layout = layout_of(bus, stream)
+        text = f"{layout.name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
+        findings.append(Finding("time", Level.OK, text))
+        if timing["numbering"] == Numbering.STAMPS:
+            findings.append(_no_counter(layout.name))
+        carries_lift = (int(bus.inputs.streams[stream]["roles"]) >> ROLES.index(Role.NEEDLE_LIFT)) & 1
+        if carries_lift and timing["joining"] == Joining.CLOCK and timing["interval"] > COARSE:
+            findings.append(_coarse_lift(layout.name, float(timing["interval"])))
+    if any(timing["joining"] == Joining.CLOCK for timing in bus.inputs.timing):
+        findings.append(
+            Finding(
+                "time",
+                Level.OK,
+                f"two time bases: not valid while more than {TOLERANCE / MICROSECOND:g} us between line pressure and "
+                f"lift are unknown ({TOLERANCE * LINE_SLOPE / MEGAPASCAL:.2g} MPa); the stamps must be the bus's "
+                "(hardware or kernel), an adapter that hands frames over in batches cannot tell",
+            )
+        )
+    return findings
+
+
+def _joined(timing: np.void) -> str:
+    joining = Joining(int(timing["joining"]))
+    if joining is Joining.RATIO:
+        return f", every {timing['steps']}th sample; held at most {timing['hold'] / MILLISECOND:g} ms"
+    if joining is Joining.NEAREST:
+        return (
+            f", nearest sample of the same time base; stamps {timing['delay'] / MICROSECOND:.4g} us after it"
+        )
+    if joining is Joining.CLOCK:
+        held = f", held at most {timing['hold'] / MILLISECOND:g} ms" if timing["steps"] > 1 else ""
+        return f"; by its clock, stamps {timing['delay'] / MICROSECOND:.4g} us after the last sample{held}"
+    return ""
+
+
+def _coarse_lift(name: str, interval: float) -> Finding:
+    return Finding(
+        "time",
+        Level.WARNING,
+        f"{name}: the needle lift is interpolated between samples of {interval / MICROSECOND:.4g} us, which rounds "
+        "its corners: at 20 kHz up to 2 % of the mass; sample at 50 kHz or more, or give lift and line pressure one "
+        "time base",
+    )
+
+
+def _no_counter(name: str) -> Finding:
+    return Finding(
+        "time",
+        Level.WARNING,
+        f"{name} has neither index nor counter: lost frames are seen, and results valid, only while its jitter stays "
+        "below a quarter of its cycle; name its counter, if it has one",
+    )

@@ -1,0 +1,135 @@
+"""`observer-rt convert`: frames and signals from format to format, and what it refuses."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.recording.files import read_recording
+from observer_rt.recording.logs import is_log, open_log
+from tests.cli.conftest import Command
+from tests.recording.log_cases import as_read, mixture, write_log
+
+FORMATS = (".asc", ".blf", ".log", ".mf4", ".trc")
+
+
+def contents(path: Path) -> list[tuple[object, ...]]:
+    return [tuple(frame.frame) for frame in open_log(path)]
+
+
+@pytest.mark.parametrize(("source", "target"), list(itertools.permutations(FORMATS, 2)))
+def test_frames_survive_every_conversion(command: Command, tmp_path: Path, source: str, target: str) -> None:
+    frames = mixture(".trc", 50)
+    write_log(tmp_path / f"in{source}", frames)
+    outcome = command("convert", tmp_path / f"in{source}", tmp_path / f"out{target}")
+    assert outcome.code == 0
+    assert outcome.out == f"{tmp_path / f'out{target}'}: 50 frames\n"
+    assert contents(tmp_path / f"out{target}") == [tuple(frame.frame) for frame in frames]
+
+
+@pytest.mark.parametrize("target", FORMATS)
+def test_channels_stay_apart_and_one_can_be_chosen(command: Command, tmp_path: Path, target: str) -> None:
+    frames = mixture(".trc", 50)
+    write_log(tmp_path / "in.log", frames)
+    assert command("convert", tmp_path / "in.log", tmp_path / f"all{target}").code == 0
+    assert list(open_log(tmp_path / f"all{target}")) == as_read(frames, target)
+    chosen = ("--from-channel", "can1")
+    assert command("convert", tmp_path / "in.log", tmp_path / f"one{target}", *chosen).code == 0
+    assert len(list(open_log(tmp_path / f"one{target}"))) == sum(f.channel == "2" for f in frames)
+
+
+def test_signals_survive(command: Command, tmp_path: Path, worn: Path) -> None:
+    first, second = tmp_path / "worn.mf4", tmp_path / "again.csv"
+    assert command("convert", worn, first).code == 0
+    outcome = command("convert", first, second)
+    assert outcome.code == 0
+    assert "samples at 50000 Hz" in outcome.out
+    for name, values in read_recording(worn).signals.items():
+        np.testing.assert_array_equal(read_recording(second).signals[name], values)
+    assert not is_log(first)
+
+
+def test_fd_does_not_go_into_a_classic_format(command: Command, tmp_path: Path) -> None:
+    write_log(tmp_path / "in.blf", mixture(".blf", 20))
+    outcome = command("convert", tmp_path / "in.blf", tmp_path / "out.trc")
+    assert outcome.code == 2
+    assert "classic frames only" in outcome.err
+    assert "write .blf, .asc, .log or .mf4" in outcome.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.blf"]
+
+
+def test_nothing_is_overwritten_unless_forced(command: Command, tmp_path: Path) -> None:
+    write_log(tmp_path / "in.blf", mixture(".trc", 20))
+    there = tmp_path / "out.log"
+    there.write_text("mine")
+    refused = command("convert", tmp_path / "in.blf", there)
+    assert refused.code == 2
+    assert "exists already" in refused.err
+    assert there.read_text() == "mine"
+    assert command("convert", tmp_path / "in.blf", there, "--force").code == 0
+    assert len(contents(there)) == 20
+
+
+def test_what_is_lost_is_said(command: Command, tmp_path: Path) -> None:
+    log = tmp_path / "in.log"
+    log.write_text("(1.000000001) can0 100#00\n(1.1) can0 100#R\n(1.2) can0 100#00\n")
+    outcome = command("convert", log, tmp_path / "out.trc")
+    assert outcome.code == 0
+    assert "left out: 1 remote frame" in outcome.err
+    assert "1 stamps are rounded to whole microseconds" in outcome.err
+
+
+def test_a_log_becomes_a_recording_by_a_bench_file(
+    command: Command, tmp_path: Path, worn: Path, bench: Path
+) -> None:
+    """Replayed, recorded, converted: the samples that were sent, in the recording's own time."""
+    from observer_rt.bus.link import Frame
+    from observer_rt.bus.mapping import map_bus
+    from observer_rt.config import load_bench
+    from observer_rt.recording.framing import Framer, whole
+    from observer_rt.recording.log import LogFrame
+
+    recording = read_recording(worn)
+    frames = [
+        LogFrame(
+            Frame(f.frame_id, f.payload, 10**18 + round(f.time * 1e9), f.is_extended, f.is_fd),
+            "1",
+            True,
+            False,
+        )
+        for f in Framer(map_bus(load_bench(bench))).frames(recording, whole(recording))
+    ]
+    write_log(tmp_path / "bus.blf", frames)
+    for target in ("out.csv", "out.mf4"):
+        outcome = command("convert", tmp_path / "bus.blf", tmp_path / target, "--bench", bench)
+        assert outcome.code == 0
+        assert "at 50000 Hz, from sample index 0 on" in outcome.out
+        found = read_recording(tmp_path / target)
+        error = np.abs(found.rail_pressure[: recording.samples] - recording.rail_pressure)
+        assert error.max() <= 0.0026e6
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("{here}/no.blf", "{here}/a.log"), "no.blf: no such file"),
+        (("{log}", "{here}/a.xyz"), "unknown kind of file '.xyz'"),
+        (("{here}/a.xyz", "{here}/a.log"), "unknown kind of file '.xyz'"),
+        (("{log}", "{here}/a.csv"), "--bench: is missing"),
+        (("{log}", "{log}", "--force"), "is the file to be converted"),
+        (("{csv}", "{here}/a.blf"), "a recording of signals has no frames"),
+        (("{log}", "{here}/a.blf", "--from-channel", "can9"), "holds no data frame of channel can9"),
+        (("{log}", "{here}/nowhere/a.blf"), "no such folder"),
+    ],
+)
+def test_mistakes_are_named(
+    command: Command, tmp_path: Path, resting: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    log = tmp_path / "a.asc.log"
+    log.write_text("(1.5) can0 100#00\n")
+    places = {"here": tmp_path, "log": log, "csv": resting}
+    outcome = command("convert", *(argument.format(**places) for argument in arguments))
+    assert outcome.code == 2
+    assert message in outcome.err
+    assert list(tmp_path.iterdir()) == [log]

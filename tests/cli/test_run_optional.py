@@ -1,0 +1,81 @@
+"""`observer-rt run` with optional inputs on the bus, in messages of their own."""
+
+import math
+import os
+import re
+import signal
+import threading
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.link import open_link
+from observer_rt.bus.mapping import map_bus
+from observer_rt.config import load_bench
+from observer_rt.recording.files import read_recording
+from observer_rt.recording.framing import Framer, TimedFrame, whole
+from observer_rt.recording.player import play
+from tests.cli.conftest import Command
+from tests.service.participants import listening, until
+from tests.service.slow_frames import TEXT, bed
+
+EVERY = 20  # frames of samples between two of the test bed
+LINE = re.compile(r"injection (\d+): measured ([\d.]+) mg, estimate ([\d.]+) mg \(([+-][\d.]+) %\)")
+
+
+@pytest.fixture
+def bench(bench: Path, tmp_path: Path) -> Path:
+    """With both optional inputs, on a channel of the test's own."""
+    (tmp_path / "bed.dbc").write_text(TEXT)
+    text = bench.read_text().replace('"can0"', f'"{tmp_path.name}"')
+    bench.write_text(
+        f'{text}\n[[dbc]]\nfile = "bed.dbc"\n'
+        '[signals.learning_enable]\nmessage = "Bed"\nsignal = "LearnEnable"\n'
+        '[signals.measured_mass]\nmessage = "Bed"\nsignal = "Mass"\n'
+    )
+    return bench
+
+
+def frames_of(bench: Path, recording: Path) -> list[TimedFrame]:
+    """Learning is off from the start; the measured mass [mg] is 10, 10.01, 10.02, ..."""
+    samples = read_recording(recording)
+    frames: list[TimedFrame] = []
+    for number, frame in enumerate(Framer(map_bus(load_bench(bench))).frames(samples, whole(samples))):
+        if number % EVERY == 0:
+            for word in (bed("LearnEnable", 0), bed("Mass", 10 + number / EVERY / 100)):
+                frames.append(TimedFrame(frame.time, word.frame_id, False, False, word.payload))
+        frames.append(frame)
+    return frames
+
+
+def test_learning_stops_and_errors_of_the_estimate_are_printed(
+    command: Command, bench: Path, worn: Path
+) -> None:
+    channel = load_bench(bench).config.link.channel
+    frames = frames_of(bench, worn)
+    samples = read_recording(worn).samples
+
+    with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
+
+        def bench_engineer() -> None:
+            try:
+                until(lambda: bool(listener.heard.statuses))
+                play(frames, player, math.inf)
+                until(lambda: listener.heard.last_status()["SamplesProcessed"] >= samples - 18)
+            finally:
+                os.kill(os.getpid(), signal.SIGTERM)
+
+        thread = threading.Thread(target=bench_engineer)
+        thread.start()
+        outcome = command("run", "--bench", bench)
+        thread.join()
+        status = listener.heard.last_status()
+
+    assert outcome.code == 0
+    assert "SampleBlock, Bed at 50000 Hz" in outcome.err
+    assert (status["Learning"], status["Adoptions"]) == (0, 0)
+    found = [[float(number) for number in one] for one in LINE.findall(outcome.err)]
+    assert [number for number, *_ in found] == [1, 2, 3, 4]
+    for _, measured, estimate, error in found:
+        assert 10.0 < measured < 10.0 + len(frames) / EVERY / 100
+        assert error == pytest.approx(100 * (estimate / measured - 1), abs=0.1)

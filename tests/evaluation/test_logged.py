@@ -1,0 +1,183 @@
+"""CAN logs through the observer: the same frames in every format give the same, bit for bit."""
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.bus.link import Frame
+from observer_rt.bus.mapping import map_bus
+from observer_rt.config import Bench, load_bench, load_injector
+from observer_rt.errors import UserError
+from observer_rt.evaluation.evaluate import History, evaluate, evaluate_log
+from observer_rt.evaluation.logged import read_logged
+from observer_rt.model.effects import sized
+from observer_rt.recording.framing import Framer, Span, whole, windows
+from observer_rt.recording.log import LogFrame
+from observer_rt.recording.logs import LOG_WRITERS
+from observer_rt.recording.recording import Recording
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+from tests.recording.log_cases import write_log
+
+BENCH = load_bench()
+RATE = 100e3
+START = 1_700_000_000_123_456_000  # ns since 1970
+HOLDING_FD = sorted(set(LOG_WRITERS) - {".trc"})
+
+
+@cache
+def worn() -> Recording:
+    schedule = make_schedule([60e6, 120e6], 3, 0.05, [1.1e-3])
+    return simulate(
+        load_injector(), schedule, RATE, (sized("orifice_area", v_H=0.3),), NoiseLevels(), seed=3
+    ).recording
+
+
+@cache
+def frames(bench: Bench = BENCH) -> list[LogFrame]:
+    return log_of(worn(), whole(worn()), bench)
+
+
+def log_of(
+    recording: Recording, spans: list[Span], bench: Bench = BENCH, shift: float = 0.0
+) -> list[LogFrame]:
+    return [
+        LogFrame(
+            Frame(f.frame_id, f.payload, START + round((f.time + shift) * 1e9), f.is_extended, f.is_fd),
+            "1",
+            f.is_fd,
+            False,
+        )
+        for f in Framer(map_bus(bench)).frames(recording, spans)
+    ]
+
+
+@cache
+def expected() -> History:
+    return evaluate(BENCH, [worn()])
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[list[LogFrame], str], Path]:
+    def write(frames: list[LogFrame], suffix: str) -> Path:
+        path = tmp_path / f"bus{suffix}"
+        write_log(path, frames)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def classic_bench(tmp_path: Path) -> Bench:
+    """Two samples in a frame of 8 bytes, one message a signal, 20 kHz."""
+    lines = ['VERSION ""', "BU_: Daq"]
+    text = '[[dbc]]\nfile = "classic.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n[sampling]\nrate_hz = 20e3\n'
+    for number, (role, code) in enumerate(
+        (
+            ("rail_pressure", '(0.005,-10) [0|0] "MPa"'),
+            ("needle_lift", '(0.01,-50) [0|0] "um"'),
+            ("line_pressure", '(0.005,-10) [0|0] "MPa"'),
+        )
+    ):
+        lines += [f"BO_ {0x300 + number} {role}_frame: 8 Daq", ' SG_ Index : 0|32@1+ (1,0) [0|0] "" Daq']
+        lines += [f" SG_ {role}_{k} : {32 + 16 * k}|16@1+ {code} Daq" for k in range(2)]
+        text += f'[signals.{role}]\nmessage = "{role}_frame"\nindex = "Index"\npattern = "{role}_{{}}"\n'
+    (tmp_path / "classic.dbc").write_text("\n".join(lines) + "\n")
+    path = tmp_path / "bench.toml"
+    path.write_text(text)
+    return load_bench(path)
+
+
+Write = Callable[[list[LogFrame], str], Path]
+
+
+@pytest.mark.parametrize("suffix", HOLDING_FD)
+def test_the_same_frames_give_the_same_in_every_format(write: Write, suffix: str) -> None:
+    logged = read_logged(BENCH, write(frames(), suffix))
+    assert logged.notes == ()
+    history = evaluate_log(BENCH, logged)
+    assert history.frames == expected().frames
+    assert len(history.evaluations[0].reports) == 3
+    for name, values in vars(expected().evaluations[0].trace).items():
+        found = getattr(history.evaluations[0].trace, name)
+        np.testing.assert_array_equal(found[: len(values)], values)
+
+
+@pytest.mark.parametrize("suffix", sorted(LOG_WRITERS))
+def test_the_same_classic_frames_give_the_same_in_every_format(
+    write: Write, classic_bench: Bench, suffix: str
+) -> None:
+    schedule = make_schedule([60e6], 2, 0.05, [1.1e-3])
+    recording = simulate(load_injector(), schedule, 20e3, (), NoiseLevels(), seed=4).recording
+    path = write(log_of(recording, whole(recording), classic_bench), suffix)
+    logged = read_logged(classic_bench, path)
+    assert logged.notes == ()
+    known = evaluate(classic_bench, [recording])
+    assert len(known.evaluations[0].reports) == 2
+    assert evaluate_log(classic_bench, logged).frames == known.frames
+
+
+def test_a_classic_format_refuses_the_frames(write: Write) -> None:
+    with pytest.raises(UserError, match=r"classic frames only"):
+        write(frames(), ".trc")
+
+
+def test_what_the_observer_was_given(write: Write) -> None:
+    found = read_logged(BENCH, write(frames(), ".blf")).recording
+    known = worn()
+    assert found.sample_rate == RATE
+    assert known.samples <= found.samples < known.samples + 9
+    for name, step in (("rail_pressure", 0.005e6), ("needle_lift", 0.01e-6), ("line_pressure", 0.005e6)):
+        error = np.abs(getattr(found, name)[: known.samples] - getattr(known, name))
+        assert error.max() <= 0.501 * step
+
+
+def test_samples_that_were_lost_are_not_available(write: Write) -> None:
+    kept = frames()[:100] + frames()[103:]
+    found = read_logged(BENCH, write(kept, ".log")).recording
+    assert np.flatnonzero(np.isnan(found.rail_pressure[: 9 * 1000])).tolist() == list(range(900, 927))
+
+
+def test_windows_of_a_source_keep_their_place(write: Write) -> None:
+    spans = windows(worn())
+    logged = read_logged(BENCH, write(log_of(worn(), spans), ".log"))
+    assert logged.first_index == spans[0].start
+    sent = ~np.isnan(logged.recording.line_pressure)
+    known = np.concatenate([np.arange(span.start, span.end) for span in spans])
+    assert set(known - spans[0].start) <= set(np.flatnonzero(sent))
+    (found,) = evaluate_log(BENCH, logged).evaluations
+    assert [report.start_index for report in found.reports] == pytest.approx(
+        [report.start_index for report in expected().evaluations[0].reports], abs=2
+    )
+
+
+def test_a_restarted_device_is_refused(write: Write) -> None:
+    again = log_of(worn(), [Span(0, 9000)], shift=1.0)
+    with pytest.raises(UserError, match="sample index begins anew after"):
+        read_logged(BENCH, write(frames()[:1000] + again, ".log"))
+
+
+def test_inputs_on_several_channels_need_a_choice(write: Write) -> None:
+    doubled = [frame._replace(channel=channel) for frame in frames() for channel in "12"]
+    path = write(doubled, ".blf")
+    with pytest.raises(UserError, match="SampleBlock is on several channels: 1, 2"):
+        read_logged(BENCH, path)
+    assert evaluate_log(BENCH, read_logged(BENCH, path, "2")).frames == expected().frames
+    with pytest.raises(UserError, match="no channel 7"):
+        read_logged(BENCH, path, "7")
+
+
+def test_a_log_of_another_bus_names_what_it_has(write: Write) -> None:
+    other = [frame._replace(frame=frame.frame._replace(frame_id=0x555)) for frame in frames()[:5]]
+    with pytest.raises(UserError, match=r"holds no frame of SampleBlock \(0x100\); it has 0x555"):
+        read_logged(BENCH, write(other, ".log"))
+
+
+def test_stamps_that_contradict_the_sample_rate_are_told(write: Write) -> None:
+    slow = [f._replace(frame=f.frame._replace(stamp_ns=START + 900_000 * n)) for n, f in enumerate(frames())]
+    (note,) = read_logged(BENCH, write(slow, ".log")).notes
+    assert "by its stamps 1e+04 samples a second were sent, the bench file says 100000" in note

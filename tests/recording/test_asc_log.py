@@ -1,0 +1,160 @@
+"""ASC text as Vector's tools write it, and what must be refused of it."""
+
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+from observer_rt.errors import UserError
+from observer_rt.recording.asc_log import AscLog
+from observer_rt.recording.log import LogFrame
+
+DATE = "Sam Sep 30 15:06:13.191 2017"
+START = int(datetime(2017, 9, 30, 15, 6, 13).timestamp()) * 10**9 + 191_000_000
+FD_TAIL = "  102187  133   303000 e000fb6c 46500250 4b140250 20011736 2001040d"
+
+
+def log(folder: Path, *lines: str, base: str = "hex", times: str = "absolute", date: str = DATE) -> AscLog:
+    head = f"date {date}\nbase {base}  timestamps {times}\ninternal events logged\n// version 9.0.0\n"
+    path = folder / "bus.asc"
+    path.write_text(
+        f"{head}Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
+        + "".join(f"{line}\n" for line in lines)
+        + "End TriggerBlock\n",
+        encoding="utf-8",
+    )
+    return AscLog(path)
+
+
+def read(folder: Path, *lines: str, base: str = "hex", times: str = "absolute") -> list[LogFrame]:
+    return list(log(folder, *lines, base=base, times=times))
+
+
+def test_classic_frames_with_what_follows_them(tmp_path: Path) -> None:
+    extended, standard = read(
+        tmp_path,
+        "   3.098426 1  18EBFF00x       Rx d 8 01 A0 0F A6 60 3B D1 40    Length = 273910 BitCount = 141",
+        " 113.016026 2  6F9             Tx   d 2 05 0C  Length = 240015 BitCount = 124 ID = 1785",
+    )
+    assert extended.frame.stamp_ns == START + 3_098_426_000
+    assert (extended.frame.frame_id, extended.frame.is_extended) == (0x18EBFF00, True)
+    assert extended.frame.payload == bytes.fromhex("01A00FA6603BD140")
+    assert (extended.channel, extended.is_sent, extended.frame.is_fd) == ("1", False, False)
+    assert (standard.frame.frame_id, standard.frame.is_extended) == (0x6F9, False)
+    assert (standard.frame.payload, standard.channel, standard.is_sent) == (b"\x05\x0c", "2", True)
+
+
+def test_a_length_code_above_8_means_8_bytes(tmp_path: Path) -> None:
+    (found,) = read(tmp_path, " 13.258671 1  3FF             Tx   d D 55 AA 01 02 03 04 05 06  Length = 2")
+    assert found.frame.payload == bytes.fromhex("55AA010203040506")
+
+
+def test_fd_frames_with_and_without_a_name(tmp_path: Path) -> None:
+    named, plain, bare = read(
+        tmp_path,
+        f"   0.045522 CANFD   62 Rx         7d  BrakeSnData_4      1 0 9 12 {'1b ' * 12}{FD_TAIL}",
+        f"   0.045636 CANFD   62 Tx         88x                    0 1 8  8 {'00 ' * 8}{FD_TAIL}",
+        "   0.045746 CANFD    3 Rx        100                     1 0 0  0",
+    )
+    assert (named.frame.frame_id, named.frame.payload, named.frame.is_fd) == (0x7D, b"\x1b" * 12, True)
+    assert (named.channel, named.bit_rate_switch, named.error_state_indicator) == ("62", True, False)
+    assert (plain.frame.is_extended, plain.error_state_indicator, plain.is_sent) == (True, True, True)
+    assert (bare.frame.payload, bare.frame.is_fd) == (b"", True)
+
+
+def test_a_classic_frame_of_an_fd_channel_is_classic(tmp_path: Path) -> None:
+    tail = "  102187  133   200000 e000fb6c 46500250 4b140250 20011736 2001040d"
+    (found,) = read(tmp_path, f"   0.045522 CANFD   1 Rx         7d      0 0 8  8 {'00 ' * 8}{tail}")
+    assert not found.frame.is_fd
+
+
+def test_decimal_numbers(tmp_path: Path) -> None:
+    (found,) = read(tmp_path, "   0.5 1  256x       Rx d 3 255 16 7", base="dec")
+    assert (found.frame.frame_id, found.frame.payload) == (256, bytes((255, 16, 7)))
+
+
+def test_times_from_line_to_line_count_every_line(tmp_path: Path) -> None:
+    first, second = read(
+        tmp_path,
+        "   1.000000 1  100       Rx d 0",
+        "   0.250000 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%",
+        "   0.250001 1  100       Rx d 0",
+        times="relative",
+    )
+    assert (first.frame.stamp_ns - START, second.frame.stamp_ns - START) == (1_000_000_000, 1_500_001_000)
+
+
+@pytest.mark.parametrize(
+    ("date", "hour"),
+    [
+        ("Thu Apr 28 10:44:52.480 am 2022", 10),
+        ("Thu Apr 28 10:44:52.480 pm 2022", 22),
+        ("Thu Apr 28 12:44:52.480 am 2022", 0),
+    ],
+)
+def test_dates_of_twelve_hours(tmp_path: Path, date: str, hour: int) -> None:
+    (found,) = log(tmp_path, " 0.0 1  1   Rx d 0", date=date)
+    expected = int(datetime(2022, 4, 28, hour, 44, 52).timestamp()) * 10**9 + 480_000_000
+    assert found.frame.stamp_ns == expected
+
+
+@pytest.mark.parametrize(("name", "month"), [("Mär", 3), ("Mai", 5), ("Okt", 10), ("Dez", 12)])
+def test_german_dates(tmp_path: Path, name: str, month: int) -> None:
+    (found,) = log(tmp_path, " 0.0 1  1   Rx d 0", date=f"Mit {name} 2 13:00:00.000 2019")
+    assert found.frame.stamp_ns == int(datetime(2019, month, 2, 13).timestamp()) * 10**9
+
+
+def test_a_date_not_understood_is_told_and_times_count_from_0(tmp_path: Path) -> None:
+    found = log(tmp_path, " 1.5 1  1   Rx d 0", date="mer. août 2 13:00:00.000 2019")
+    assert [entry.frame.stamp_ns for entry in found] == [1_500_000_000]
+    assert any("not understood, times count from 0" in note for note in found.notes())
+
+
+def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
+    found = log(
+        tmp_path,
+        "   0.015991 CAN 1 Status:chip status error passive - TxErr: 132 RxErr: 0",
+        "   1.015991 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%",
+        "   2.501000 1 ErrorFrame",
+        "   2.501010 1 ErrorFrame ECC: 10100010",
+        "   2.501020 CANFD 2 Rx ErrorFrame Not Acknowledge error, dominant error flag",
+        "   2.520002 3 200 Tx r Length = 1704000 BitCount = 145 ID = 88888888x",
+        "   2.584921 4 300 Tx r 8 Length = 1704000 BitCount = 145 ID = 88888888x",
+        "   3.297743 1  J1939TP FEE3p        6    0  0   -   Rx   d 23 A0 0F A6 60",
+        "   3.3 1  100   TxRq d 1 00",
+        "   3.4 1  100   Tx d 1 00",
+    )
+    assert len(list(found)) == 1
+    assert (found.error_frames, found.remote_frames, found.other_entries) == (3, 2, 4)
+    assert found.notes() == [
+        f"{found.path}: left out: 3 error frames, 2 remote frames, 4 entries that are no frames"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("   3.1 1  100   Rx d 8 01 A0 0F", "not a line of an ASC log"),
+        ("   3.1 1  100   Rx d 3 01 A0 F", "not a line of an ASC log"),
+        ("   3.1 1  100   Rx d 3 01 A0 GG", "not a line of an ASC log"),
+        ("   3.1 1  100   Rx x 3 01 A0 00", "not a line of an ASC log"),
+        ("   3.1 1  100", "not a line of an ASC log"),
+        ("   3.1 1  800   Rx d 0", "800 is no standard identifier"),
+        ("   3.1 1  EngineData   Rx d 1 00", "identifier 'EngineData' is a name"),
+        ("   3.1 CANFD 1 Rx 100  1 0 9 12 00 00", "not a line of an ASC log"),
+        ("   3.1 CANFD 1 Rx 100  1 0 9 8 00 00 00 00 00 00 00 00", "not a line of an ASC log"),
+        ("   3.1 CANFD 1 Rx 100  1 0 9 11 " + "00 " * 11, "not a line of an ASC log"),
+        ("\x01\x02\x03", "not a line of an ASC log"),
+    ],
+)
+def test_malformed_lines_are_refused_with_their_number(tmp_path: Path, line: str, said: str) -> None:
+    with pytest.raises(UserError, match=r"line 7: ") as raised:
+        read(tmp_path, line)
+    assert said in str(raised.value)
+
+
+def test_a_decimal_line_without_its_end_is_left_out(tmp_path: Path) -> None:
+    found = log(tmp_path, "   0.5 1  256       Rx d 1 255", base="dec")
+    found.path.write_text(found.path.read_text().removesuffix("5\nEnd TriggerBlock\n"))
+    assert list(found) == []
+    assert any("line 7 is cut short" in note for note in found.notes())

@@ -1,0 +1,75 @@
+"""A test bed that sends the optional inputs: its database, its part of a bench file, its frames by plain cantools."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import cantools
+import e2e.p05
+from cantools.database.can import Database, Message
+
+from tests.service.core_frames import ONE_MESSAGE, Frame, bench_text
+
+PROTECTED_ID, DATA_ID = 802, 0x1234
+TEXT = f"""VERSION ""
+BU_: Bed
+BO_ 801 Bed: 8 Bed
+ SG_ Page M : 0|8@1+ (1,0) [0|255] "" Bed
+ SG_ LearnEnable m1 : 8|8@1+ (1,0) [0|255] "" Bed
+ SG_ Mass m2 : 8|16@1+ (0.01,0) [0|655] "mg" Bed
+BO_ {PROTECTED_ID} SafeBed: 8 Bed
+ SG_ LearnEnableSafe : 24|2@1+ (1,0) [0|3] "" Bed
+ SG_ MassSafe : 39|16@0+ (0.00000001,0) [0|0.000655] "kg" Bed
+BA_DEF_ BO_ "E2EProfile" INT 0 255;
+BA_DEF_ BO_ "E2EDataId" INT 0 65535;
+BA_DEF_DEF_ "E2EProfile" 0;
+BA_DEF_DEF_ "E2EDataId" 0;
+BA_ "E2EProfile" BO_ {PROTECTED_ID} 5;
+BA_ "E2EDataId" BO_ {PROTECTED_ID} {DATA_ID};
+VAL_ 801 LearnEnable 255 "SNA" 1 "on" 0 "off" ;
+VAL_ 801 Mass 65535 "SNA" ;
+"""
+BED: Database = cantools.database.load_string(TEXT, "dbc")
+NOT_AVAILABLE = {"LearnEnable": 255, "Mass": 65535}
+PAGES = {"LearnEnable": 1, "Mass": 2}
+
+
+def slow_bench(folder: Path, roles: dict[str, tuple[str, str]], extra: str = "") -> Path:
+    """A bench of one message of samples, with optional roles in the (message, signal) given."""
+    (folder / "bed.dbc").write_text(TEXT)
+    signals = "".join(
+        f'[signals.{role}]\nmessage = "{message}"\nsignal = "{signal}"\n'
+        for role, (message, signal) in roles.items()
+    )
+    path = folder / "bench.toml"
+    path.write_text(bench_text(ONE_MESSAGE, f'{extra}\n[[dbc]]\nfile = "bed.dbc"\n{signals}'))
+    return path
+
+
+def bed(signal: str, value: float | None) -> Frame:
+    """A frame of `Bed` with one of its signals; None: not available."""
+    message: Message = BED.get_message_by_name("Bed")
+    values = {"Page": PAGES[signal], signal: 0 if value is None else value}
+    payload = bytearray(message.encode(values))
+    if value is None:
+        payload[1:3] = NOT_AVAILABLE[signal].to_bytes(2, "little")
+    return Frame(message.frame_id, bytes(payload))
+
+
+def safe_bed(counter: int, enable: int = 1, mass: float = 0.0) -> Frame:
+    """A frame of `SafeBed`; mass [kg]."""
+    message: Message = BED.get_message_by_name("SafeBed")
+    payload = bytearray(message.encode({"LearnEnableSafe": enable, "MassSafe": mass}))
+    e2e.p05.e2e_p05_protect(payload, DATA_ID, length=8, increment_counter=False)
+    payload[2] = counter
+    e2e.p05.e2e_p05_protect(payload, DATA_ID, length=8, increment_counter=False)
+    return Frame(message.frame_id, bytes(payload))
+
+
+def inserted(frames: Sequence[Frame], at: Iterable[tuple[int, Frame]]) -> list[Frame]:
+    """The frames with others before those of the numbers given."""
+    others = list(at)
+    result: list[Frame] = []
+    for number, frame in enumerate(frames):
+        result += [other for place, other in others if place == number]
+        result.append(frame)
+    return result

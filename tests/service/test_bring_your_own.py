@@ -1,0 +1,273 @@
+"""Databases as benches have them, with the bench files of `docs/dbc.md`: the same samples, the same estimate."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import can
+import cantools.database
+import e2e.p01
+import numpy as np
+import pytest
+
+from observer_rt.bus.link import open_link
+from observer_rt.bus.mapping import map_bus
+from observer_rt.bus.outputs import STATUS_SIGNALS
+from observer_rt.config import PACKAGE_DATA, load_bench, load_injector
+from observer_rt.model.effects import sized
+from observer_rt.recording.framing import Framer, whole
+from observer_rt.recording.player import play
+from observer_rt.recording.recording import Recording
+from observer_rt.recording.recording_frames import recording_extent, recording_frames
+from observer_rt.service.core import Core
+from observer_rt.service.daemon import Daemon
+from observer_rt.service.output import OutputFrame
+from observer_rt.service.report import InjectionReport
+from observer_rt.service.warm_up import warm_up
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device, bench_text
+from tests.service.foreign_frames import (
+    DATABASES,
+    INJECTIONS,
+    Sent,
+    classic_frames,
+    database,
+    fd_frames,
+    multiplexed_frames,
+    recording,
+)
+from tests.service.participants import serving, until
+
+RESULTS: list[can.typechecking.CanFilter] = [
+    {"can_id": frame_id, "can_mask": 0x7FF, "extended": False} for frame_id in (0x201, 0x202)
+]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a core made of frames, and the last rates [m3/s] it estimated, by sample index."""
+
+    frames: list[OutputFrame]
+    reports: list[InjectionReport]
+    core: Core
+    rates: dict[int, float]
+
+
+def through(bench: Path, frames: Sent) -> Outcome:
+    loaded = load_bench(bench)
+    reports: list[InjectionReport] = []
+    core = Core(loaded, map_bus(loaded), on_report=reports.append)
+    out: list[OutputFrame] = []
+    for frame_id, is_extended, payload, stamp in frames:
+        out += core.handle(frame_id, is_extended, payload, stamp)
+    out += core.finish()
+    rows = core.rows(0, core.processed)
+    return Outcome(
+        out, reports, core, dict(zip(rows["index"].tolist(), rows["injection_rate"].tolist(), strict=True))
+    )
+
+
+def in_blocks(folder: Path, rate: float, data: Recording) -> Outcome:
+    """A recording through our own FD layout."""
+    path = folder / "blocks.toml"
+    path.write_text(bench_text(ONE_MESSAGE).replace(f"rate_hz = {SAMPLE_RATE}", f"rate_hz = {rate}"))
+    return through(path, ((f.frame_id, False, f.payload, 0) for f in Device(ONE_MESSAGE).send(data)))
+
+
+@pytest.fixture(scope="module")
+def in_our_layout(tmp_path_factory: pytest.TempPathFactory) -> Callable[[float], Outcome]:
+    """The recording at a rate through our own blocks."""
+
+    @cache
+    def run(rate: float) -> Outcome:
+        return in_blocks(tmp_path_factory.mktemp("own"), rate, recording(rate))
+
+    return run
+
+
+EXAMPLES = [
+    ("testbed_classic", 10e3, classic_frames),
+    ("fast_daq_fd", 50e3, fd_frames),
+    ("adc_multiplexed", 50e3, multiplexed_frames),
+]
+
+
+@pytest.mark.parametrize(("name", "rate", "frames"), EXAMPLES)
+def test_the_same_estimate_as_in_our_own_layout(
+    name: str, rate: float, frames: Callable[[Recording], Sent], in_our_layout: Callable[[float], Outcome]
+) -> None:
+    own = in_our_layout(rate)
+    foreign = through(DATABASES / f"{name}.toml", frames(recording(rate)))
+    assert foreign.core.counters.lost_samples == 0
+    assert foreign.core.counters.repeated_frames == foreign.core.counters.old_frames == 0
+    assert len(foreign.reports) == len(own.reports) == INJECTIONS
+    for ours, theirs in zip(own.reports, foreign.reports, strict=True):
+        assert (theirs.start_index, theirs.end_index, theirs.valid) == (
+            ours.start_index,
+            ours.end_index,
+            ours.valid,
+        )
+        assert theirs.mass == pytest.approx(ours.mass, rel=1e-3)
+    common = sorted(set(own.rates) & set(foreign.rates))
+    assert len(common) > 1000
+    estimated, expected = (np.array([rates[n] for n in common]) for rates in (foreign.rates, own.rates))
+    assert np.array_equal(np.isnan(estimated), np.isnan(expected))
+    assert np.nanmax(expected) > 30e-6  # there was something to compare
+    assert np.sqrt(np.nanmean((estimated - expected) ** 2)) < 0.05e-6
+
+
+@pytest.mark.parametrize(("name", "rate", "frames"), EXAMPLES)
+def test_replay_sends_what_cantools_encodes(
+    name: str, rate: float, frames: Callable[[Recording], Sent]
+) -> None:
+    """By frame: what a replay of the same recording by the bench file puts on the bus."""
+    data = recording(rate)
+    db = database(name)
+
+    def contents(sent: Sent) -> dict[int, list[dict[str, float]]]:
+        found: dict[int, list[dict[str, float]]] = {}
+        for frame_id, _, payload, _ in sent:
+            message = db.get_message_by_frame_id(frame_id)
+            raw = message.decode(payload, decode_choices=False, scaling=False)
+            kept = {n: v for n, v in raw.items() if not n.endswith(("SensorState", "Temperature", "Page"))}
+            if kept.get("ADC_Channel") != 15:
+                found.setdefault(frame_id, []).append(kept)
+        return found
+
+    bus = map_bus(load_bench(DATABASES / f"{name}.toml"))
+    replayed = contents(
+        (f.frame_id, f.is_extended, f.payload, 0) for f in Framer(bus).frames(data, whole(data))
+    )
+    assert recording_extent(data, bus, windowed=False).frames == sum(map(len, replayed.values()))
+    expected = contents(frames(data))
+    assert expected.keys() == replayed.keys()
+    for frame_id, sent in expected.items():
+        assert replayed[frame_id][: len(sent)] == sent
+        assert len(replayed[frame_id]) - len(sent) <= 6  # the last block, which is not full
+
+
+def test_a_lost_half_of_a_channel_is_lost_samples() -> None:
+    sent = list(multiplexed_frames(recording(50e3)))[:3000]
+    fourth = [n for n, (_, _, payload, _) in enumerate(sent) if payload[0] & 0xF == 3][100]
+    outcome = through(DATABASES / "adc_multiplexed.toml", iter(sent[:fourth] + sent[fourth + 1 :]))
+    assert outcome.core.counters.lost_samples == 3
+    assert outcome.core.counters.jumps == 0
+
+
+def _pages(frames: list[OutputFrame], name: str) -> list[dict[str, float]]:
+    """Summaries or statuses put together from their frames, protection checked."""
+    message = cantools.database.load_file(PACKAGE_DATA / "observer_classic.dbc").get_message_by_name(name)
+    found = [frame for frame in frames if frame.frame_id == message.frame_id]
+    whole_messages: list[dict[str, float]] = []
+    for number, frame in enumerate(found):
+        assert len(frame.payload) == 8
+        assert e2e.p01.e2e_p01_check(bytearray(frame.payload), message.frame_id, length=8)
+        values = message.decode(frame.payload, decode_choices=False)
+        assert values["Counter"] == number % 15
+        if values["Page"] == 0:
+            whole_messages.append({})
+        whole_messages[-1] |= values
+    return whole_messages
+
+
+def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
+    outcome = through(DATABASES / "testbed_classic.toml", classic_frames(recording(10e3)))
+    assert {frame.frame_id for frame in outcome.frames} == {0x201}
+    summaries = _pages(outcome.frames, "InjectionSummary")
+    assert len(summaries) == len(outcome.reports) == INJECTIONS
+    for summary, report in zip(summaries, outcome.reports, strict=True):
+        assert summary["SampleIndex"] == report.start_index
+        assert summary["EndIndex"] == report.end_index
+        assert summary["InjectionNumber"] == report.number
+        assert summary["Valid"] == report.valid
+        assert summary["Reason"] == report.reason
+        assert summary["Mass"] == pytest.approx(report.mass / 1e-6, abs=0.005)
+        assert summary["NozzleWear"] == pytest.approx(report.indicators.nozzle.value, abs=5e-5)
+        assert summary["RailPressureAtStart"] == pytest.approx(report.rail_pressure / 1e6, abs=0.0025)
+
+
+def test_replay_and_daemon_on_the_bus_of_a_process(tmp_path: Path) -> None:
+    _exchange_classic_frames(tmp_path, "virtual", "classic", math.inf)
+
+
+@pytest.mark.vcan
+def test_replay_and_daemon_on_vcan(tmp_path: Path, vcan: str) -> None:
+    _exchange_classic_frames(tmp_path, "socketcan", vcan, 0.1)
+
+
+def _exchange_classic_frames(folder: Path, interface: str, channel: str, speed: float) -> None:
+    """Classic frames only; summaries and status in pages."""
+    text = (DATABASES / "testbed_classic.toml").read_text()
+    text = text.replace('channel = "can0"', f'interface = "{interface}"\nchannel = "{channel}"')
+    text = text.replace('"testbed_classic.dbc"', f'"{DATABASES / "testbed_classic.dbc"}"')
+    path = folder / "bench.toml"
+    path.write_text(text + "status_period_ms = 1000\n[learning]\nlockstep = true\n")
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    data = recording(10e3)
+    frames = list(recording_frames(data, bus, windowed=False))
+    inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
+    warm_up(bench, bus)
+    heard: list[can.Message] = []
+    with (
+        can.Bus(interface=interface, channel=channel, can_filters=RESULTS) as listener,
+        open_link(interface, channel, False, inputs) as daemon_link,
+        open_link(interface, channel, False, []) as player_link,
+    ):
+        daemon = Daemon(bench, bus, daemon_link)
+        with serving(daemon):
+            play(frames, player_link, speed)
+            until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
+        while (message := listener.recv(0.1)) is not None:
+            heard.append(message)
+    assert daemon.dropped == 0
+    assert not any(message.is_fd for message in heard)
+    sent = [OutputFrame(m.arbitration_id, m.is_extended_id, m.is_fd, bytes(m.data)) for m in heard]
+    assert {frame.frame_id for frame in sent} == {0x201, 0x202}
+    direct = through(DATABASES / "testbed_classic.toml", classic_frames(data))
+    assert [f.payload for f in sent if f.frame_id == 0x201] == [f.payload for f in direct.frames]
+    status = _pages(sent, "ObserverStatus")[-1]
+    assert status["SamplesProcessed"] == daemon.core.processed
+    assert status["LostSamples"] == 0
+    assert len(status) == len(STATUS_SIGNALS) + 3  # CRC, counter and page
+
+
+def classic_layout(folder: Path, rate: float) -> Path:
+    """A bench that uses nothing but our classic layout."""
+    roles = {"rail_pressure": "RailPressure", "needle_lift": "NeedleLift", "line_pressure": "LinePressure"}
+    text = '[link]\nfd = false\ninterface = "virtual"\n[[dbc]]\nfile = "observer_classic.dbc"\n'
+    text += "".join(
+        f'[signals.{role}]\nmessage = "Sample"\nsignal = "{name}"\n' for role, name in roles.items()
+    )
+    path = folder / "bench.toml"
+    path.write_text(text + f"[sampling]\nrate_hz = {rate}\n[outputs]\ninjection_rate = false\n")
+    return path
+
+
+def test_our_classic_layout(tmp_path: Path) -> None:
+    """Without an index: frames are counted by the counter of their protection and when they come.
+
+    Until that clock is trusted nothing is valid and nothing is learned; then the estimate is that of our FD layout.
+    """
+    schedule = make_schedule([100e6], 10, 0.2, [1.1e-3])
+    effects = (sized("orifice_area", v_H=0.2),)
+    data = simulate(load_injector(), schedule, 10e3, effects, NoiseLevels(), seed=8).recording
+    bus = map_bus(load_bench(classic_layout(tmp_path, 10e3)))
+    frames = list(Framer(bus).frames(data, whole(data)))
+    for number, frame in enumerate(frames):
+        assert e2e.p01.e2e_p01_check(bytearray(frame.payload), 256, length=8)
+        assert frame.payload[1] == number % 15
+    classic = through(
+        tmp_path / "bench.toml", ((f.frame_id, f.is_extended, f.payload, f.stamp_ns) for f in frames)
+    )
+    own = in_blocks(tmp_path, 10e3, data)
+    assert classic.core.counters.lost_samples == 0
+    assert len(_pages(classic.frames, "InjectionSummary")) == len(classic.reports) == len(own.reports) == 10
+    assert not any(report.valid for report in classic.reports[:4])
+    for report, expected in zip(classic.reports[6:], own.reports[6:], strict=True):
+        assert report.valid
+        assert report.mass == pytest.approx(expected.mass, rel=5e-3)

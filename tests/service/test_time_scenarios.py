@@ -1,0 +1,81 @@
+"""Skew, drift, jitter, loss, reordering, restarts: what is marked valid is right, and what is wrong is told."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.observer.state import State
+from tests.service.time_frames import Clock, merged, observe, send, write_time_bench
+from tests.service.time_scenarios import (
+    DISTURBED,
+    GOOD,
+    GRID,
+    ONE_BASE,
+    OTHER,
+    RATE,
+    SCENARIOS,
+    STALE,
+    TIME_BASE,
+    TWO_BASES,
+    Figures,
+    Scenario,
+    run,
+)
+
+# An injection is wrong by the design's definition from 3 % of mass or 3 mm3/ms on.
+VOLUME_ERROR = 0.015
+RMSE = 1e-6  # m3/s
+SAMPLE_ERROR = 8e-6  # m3/s, at the steepest of the opening, where a sample of 50 us is 12 mm3/ms
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
+def test_nothing_wrong_is_marked_valid(scenario: Scenario, tmp_path: Path) -> None:
+    outcome = run(scenario, tmp_path)
+    figures = Figures.of(outcome)
+    assert figures.volume_error < VOLUME_ERROR
+    assert figures.rmse < RMSE
+    assert figures.sample_error < SAMPLE_ERROR
+    assert outcome.core.state == scenario.last
+    shown = outcome.states(DISTURBED - 0.01, np.inf)
+    assert shown <= scenario.shown | {GOOD}
+    if scenario.last == GOOD:
+        assert outcome.valid[-1]
+        assert figures.valid >= 3
+    elif scenario.last == TIME_BASE:
+        assert not outcome.valid[outcome.times > DISTURBED + 0.1].any()
+    else:
+        assert scenario.last == STALE
+        assert outcome.times[-1] < DISTURBED + 0.01  # nothing is published of what is not known
+
+
+def test_skew_that_nobody_tells_of_is_seen_in_the_error(tmp_path: Path) -> None:
+    """So that the above can fail: three samples between two devices that share an index spoil the rates."""
+    late = Clock(RATE, 150e-6)
+    outcome = observe(
+        write_time_bench(tmp_path, RATE, ONE_BASE), merged(send("Line", GRID), send("RailLift", late)), GRID
+    )
+    injections = outcome.injections()
+    assert max(injection.rmse for injection in injections) > 2 * RMSE
+
+
+def test_times_are_told(tmp_path: Path) -> None:
+    outcome = observe(
+        write_time_bench(tmp_path, RATE, TWO_BASES), merged(send("Line", GRID), send("RailLift", OTHER)), GRID
+    )
+    line, other = sorted(outcome.core.timing, key=lambda timing: timing.name)
+    assert (line.name, other.name) == ("Line", "RailLift")
+    assert other.drift - line.drift == pytest.approx(50e-6, abs=1e-6)
+    assert other.jitter.greatest < 20e-6
+    assert line.unknown == 0.0
+    assert 0.0 <= other.unknown < 2e-6
+    assert other.pressure_error == pytest.approx(other.unknown * 0.125e12)
+    assert "ppm" in other.as_text()
+
+
+def test_first_second_of_two_bases_is_not_valid(tmp_path: Path) -> None:
+    outcome = observe(
+        write_time_bench(tmp_path, RATE, TWO_BASES), merged(send("Line", GRID), send("RailLift", OTHER)), GRID
+    )
+    assert not outcome.valid[outcome.times < 0.8].any()
+    assert {state for state, _ in outcome.states(0.0, 0.75)} <= {State.STARTING, State.DEGRADED}

@@ -1,0 +1,272 @@
+"""Devices with clocks of their own, a bus that delays, loses and reorders, and what the core makes of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+
+import cantools
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.mapping import map_bus
+from observer_rt.config import load_bench, load_injector
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model
+from observer_rt.observer.state import Reason, State
+from observer_rt.service.core import Core
+from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels, Quantisation
+from observer_rt.simulation.needle import strokes
+from observer_rt.simulation.plant import Truth, run_plant
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.units import MEGAPASCAL, MICROMETRE
+
+EPOCH = 1_700_000_000_000_000_000  # ns, of the receiver's clock
+PLANT_RATE = 200e3
+PERIOD = 0.05  # s between events
+FIRST = 0.15  # s
+INJECTIONS = 42
+END = 1.5  # s of most scenarios
+DIP = 2e6  # Pa the rail pressure falls by with an injection
+RECOVERY = 0.01  # s
+ON_BUS = 16e-6  # s a frame takes
+DATABASE = """VERSION ""
+BU_: Daq
+BO_ 512 All: 8 Daq
+ SG_ Count : 0|8@1+ (1,0) [0|0] "" Daq
+ SG_ Nibble : 8|4@1+ (1,0) [0|0] "" Daq
+ SG_ Rail : 16|16@1+ (0.005,-10) [0|0] "MPa" Daq
+ SG_ Lift : 32|16@1+ (0.01,-50) [0|0] "um" Daq
+ SG_ Line : 48|16@1+ (0.005,-10) [0|0] "MPa" Daq
+BO_ 513 Line: 8 Daq
+ SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
+ SG_ Line : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
+BO_ 514 RailLift: 8 Daq
+ SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
+ SG_ Rail : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
+ SG_ Lift : 48|16@1+ (0.01,-50) [0|0] "um" Daq
+BO_ 515 LineLift: 8 Daq
+ SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
+ SG_ Line : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
+ SG_ Lift : 48|16@1+ (0.01,-50) [0|0] "um" Daq
+BO_ 516 Rail: 8 Daq
+ SG_ Rail : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
+BO_ 519 RailSlow: 8 Daq
+ SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
+ SG_ Rail : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
+BO_ 517 LiftOnly: 8 Daq
+ SG_ Lift : 32|16@1+ (0.01,-50) [0|0] "um" Daq
+ SG_ Count : 0|8@1+ (1,0) [0|0] "" Daq
+BO_ 518 LineOnly: 8 Daq
+ SG_ Line : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
+ SG_ Count : 0|8@1+ (1,0) [0|0] "" Daq
+"""
+MESSAGES = {message.name: message for message in cantools.database.load_string(DATABASE, "dbc").messages}
+ROLE_OF = {"Rail": "rail_pressure", "Lift": "needle_lift", "Line": "line_pressure"}
+
+
+@cache
+def plant() -> tuple[EffectiveModel, Truth]:
+    """A healthy injector whose rail pressure dips with every injection, without noise, at PLANT_RATE."""
+    parameters = load_injector()
+    model = effective_model(parameters)
+    schedule = make_schedule([100e6], INJECTIONS, PERIOD, [1.1e-3])
+    time = np.arange(round(schedule.duration * PLANT_RATE) + 1) / PLANT_RATE
+    rail = schedule.rail_pressure(time)
+    for number in range(INJECTIONS):
+        since = time - (FIRST + number * PERIOD)
+        rail -= np.where(
+            since > 0, DIP * np.minimum(since / 1e-3, 1) * np.exp(-np.maximum(since - 1e-3, 0) / RECOVERY), 0
+        )
+    return model, run_plant(model, strokes(schedule, parameters), time, rail)
+
+
+@dataclass(frozen=True)
+class Clock:
+    """When a device takes its n-th sample: phase [s], drift against the receiver's clock."""
+
+    rate: float
+    phase: float = 0.0
+    drift: float = 0.0
+
+    def times(self, end: float) -> NDArray[np.float64]:
+        """Sample times [s] up to `end`."""
+        interval = (1.0 + self.drift) / self.rate
+        return np.asarray(self.phase + interval * np.arange(int((end - self.phase) / interval)))
+
+    def time_of(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+        return np.asarray(self.phase + index * (1.0 + self.drift) / self.rate)
+
+
+@dataclass(frozen=True)
+class Received:
+    """A frame, when its sample was taken [s] and when it came."""
+
+    taken: float
+    stamp_ns: int
+    frame_id: int
+    payload: bytes
+
+
+Delays = Callable[[NDArray[np.float64], np.random.Generator], NDArray[np.float64]]
+
+
+def prompt(taken: NDArray[np.float64], _: np.random.Generator) -> NDArray[np.float64]:
+    """No jitter: every frame 150 us after its sample."""
+    return taken + 150e-6
+
+
+def jitter(width: float) -> Delays:
+    """Delays spread evenly over `width` [s]."""
+    return lambda taken, random: _one_by_one(taken + 150e-6 + random.uniform(0.0, width, taken.size))
+
+
+def batches(period: float) -> Delays:
+    """A USB adapter that hands over what came every `period` [s]."""
+    return lambda taken, _: np.asarray(np.ceil((taken + 150e-6) / period) * period)
+
+
+def rare(width: float, share: float) -> Delays:
+    """A few frames are late by up to `width` [s]."""
+
+    def delays(taken: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
+        late = random.random(taken.size) < share
+        return _one_by_one(taken + 150e-6 + np.where(late, random.uniform(0.0, width, taken.size), 0.0))
+
+    return delays
+
+
+def _one_by_one(come: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times at which frames come that a bus carries one after another."""
+    earliest = ON_BUS * np.arange(come.size)
+    return np.asarray(np.maximum.accumulate(come - earliest) + earliest)
+
+
+def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END) -> list[Received]:
+    """All frames of a message up to `end` [s], one after another."""
+    _, truth = plant()
+    taken = clock.times(end)
+    random = np.random.default_rng(MESSAGES[name].frame_id)
+    noise = NoiseLevels()
+
+    def measured(
+        signal: NDArray[np.float64], sigma: float, codes: Quantisation, unit: float
+    ) -> NDArray[np.float64]:
+        return codes.apply(_at(signal, taken) + random.normal(0.0, sigma, taken.size)) / unit
+
+    count = np.arange(taken.size)
+    values: dict[str, NDArray[np.float64] | NDArray[np.int64]] = {
+        "Rail": measured(truth.rail_pressure, noise.rail_pressure, PRESSURE, MEGAPASCAL),
+        "Lift": measured(truth.needle_lift, noise.needle_lift, LIFT, MICROMETRE),
+        "Line": measured(truth.line_pressure, noise.line_pressure, PRESSURE, MEGAPASCAL),
+        "SampleIndex": count,
+        "Count": count % 256,
+        "Nibble": count % 16,
+    }
+    message = MESSAGES[name]
+    columns = {s.name: values[s.name].tolist() for s in message.signals}
+    stamps = delays(taken, random)
+    return [
+        Received(
+            float(taken[n]),
+            EPOCH + round(float(stamps[n]) * 1e9),
+            message.frame_id,
+            message.encode({key: column[n] for key, column in columns.items()}, strict=False),
+        )
+        for n in range(taken.size)
+    ]
+
+
+def merged(*streams: Sequence[Received]) -> list[Received]:
+    """Frames of several messages in the order they come."""
+    return sorted((frame for stream in streams for frame in stream), key=lambda frame: frame.stamp_ns)
+
+
+def _at(signal: NDArray[np.float64], time: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.interp(time, plant()[1].time, signal)
+
+
+def write_time_bench(folder: Path, rate: float, signals: dict[str, str]) -> Path:
+    """A bench file: for each signal name of the database the message and further lines."""
+    (folder / "time.dbc").write_text(DATABASE)
+    text = '[[dbc]]\nfile = "time.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
+    for name, lines in signals.items():
+        text += f'[signals.{ROLE_OF[name]}]\nsignal = "{name}"\n{lines}\n'
+    path = folder / "bench.toml"
+    path.write_text(text + f"[sampling]\nrate_hz = {rate}\n[link]\nbit_rate = 8e6\n")
+    return path
+
+
+@dataclass(frozen=True)
+class Injected:
+    """An injection as estimated: relative error of its volume, RMSE [m3/s] of its rate."""
+
+    number: int
+    is_valid: bool
+    volume_error: float
+    rmse: float
+
+
+@dataclass
+class Outcome:
+    """Every sample the core published, and how it compares with what was injected."""
+
+    core: Core
+    interval: float  # s
+    times: NDArray[np.float64]  # s, when the samples were taken
+    rows: NDArray[np.void]
+    frames: list[bytes] = field(default_factory=list)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        return np.asarray(self.rows["valid"])
+
+    @property
+    def error(self) -> NDArray[np.float64]:
+        """Estimated less true rate [m3/s] at every sample."""
+        return np.asarray(self.rows["injection_rate"] - _at(plant()[1].injection_rate, self.times))
+
+    def states(self, start: float, end: float) -> set[tuple[State, Reason]]:
+        """States shown of samples taken in [start, end)."""
+        part = self.rows[(self.times >= start) & (self.times < end)]
+        return {(State(int(row["state"])), Reason(int(row["reason"]))) for row in part}
+
+    def injections(self) -> list[Injected]:
+        """Every injection of which no sample is missing."""
+        _, truth = plant()
+        found = []
+        for number in range(INJECTIONS):
+            start = FIRST + number * PERIOD
+            inside = (self.times >= start) & (self.times < start + 6e-3)
+            rows, times = self.rows[inside], self.times[inside]
+            if len(rows) < 0.99 * 6e-3 / self.interval or np.isnan(rows["injection_rate"]).any():
+                continue
+            grid = (truth.time >= times[0]) & (truth.time <= times[-1])
+            true = np.trapezoid(truth.injection_rate[grid], truth.time[grid])
+            error = rows["injection_rate"] - _at(truth.injection_rate, times)
+            volume = np.trapezoid(rows["injection_rate"], times)
+            is_valid = bool(rows["valid"].all())
+            found.append(
+                Injected(number, is_valid, float(volume / true - 1.0), float(np.sqrt(np.mean(error**2))))
+            )
+        return found
+
+
+def observe(bench: Path, frames: Sequence[Received], grid: Clock, restart: float | None = None) -> Outcome:
+    """Frames through a core; `grid` is the clock of the line pressure, which began anew at `restart` [s]."""
+    loaded = load_bench(bench)
+    core = Core(loaded, map_bus(loaded), learning=False)
+    rows, sent, seen = [], [], 0
+    for frame in [*frames, None]:
+        out = core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns) if frame else core.finish()
+        sent += [f.payload for f in out]
+        if core.processed > seen:
+            rows.append(core.rows(seen, core.processed))
+            seen = core.processed
+    table = np.concatenate(rows)
+    times = grid.time_of(table["index"])
+    if restart is not None:
+        begins = np.flatnonzero(np.diff(table["index"]) < 0)
+        assert len(begins) == 1
+        times[begins[0] + 1 :] = replace(grid, phase=restart).time_of(table["index"][begins[0] + 1 :])
+    return Outcome(core, 1.0 / grid.rate, times, table, sent)

@@ -1,0 +1,19 @@
+"""The table of file formats: every format there, with what it can hold."""
+
+import json
+
+from observer_rt.recording.files import WRITERS
+from observer_rt.recording.logs import LOG_WRITERS
+from tools.benchmarks.formats import formats_document, formats_table, measure_formats
+
+
+def test_every_format_is_measured() -> None:
+    results = {result.name: result for result in measure_formats(1000)}
+    assert set(results) == {*LOG_WRITERS, *(f"{suffix} signals" for suffix in WRITERS)}
+    assert {name for name, result in results.items() if result.holds == "classic frames"} == {".trc"}
+    assert all(result.stamp_error_ns == 0 for name, result in results.items() if name != ".trc")
+    assert 0 < results[".trc"].stamp_error_ns <= 500
+    assert all(result.written_per_s > 0 and result.read_per_s > 0 for result in results.values())
+    assert formats_table(list(results.values())).row_count == len(results)
+    document = json.loads(json.dumps(formats_document(list(results.values()))))
+    assert document["figures"]["blf_read_per_s"] > 0

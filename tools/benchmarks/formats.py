@@ -1,0 +1,146 @@
+"""What each file format holds, and how fast it is: the frames of a bench, written and read as the commands do."""
+
+import random
+import tempfile
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from observer_rt.bus.link import Frame
+from observer_rt.errors import UserError
+from observer_rt.recording.files import WRITERS, read_recording, write_recording
+from observer_rt.recording.log import LogFrame
+from observer_rt.recording.logs import LOG_WRITERS, open_log
+from observer_rt.recording.recording import Recording
+
+PERIOD = 90_001  # ns between two frames, so that every digit of a stamp counts
+START = 1_700_000_000_123_456_789  # ns since 1970
+IDENTIFIERS = (0x100, 0x200, 0x300)
+RATE = 100e3  # Hz
+FD_BYTES, CLASSIC_BYTES = 64, 8
+RUNS = 3
+
+
+@dataclass(frozen=True)
+class FormatResult:
+    """One format: entries (frames or samples) written and read a second, bytes each, largest error of a stamp."""
+
+    name: str
+    holds: str
+    stamp_error_ns: int
+    written_per_s: float
+    read_per_s: float
+    bytes_each: float
+
+
+def measure_formats(count: int) -> list[FormatResult]:
+    """Write and read `count` frames in every log format, and as many samples in every recording format."""
+    with tempfile.TemporaryDirectory() as folder:
+        logs = [_log(suffix, count, Path(folder)) for suffix in LOG_WRITERS]
+        return logs + [_recording(suffix, count, Path(folder)) for suffix in WRITERS]
+
+
+def formats_table(results: Sequence[FormatResult]) -> Table:
+    """The results for a screen."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("format", "holds", "stamps off by up to", "written 1/s", "read 1/s", "bytes each"):
+        table.add_column(heading, justify="left" if heading in ("format", "holds") else "right")
+    for result in results:
+        table.add_row(
+            result.name,
+            result.holds,
+            f"{result.stamp_error_ns} ns",
+            f"{result.written_per_s:.0f}",
+            f"{result.read_per_s:.0f}",
+            f"{result.bytes_each:.0f}",
+        )
+    return table
+
+
+def formats_document(results: Sequence[FormatResult]) -> dict[str, Any]:
+    """The results for a program."""
+    figures = {
+        f"{result.name.replace(' ', '_').removeprefix('.')}_{what}_per_s": round(value)
+        for result in results
+        for what, value in (("written", result.written_per_s), ("read", result.read_per_s))
+    }
+    return {"figures": figures, "details": [vars(result) for result in results]}
+
+
+def _log(suffix: str, count: int, folder: Path) -> FormatResult:
+    path = folder / f"bus{suffix}"
+    try:
+        _write(path, _frames(2, True))
+        is_fd = True
+    except UserError:
+        is_fd = False
+    frames = _frames(count, is_fd)
+    written = _seconds(lambda: _write(path, frames))
+    read = _seconds(lambda: deque(open_log(path), maxlen=0))
+    found = list(open_log(path))
+    payloads = [entry.frame.payload for entry in frames]
+    if [entry.frame.payload for entry in found] != payloads:
+        raise AssertionError(f"{suffix} changed the frames")
+    error = max(
+        abs(one.frame.stamp_ns - other.frame.stamp_ns) for one, other in zip(found, frames, strict=True)
+    )
+    holds = "classic and FD frames" if is_fd else "classic frames"
+    return _result(suffix, holds, error, count, written, read, path)
+
+
+def _recording(suffix: str, count: int, folder: Path) -> FormatResult:
+    path = folder / f"recording{suffix}"
+    noise = np.random.default_rng(1).normal(size=(3, count))
+    recording = Recording(
+        time=np.arange(count) / RATE,
+        rail_pressure=100e6 + 0.1e6 * noise[0],
+        needle_lift=0.4e-6 * noise[1],
+        line_pressure=100e6 + 0.15e6 * noise[2],
+    )
+    written = _seconds(lambda: write_recording(path, recording))
+    found: list[Recording] = []
+    read = _seconds(lambda: found.append(read_recording(path)))
+    error = round(float(np.max(np.abs(found[0].time - recording.time))) * 1e9)
+    return _result(f"{suffix} signals", "samples", error, count, written, read, path)
+
+
+def _result(
+    name: str, holds: str, error: int, count: int, written: float, read: float, path: Path
+) -> FormatResult:
+    return FormatResult(name, holds, error, count / written, count / read, path.stat().st_size / count)
+
+
+def _frames(count: int, is_fd: bool) -> list[LogFrame]:
+    chance = random.Random(1)
+    size = FD_BYTES if is_fd else CLASSIC_BYTES
+    return [
+        LogFrame(
+            Frame(IDENTIFIERS[n % 3], chance.randbytes(size), START + n * PERIOD, False, is_fd),
+            "1",
+            is_fd,
+            False,
+        )
+        for n in range(count)
+    ]
+
+
+def _write(path: Path, frames: Sequence[LogFrame]) -> None:
+    with LOG_WRITERS[path.suffix](path, START) as writer:
+        for frame in frames:
+            writer.write(frame)
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    """The shortest of several runs: other programs only lengthen one."""
+    durations = []
+    for _ in range(RUNS):
+        begun = time.perf_counter()
+        work()
+        durations.append(time.perf_counter() - begun)
+    return min(durations)

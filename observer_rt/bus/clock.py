@@ -20,13 +20,11 @@ MAX_DRIFT = 500e-6  # of any clock worth the name; more is a wrong sample rate i
 STEP = 1e6  # ns that the lowest stamps of a window may leave the line by before the clock counts as set anew
 PROMPT = 2e3  # ns of delay, within which a frame came without waiting
 FEW_PROMPT = 1 / 3  # share of such frames, below which it is not sure that any did
-LEAST_OF_DELAYS = (
-    0.75  # of the mean delay, that the least one may then have: batches that beat with the cycle
-)
+# Of the mean delay, that the least one may then have: batches beat with the cycle.
+LEAST_OF_DELAYS = 0.75
 USUAL_GAIN = 0.25  # of the greatest delay of a window, in what is usual
-FEW_TOGETHER = (
-    0.1  # share of frames closer than a bus can carry them, above which stamps are those of batches
-)
+# Share of frames closer than a bus can carry them, above which stamps are those of batches.
+FEW_TOGETHER = 0.1
 
 CLOCK = np.dtype(
     [

@@ -47,8 +47,9 @@ def read_logged(
     Raises `UserError` for a log that is malformed, holds no input of the bench, or in which the sample index begins
     anew.
     """
-    frames = InputFrames(path, map_bus(bench), channel)
-    core = Core(bench, map_bus(bench), learning=False)
+    bus = map_bus(bench)
+    frames = InputFrames(path, bus, channel)
+    core = Core(bench, bus, learning=False)
     pieces: list[NDArray[np.void]] = []
     seen = 0
     stamps = _Stamps()

@@ -18,9 +18,8 @@ TEMPER_ABOVE = 1.6
 TEMPER_SIGNIFICANT = 2.5
 POOLING = 0.85  # weight of the statistics before this event
 REMEMBERED = 6.0  # standard deviations up to which they count, so that a passing trouble is soon over
-LARGEST_OFFSET = (
-    1.5e6  # Pa, between line and rail pressure: more may be a gain, and that is an error of the mass
-)
+# Pa, between line and rail pressure: more may be a gain of the sensor, which is an error of the mass
+LARGEST_OFFSET = 1.5e6
 FREEZE_AFTER = 2  # events
 SET_ASIDE_AFTER = 2  # events
 RELEASE_AFTER = 3

@@ -14,9 +14,8 @@ from observer_rt.estimation.predictor import Setting, Window
 # Of the rate's change from sample to sample (one sigma): between samples the inputs are no straight lines, least of
 # all where the needle leaves its seat and comes back.
 HOLD_SHARE = 0.06
-REVISED = (
-    0.02  # of the volume: a published one that differs more from the re-simulated one was not known well
-)
+# Of the volume: a published one that differs more from the re-simulated one was not known well.
+REVISED = 0.02
 
 
 @dataclass(frozen=True)

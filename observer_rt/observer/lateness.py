@@ -15,6 +15,7 @@ from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.observer.fitting import Fit
+from observer_rt.observer.recent_scores import RecentScores
 
 LEAST_LAG = 5e-6  # s, below which the two are the same to the eye
 REMEMBERED = 0.85  # weight of the score before this event
@@ -59,14 +60,12 @@ class LagDoubt:
     """The scores of recent events together."""
 
     def __init__(self) -> None:
-        self._sum = 0.0
-        self._variance = 0.0
+        self._scores = RecentScores(REMEMBERED, 1)
 
     def is_no_lag_after(self, score: float | None) -> bool:
         """Take in an event's score; whether recent events contradict a lag. None: there is none, all is forgotten."""
         if score is None:
-            self._sum, self._variance = 0.0, 0.0
+            self._scores.forget()
             return False
-        self._sum = REMEMBERED * self._sum + score
-        self._variance = REMEMBERED**2 * self._variance + 1.0
-        return abs(self._sum) > SIGNIFICANT * math.sqrt(self._variance)
+        self._scores.add(np.array([score]))
+        return bool(self._scores.beyond(SIGNIFICANT)[0])

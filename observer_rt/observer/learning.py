@@ -160,10 +160,9 @@ class Learner:
         if score <= CHANGE_SCORE:
             return fit
         wide = prior.widened(self._rules.prior.vector(self._scale))
-        in_vain = (
-            self._mistrust.lasts
-        )  # nothing explained the events before, so that many steps would be lost on this
-        other = fitter.fit(fit.linearisation, wide, ITERATIONS if in_vain else FIRST_ITERATIONS)
+        # where nothing explained the events before, many steps would be lost on this one
+        iterations = ITERATIONS if self._mistrust.lasts else FIRST_ITERATIONS
+        other = fitter.fit(fit.linearisation, wide, iterations)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
 

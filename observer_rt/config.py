@@ -35,6 +35,7 @@ class OptionalRole(StrEnum):
 
     LEARNING_ENABLE = "learning_enable"
     MEASURED_MASS = "measured_mass"
+    FUEL_TEMPERATURE = "fuel_temperature"
 
 
 class _Section(BaseModel):
@@ -101,12 +102,21 @@ class SlowQuantityConfig(SlowSignalConfig):
     unit: str | None = None  # replaces the unit of the bus database
 
 
+class LearningEnableConfig(SlowSignalConfig):
+    timeout_ms: Positive | None = None  # None: ten cycle times of the message
+
+
+class FuelTemperatureConfig(SlowQuantityConfig):
+    timeout_ms: Positive | None = None  # None: ten cycle times of the message
+
+
 class SignalsConfig(_Section):
     rail_pressure: SignalConfig
     needle_lift: SignalConfig
     line_pressure: SignalConfig
-    learning_enable: SlowSignalConfig | None = None
+    learning_enable: LearningEnableConfig | None = None
     measured_mass: SlowQuantityConfig | None = None  # of an injection
+    fuel_temperature: FuelTemperatureConfig | None = None  # in the feed line
 
     def of(self, role: Role) -> SignalConfig:
         """The mapping of a role."""

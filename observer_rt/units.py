@@ -11,6 +11,7 @@ MICROSECOND = 1e-6  # s
 MM3_PER_MS = 1e-6  # m3/s
 CUBIC_MILLIMETRE = 1e-9  # m3
 MILLIGRAM = 1e-6  # kg
+ZERO_CELSIUS = 273.15  # K
 
 # Units a bus database or a measurement file may state, by quantity: value_si = value * factor.
 PRESSURE_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": MEGAPASCAL, "bar": 1e5}
@@ -23,4 +24,13 @@ FLOW_UNITS = {
     "m³/s": 1.0,
     "mm³/ms": MM3_PER_MS,
     "mm³/s": CUBIC_MILLIMETRE,
+}
+
+# value_si = value + origin; all have kelvins as steps
+TEMPERATURE_ORIGINS = {
+    "K": 0.0,
+    "degC": ZERO_CELSIUS,
+    "deg C": ZERO_CELSIUS,
+    "°C": ZERO_CELSIUS,
+    "C": ZERO_CELSIUS,
 }

@@ -1,8 +1,9 @@
 """From bench file and bus database to arrays: which frames carry which samples, which carry the results."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import can.util
@@ -24,11 +25,19 @@ from observer_rt.bus.outputs import (
     rate_message,
 )
 from observer_rt.bus.sample_groups import SampleGroup, require_carried, sample_groups
-from observer_rt.bus.slow_inputs import SlowMessage, set_unknown, slow_signal
+from observer_rt.bus.slow_inputs import SlowMessage, SlowSignal, say_nothing, slow_signal, slow_timeout
 from observer_rt.bus.timing import INDEX_BITS, Following, following, map_timing, number_signal
-from observer_rt.config import Bench, OptionalRole, Role, SlowQuantityConfig, SlowSignalConfig
+from observer_rt.config import (
+    Bench,
+    FuelTemperatureConfig,
+    LearningEnableConfig,
+    OptionalRole,
+    Role,
+    SlowQuantityConfig,
+    SlowSignalConfig,
+)
 from observer_rt.errors import UserError
-from observer_rt.units import LENGTH_UNITS, MASS_UNITS, PRESSURE_UNITS
+from observer_rt.units import LENGTH_UNITS, MASS_UNITS, PRESSURE_UNITS, TEMPERATURE_ORIGINS
 
 EXTENDED = 1 << 32  # added to the id of an extended frame, so that one number names a frame
 _UNITS = {
@@ -174,18 +183,31 @@ def _map_slow(
     slow = []
     for name, mappings in by_message.items():
         message = _message(bench, databases, f"signals.{mappings[0][0]}.message", name)
-        signals = []
-        for role, config in mappings:
-            with _named(f"{bench.path}: signals.{role}"):
-                find_signal(message, config.signal)
-            factor = 1.0
-            if isinstance(config, SlowQuantityConfig):
-                factor = _unit_factor(bench, role, message, config.signal, config.unit, MASS_UNITS)
-            with _named(f"{bench.path}: signals.{role}"):
-                signals.append(slow_signal(message, role, config.signal, factor))
         layout = protected_layout(message)
-        slow.append(SlowMessage(layout, _frame_row(layout)[None], tuple(signals), layout in inputs))
+        signals = tuple(_slow_signal(bench, message, layout, role, config) for role, config in mappings)
+        slow.append(SlowMessage(layout, _frame_row(layout)[None], signals, layout in inputs))
     return tuple(slow)
+
+
+def _slow_signal(
+    bench: Bench, message: Message, layout: MessageLayout, role: OptionalRole, config: SlowSignalConfig
+) -> SlowSignal:
+    place = f"{bench.path}: signals.{role}"
+    with _named(place):
+        find_signal(message, config.signal)
+    factor, origin, untold, timeout = 1.0, 0.0, math.nan, math.inf
+    if isinstance(config, FuelTemperatureConfig):
+        origin = _from_unit(place, message, config.signal, config.unit, TEMPERATURE_ORIGINS)
+        untold = bench.injector.fluid.reference_temperature or math.nan
+    elif isinstance(config, SlowQuantityConfig):
+        factor = _from_unit(place, message, config.signal, config.unit, MASS_UNITS)
+    with _named(place):
+        signal = slow_signal(message, role, config.signal, factor, origin)
+    if isinstance(config, LearningEnableConfig) and not signal.has_not_available:
+        untold = 1.0  # a frame made of a recording must not switch learning off
+    if isinstance(config, FuelTemperatureConfig | LearningEnableConfig):
+        timeout = slow_timeout(config.timeout_ms, layout.cycle_time_ns)
+    return replace(signal, untold=untold, timeout=timeout)
 
 
 def _say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
@@ -194,7 +216,7 @@ def _say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
         for row in inputs.messages[inputs.messages["key"] == message.frame[0]["key"]]:
             first = int(row["first_kind"])
             for kind in inputs.kinds[first : first + int(row["kind_count"])]:
-                set_unknown(message, kind["blank"])
+                say_nothing(message, kind["blank"])
 
 
 def _map_message(
@@ -264,22 +286,18 @@ def _named(place: str) -> Iterator[None]:
 
 
 def _factor(bench: Bench, message: Message, role: Role, samples: Sequence[str]) -> float:
-    return _unit_factor(bench, role, message, samples[0], bench.config.signals.of(role).unit, _UNITS[role])
+    place = f"{bench.path}: signals.{role}"
+    return _from_unit(place, message, samples[0], bench.config.signals.of(role).unit, _UNITS[role])
 
 
-def _unit_factor(
-    bench: Bench,
-    role: Role | OptionalRole,
-    message: Message,
-    signal: str,
-    unit: str | None,
-    units: Mapping[str, float],
+def _from_unit(
+    place: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]
 ) -> float:
-    """To SI, of a signal whose unit the database states or, instead, the bench file as `unit`."""
+    """What `units` holds for the unit of a signal: `unit` of the bench file, or else what the database states."""
     stated = unit or find_signal(message, signal).unit or ""
     if stated not in units:
         raise UserError(
-            f"{bench.path}: signals.{role}",
+            place,
             f"unit {stated!r} of {message.name} is not known" if stated else f"{message.name} states no unit",
             f'add unit = "..." with one of {", ".join(units)}',
         )

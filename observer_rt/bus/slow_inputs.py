@@ -1,5 +1,6 @@
 """Optional inputs: slow signals that need neither grid nor index; one value a frame, of which the newest counts."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -14,6 +15,10 @@ from observer_rt.bus.codec import decode, encode, signal_table
 from observer_rt.bus.database import MessageLayout
 from observer_rt.bus.multiplexing import Selection, compile_conditions, conditions_of, is_selected
 from observer_rt.config import OptionalRole
+from observer_rt.units import MILLISECOND
+
+CYCLES = 10  # of a message, after which its last value is too old
+SHORTEST_TIMEOUT = 1.0  # s, unless the bench file asks for less
 
 
 class Receipt(IntEnum):
@@ -40,6 +45,17 @@ class SlowSignal:
     """What a multiplexed frame must hold to carry it."""
     factor: float
     """To SI."""
+    origin: float = 0.0
+    """What its 0 is in SI."""
+    timeout: float = math.inf
+    """After which a value counts no longer [s]."""
+    untold: float = math.nan
+    """What frames made of a recording say [SI], nan: not available."""
+
+    @property
+    def has_not_available(self) -> bool:
+        """Whether the signal has a code for that."""
+        return bool(self.table[0]["has_not_available"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,31 +69,34 @@ class SlowMessage:
     """Whether it carries samples too; what is wrong with its frames is then counted there."""
 
 
-def slow_signal(message: Message, role: OptionalRole, name: str, factor: float) -> SlowSignal:
+def slow_signal(message: Message, role: OptionalRole, name: str, factor: float, origin: float) -> SlowSignal:
     """Compile the signal `name` of a message. Raises `UserError` when it is missing or cannot be decoded."""
     selection = compile_conditions(message, conditions_of(message, name))
-    return SlowSignal(role, name, signal_table(message, [name]), selection, factor)
+    return SlowSignal(role, name, signal_table(message, [name]), selection, factor, origin)
+
+
+def slow_timeout(configured_ms: float | None, cycle_time_ns: int | None) -> float:
+    """After which a value counts no longer [s]: as configured, else ten cycles of its message, else never."""
+    if configured_ms is not None:
+        return configured_ms * MILLISECOND
+    return math.inf if cycle_time_ns is None else max(CYCLES * cycle_time_ns * 1e-9, SHORTEST_TIMEOUT)
 
 
 def value_range(signal: SlowSignal) -> tuple[float, float]:
     """Lowest and highest value [SI] the signal can have."""
     row = signal.table[0]
     limits = [
-        float(row[name] * row["scale"] + row["offset"]) * signal.factor for name in ("lowest", "highest")
+        float(row[name] * row["scale"] + row["offset"]) * signal.factor + signal.origin
+        for name in ("lowest", "highest")
     ]
     return min(limits), max(limits)
 
 
-def set_unknown(message: SlowMessage, payload: NDArray[np.uint8]) -> None:
-    """Make a frame without protection say nothing by its slow signals, as far as its signals have a code for it.
-
-    A learning enable without such a code becomes 1: a frame made of a recording must not switch learning off.
-    """
+def say_nothing(message: SlowMessage, payload: NDArray[np.uint8]) -> None:
+    """Make a frame without protection say by its slow signals what a recording knows of them: `SlowSignal.untold`."""
     for signal in message.signals:
         if is_selected(payload, signal.selection, 0, len(signal.selection.conditions)):
-            has_code = bool(signal.table[0]["has_not_available"])
-            is_switch = signal.role is OptionalRole.LEARNING_ENABLE
-            encode(np.array([1.0 if is_switch and not has_code else np.nan]), signal.table, payload)
+            encode(np.array([(signal.untold - signal.origin) / signal.factor]), signal.table, payload)
 
 
 class SlowReceiver:
@@ -106,7 +125,7 @@ class SlowReceiver:
             return
         for signal in message.signals:
             if read_value(payload, signal.table, signal.selection, self._value):
-                yield signal.role, float(self._value[0]) * signal.factor
+                yield signal.role, float(self._value[0]) * signal.factor + signal.origin
 
 
 @njit(cache=True, nogil=True)

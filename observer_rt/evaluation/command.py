@@ -199,7 +199,7 @@ def _plot(path: Path, evaluations: Sequence[Evaluation], c: Coefficients) -> Non
     from observer_rt.evaluation.figures import evaluation_curves, evaluation_masses, plot_injections
 
     evaluation = evaluations[0]
-    injections = injection_results(evaluation, c)
+    injections = injection_results(evaluation)
     with file_errors(path):
         plot_injections(
             path,

@@ -93,7 +93,8 @@ def evaluate(
                 f"{recordings[0].sample_rate:g} Hz",
                 "recordings of one history must have one sample rate",
             )
-    run = _Run(bench, map_bus(bench), knowledge, learning, progress, learner_of)
+    fuel_temperature = bench.injector.fluid.reference_temperature  # a recording knows none
+    run = _Run(bench, map_bus(bench), knowledge, learning, progress, learner_of, fuel_temperature)
     for recording in recordings:
         run.take(recording)
     run.finish()
@@ -169,6 +170,7 @@ class _Run:
         learning: bool,
         progress: Progress | None,
         learner_of: LearnerFactory,
+        fuel_temperature: float | None = None,
     ) -> None:
         self._reports: list[InjectionReport] = []
         self._measured: list[MeasuredMass] = []
@@ -181,8 +183,9 @@ class _Run:
             on_report=self._reports.append,
             on_measured=self._measured.append,
             learner_of=learner_of,
+            fuel_temperature=fuel_temperature,
         )
-        self._nominal = Core(bench, bus, learning=False)
+        self._nominal = Core(bench, bus, learning=False, fuel_temperature=fuel_temperature)
         self._framer = Framer(bus)
         self._delays = {
             (layout.frame_id, layout.is_extended): round(

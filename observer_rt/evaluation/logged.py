@@ -14,7 +14,8 @@ from observer_rt.errors import UserError
 from observer_rt.recording.input_frames import InputFrames
 from observer_rt.recording.log import NANOSECONDS
 from observer_rt.recording.recording import Recording
-from observer_rt.service.core import Core, bench_constants
+from observer_rt.service.constants import bench_constants
+from observer_rt.service.core import Core
 
 READ_EVERY = 64  # frames between two looks at the observer's memory, which forgets
 RATE_TOLERANCE = 0.02  # of the sample rate by stamps, beyond which a log is odd

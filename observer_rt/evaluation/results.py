@@ -11,7 +11,7 @@ from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.indicators import Estimate
 from observer_rt.service.report import InjectionReport
-from observer_rt.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_PER_MS
+from observer_rt.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
 
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
@@ -41,18 +41,16 @@ class Check:
     passed: bool
 
 
-def injection_results(evaluation: Evaluation, c: Coefficients) -> list[InjectionResult]:
+def injection_results(evaluation: Evaluation) -> list[InjectionResult]:
     """Results of every injection, each over the window it was detected in."""
     online = {measured.report.number: measured.mass for measured in evaluation.measured}
     return [
-        _injection_result(evaluation, report, online.get(report.number, math.nan), c)
+        _injection_result(evaluation, report, online.get(report.number, math.nan))
         for report in evaluation.reports
     ]
 
 
-def _injection_result(
-    evaluation: Evaluation, report: InjectionReport, online_mass: float, c: Coefficients
-) -> InjectionResult:
+def _injection_result(evaluation: Evaluation, report: InjectionReport, online_mass: float) -> InjectionResult:
     """online_mass [kg]: as measured online, nan: it was not; a measured rate goes before it."""
     recording = evaluation.recording
     first = report.start_index - evaluation.first_index
@@ -65,7 +63,7 @@ def _injection_result(
     sigma = evaluation.trace.injection_rate_sigma[window][rate != 0.0]
 
     def mass(rate: NDArray[np.float64]) -> float:
-        return float(np.trapezoid(rate)) * interval * c.density
+        return float(np.trapezoid(rate)) * interval * report.density
 
     def rmse(rate: NDArray[np.float64]) -> float:
         return math.nan if measured is None else float(np.sqrt(np.mean((rate - measured) ** 2)))
@@ -101,7 +99,7 @@ def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
 
 def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
     """One recording of the JSON document (design 4.1)."""
-    results = injection_results(evaluation, c)
+    results = injection_results(evaluation)
     valid = sum(result.report.valid for result in results)
     return {
         "file": str(evaluation.recording.path),
@@ -121,6 +119,8 @@ def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
 def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
     report = result.report
     wear = report.indicators
+    temperature = report.fuel_temperature
+    fuel = {} if temperature is None else {"fuel_temperature_degC": temperature - ZERO_CELSIUS}
     return {
         "number": report.number,
         "event": report.event,
@@ -138,6 +138,7 @@ def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
         "reasons": [] if report.valid else [report.reason.name],
         "state": report.state.name,
         "phi_version": report.phi_version,
+        **fuel,
         "indicators": {
             "nozzle_v_H": _estimate(wear.nozzle, 1.0, "-"),
             "seat_v_S": _estimate(wear.seat, 1.0, "-"),

@@ -20,7 +20,7 @@ NOTEWORTHY = 4.0  # standard deviations from nothing
 def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) -> None:
     """One recording: what it is, injection by injection, and what is wrong with it."""
     recording, counters = evaluation.recording, evaluation.counters
-    injections = injection_results(evaluation, c)
+    injections = injection_results(evaluation)
     unfit = sum(result.report.reason is Reason.MODEL_INADEQUATE for result in injections)
     if unfit:
         say(

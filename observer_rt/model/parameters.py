@@ -12,6 +12,7 @@ FORMAT = 1  # of `injector.toml`; raised when an older program would misread a n
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Temperature = Annotated[float, Field(ge=200, le=500)]  # K; what is given in degC is refused
 
 
 class _Section(BaseModel):
@@ -37,6 +38,10 @@ class Fluid(_Section):
     bulk_modulus_line: Positive  # K_L, Pa
     bulk_modulus_sac: Positive  # K_C, Pa
     vapour_pressure: NonNegative  # p_v, Pa
+    # of a bench that measures the fuel's temperature; laws in `model.fuel`
+    reference_temperature: Temperature | None = None  # T_0 at which the values above hold, K
+    thermal_expansion: Annotated[float, Field(ge=0, le=2e-3)] = 7e-4  # alpha, 1/K
+    bulk_modulus_slope: Annotated[float, Field(ge=-30e6, le=0)] = -7e6  # dK/dT, Pa/K
 
 
 class Line(_Section):

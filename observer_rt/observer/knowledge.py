@@ -21,6 +21,7 @@ from observer_rt.model.network import HIDDEN
 from observer_rt.observer.adequacy import Finding
 from observer_rt.observer.interval import Resimulated
 from observer_rt.observer.standstill import Standstill
+from observer_rt.observer.state import Constants
 from observer_rt.paper.network import FreeNetwork
 
 
@@ -154,5 +155,11 @@ class EventLearner(Protocol):
     def schedule(self) -> GainSchedule:
         """Gains of the live x~."""
 
-    def learn(self, window: Window, standstill: Standstill, in_force: NDArray[np.float64]) -> Outcome:
-        """Learn from one event, during which `in_force` (m,) was carried."""
+    def learn(
+        self,
+        window: Window,
+        standstill: Standstill,
+        in_force: NDArray[np.float64],
+        constants: Constants | None = None,
+    ) -> Outcome:
+        """Learn from one event, during which `in_force` (m,) was carried; its constants, None: as they were."""

@@ -67,7 +67,6 @@ class Learner:
     ) -> None:
         self._constants = constants
         self._rules = rules
-        self._coefficients = constants.coefficients
         self._scale = constants.coefficients.pressure_scale
         self._belief = knowledge.belief
         self._theta = knowledge.in_force
@@ -76,7 +75,7 @@ class Learner:
         self._events = knowledge.events
         self._statistics = knowledge.statistics
         self._schedule = self._gains()
-        self._previous: Window | None = None
+        self._previous: tuple[Window, Constants] | None = None
         self._freezer = Freezer()
         self._mistrust = Mistrust()
         self._lag_doubt = LagDoubt()
@@ -92,8 +91,18 @@ class Learner:
         """What is believed after the last event."""
         return self._belief
 
-    def learn(self, window: Window, standstill: Standstill, in_force: NDArray[np.float64]) -> Outcome:
-        """Update the belief from one event; decide whether its estimate is adopted in place of `in_force` (m,)."""
+    def learn(
+        self,
+        window: Window,
+        standstill: Standstill,
+        in_force: NDArray[np.float64],
+        constants: Constants | None = None,
+    ) -> Outcome:
+        """Update the belief from one event; decide whether its estimate is adopted in place of `in_force` (m,).
+
+        constants: during the event; None: as they were.
+        """
+        self._constants = constants or self._constants
         if standstill.noise is not None:
             self._noise = standstill.noise
         self._schedule = self._gains()
@@ -117,7 +126,7 @@ class Learner:
             doubts.append(Reason.SUDDEN_CHANGE)
             self._previous = None  # it belongs to another injector
         better = self._is_better(window, in_force)
-        self._previous = window
+        self._previous = window, self._constants
         if self._freezer.is_frozen_after(self._statistics):
             return self._frozen(window, in_force)
         verdict = Verdict.ADOPTED if better else Verdict.REJECTED
@@ -185,10 +194,12 @@ class Learner:
         Rail-pressure noise makes that error wander, so a better theta often raises it a little: asked to lower it
         strictly, the worst of 20 worn injectors stays 0.88 % off in mass, with this tolerance 0.45 %.
         """
-        windows = [window] if self._previous is None else [self._previous, window]
-        setting = self._setting()
+        events = [(window, self._setting())]
+        if self._previous is not None:
+            previous, constants = self._previous
+            events.insert(0, (previous, self._setting(constants)))
         errors = [
-            sum(open_loop_error(w, setting, learned_of(theta)) for w in windows)
+            sum(open_loop_error(*event, learned_of(theta)) for event in events)
             for theta in (self._theta, in_force)
         ]
         return bool(errors[0] < ADOPTION_TOLERANCE * errors[1])
@@ -252,17 +263,18 @@ class Learner:
 
     def _gains(self) -> GainSchedule:
         learned = learned_of(self._theta)
-        c = with_line_terms(self._coefficients, learned.line)
+        c = with_line_terms(self._constants.coefficients, learned.line)
         sensor = self._constants.sensor
         lag = sensor.lag + learned.lag
         return gain_schedule(c, self._noise, 1.0 / self._constants.interval, lag, sensor.fraction)
 
-    def _setting(self) -> Setting:
-        sensor = self._constants.sensor
+    def _setting(self, constants: Constants | None = None) -> Setting:
+        constants = constants or self._constants
+        sensor = constants.sensor
         return Setting(
-            interval=self._constants.interval,
-            substeps=self._constants.substeps,
-            coefficients=self._coefficients,
+            interval=constants.interval,
+            substeps=constants.substeps,
+            coefficients=constants.coefficients,
             gain=self._schedule.gains[-1].copy(),
             late=sensor.fraction,
             lag=sensor.lag,

@@ -150,6 +150,7 @@ OBSERVER = np.dtype(
         ("free_bias", np.float64, (ROWS,)),
         ("free_unit", np.float64),  # 1/s
         ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
+        ("doubted", np.int8),  # Reason all that comes now is not to be trusted, 0 when it is
         ("lift_on", np.float64),  # m
         ("lift_off", np.float64),
         ("phi_version", np.int64),

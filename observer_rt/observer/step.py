@@ -226,6 +226,9 @@ def _mark(observer: Observer, position: int) -> None:
     elif row.doubt != _NO_DOUBT:
         row.reason = row.doubt
         memory.event_learnable = False
+    elif memory.doubted != _NO_REASON:
+        row.reason = memory.doubted
+        memory.event_learnable = False
     elif memory.events_judged < observer.constants.events_required:
         row.reason = _TOO_FEW_EVENTS
     else:
@@ -236,6 +239,7 @@ def _mark(observer: Observer, position: int) -> None:
     elif (
         memory.unsynchronised_by not in (_NO_REASON, _JUMPED)
         or row.doubt != _NO_DOUBT
+        or memory.doubted != _NO_REASON
         or memory.judgement != _NO_REASON
     ):
         row.state = _DEGRADED

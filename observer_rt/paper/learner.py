@@ -11,6 +11,7 @@ from observer_rt.observer.adequacy import Finding
 from observer_rt.observer.knowledge import Knowledge, Outcome, Verdict
 from observer_rt.observer.standstill import Standstill
 from observer_rt.observer.state import Constants, Reason
+from observer_rt.paper.systems import PaperSetting
 from observer_rt.paper.training import first_weights, network_of, output_error, paper_setting, train
 
 
@@ -24,9 +25,13 @@ class PaperLearner:
         """gain: identification gain l [1/s]."""
         self._constants = constants
         self._knowledge = knowledge
-        self._setting = paper_setting(constants.coefficients, constants.interval, constants.substeps, gain)
+        self._gain = gain
+        self._setting = self._setting_of(constants)
         self._weights = first_weights()
         self._previous: Window | None = None
+
+    def _setting_of(self, constants: Constants) -> PaperSetting:
+        return paper_setting(constants.coefficients, constants.interval, constants.substeps, self._gain)
 
     @property
     def schedule(self) -> GainSchedule:
@@ -40,11 +45,21 @@ class PaperLearner:
             sensor.fraction,
         )
 
-    def learn(self, window: Window, standstill: Standstill, in_force: NDArray[np.float64]) -> Outcome:
+    def learn(
+        self,
+        window: Window,
+        standstill: Standstill,
+        in_force: NDArray[np.float64],
+        constants: Constants | None = None,
+    ) -> Outcome:
         """Train on one event; adopt what lowers the re-simulated output error over this and the previous event.
 
-        in_force (PARAMETERS,) stays 0: the weights of the free rows are kept here.
+        in_force (PARAMETERS,) stays 0: the weights of the free rows are kept here. constants: during the event;
+        None: as they were.
         """
+        if constants is not None:
+            self._constants = constants
+            self._setting = self._setting_of(constants)
         noise = standstill.noise or self._knowledge.noise
         self._knowledge = replace(self._knowledge, noise=noise, events=self._knowledge.events + 1)
         window = window._replace(output=window.output - self._constants.sensor.offset)

@@ -26,7 +26,7 @@ from observer_rt.paper.network import FreeNetwork
 from observer_rt.paper.systems import swept
 from observer_rt.paper.training import Weights, first_weights, network_of, paper_setting, train
 from observer_rt.recording.framing import bench_for
-from observer_rt.service.core import bench_constants, configured_noise
+from observer_rt.service.constants import bench_constants, configured_noise
 from observer_rt.simulation.schedule import FIRST_EVENT, make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
 from observer_rt.units import MEGAPASCAL, MILLISECOND

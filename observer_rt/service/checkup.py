@@ -20,8 +20,9 @@ from observer_rt.service.checkup_bus import bus_findings
 from observer_rt.service.checkup_host import real_time_findings, this_host
 from observer_rt.service.checkup_interface import interface_findings, read_controller
 from observer_rt.service.checkup_model import plausibility_findings
+from observer_rt.service.checkup_slow import fuel_findings
 from observer_rt.service.checkup_time import time_findings
-from observer_rt.service.core import bench_constants, configured_noise
+from observer_rt.service.constants import bench_constants, configured_noise
 from observer_rt.service.findings import Finding, Level, as_json_document, as_table, failed, graded
 from observer_rt.service.learners import make_learner, refuse_state
 from observer_rt.service.state_file import StateDoesNotFitError, load_knowledge, model_hash
@@ -118,7 +119,8 @@ def _integration(bench: Bench) -> list[Finding]:
             Level.OK,
             f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {bench.config.sampling.rate_hz:g} Hz, "
             f"for a fastest rate of {fastest_rate(model.injector, model.departures):.3g} 1/s",
-        )
+        ),
+        *fuel_findings(bench),
     ]
 
 

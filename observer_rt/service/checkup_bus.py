@@ -13,7 +13,7 @@ from observer_rt.config import PACKAGE_DATA, Bench, LinkConfig, Role
 from observer_rt.recording.bus_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.recording.framing import message_timing
 from observer_rt.service.checkup_slow import slow_findings
-from observer_rt.service.core import configured_noise
+from observer_rt.service.constants import configured_noise
 from observer_rt.service.findings import Finding, Level, graded
 from observer_rt.units import LENGTH_UNITS, MEGAPASCAL, MICROMETRE, MILLISECOND, PRESSURE_UNITS
 

@@ -1,8 +1,10 @@
 """The service without its surroundings: frames in, frames out. No socket, no clock, no file."""
 
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +14,9 @@ from observer_rt.bus.mapping import BusMap, frame_key, stream_of
 from observer_rt.bus.timekeeping import make_timekeeping
 from observer_rt.bus.timing import SLOTS
 from observer_rt.config import Bench, Role
-from observer_rt.errors import UserError
-from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.model.effects import effective_model
-from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.front_end import dead_band
 from observer_rt.observer.knowledge import Knowledge, Outcome, Verdict, no_knowledge
 from observer_rt.observer.observer import (
-    Durations,
-    constants_for,
     event_standstill,
     event_window,
     in_force,
@@ -28,9 +24,11 @@ from observer_rt.observer.observer import (
     make_observer,
 )
 from observer_rt.observer.standstill import Standstill, standstill_of
-from observer_rt.observer.state import INJECTIONS, RING, Constants, Reason, State
+from observer_rt.observer.state import INJECTIONS, RING, Reason, State
 from observer_rt.paper.network import FreeNetwork
+from observer_rt.service.constants import bench_constants, configured_noise
 from observer_rt.service.counters import Counters
+from observer_rt.service.fuel import Fuel
 from observer_rt.service.learners import LearnerFactory, make_learner
 from observer_rt.service.measured_mass import MeasuredMass
 from observer_rt.service.message_timing import MessageTiming, timing_of
@@ -40,41 +38,6 @@ from observer_rt.service.pipeline import Pipeline, handle, make_receiver, procee
 from observer_rt.service.publisher import flush, make_publisher
 from observer_rt.service.report import InjectionReport, report_of
 from observer_rt.service.training import InlineExecutor, Training
-from observer_rt.units import MEGAPASCAL, MICROMETRE, MILLISECOND
-
-EVENTS_REQUIRED = 2  # judged, before a sample is valid
-EVENTS_REQUIRED_RESTORED = 1  # the same with a restored state
-
-
-def configured_noise(bench: Bench) -> NoiseLevels:
-    """Noise levels of the bench file, SI."""
-    noise = bench.config.noise
-    return NoiseLevels(
-        rail_pressure=noise.rail_pressure_MPa * MEGAPASCAL,
-        line_pressure=noise.line_pressure_MPa * MEGAPASCAL,
-        needle_lift=noise.needle_lift_um * MICROMETRE,
-    )
-
-
-def bench_constants(bench: Bench, restored: bool = False) -> Constants:
-    """Constants of the observer for a bench. Raises `UserError` when its sample rate is too low to integrate."""
-    rate = bench.config.sampling.rate_hz
-    learning = bench.config.learning
-    durations = Durations(learning.event_gap_ms * MILLISECOND, learning.learning_delay_ms * MILLISECOND)
-    constants = constants_for(
-        bench.injector, rate, durations, EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
-    )
-    substeps = constants.substeps
-    if substeps > MAX_SUBSTEPS:
-        model = effective_model(bench.injector)
-        fastest = fastest_rate(model.injector, model.departures)
-        raise UserError(
-            f"{bench.path}: sampling.rate_hz",
-            f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS}), "
-            f"for the sac of {bench.injector_path.name} relaxes at up to {fastest:.3g} 1/s",
-            f"sample at {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more",
-        )
-    return constants
 
 
 class Core:
@@ -94,24 +57,31 @@ class Core:
         on_report: Callable[[InjectionReport], None] | None = None,
         on_measured: Callable[[MeasuredMass], None] | None = None,
         learner_of: LearnerFactory = make_learner,
+        fuel_temperature: float | None = None,
     ) -> None:
         """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep).
 
         on_report is called with every injection, on_measured then, or later, with those whose mass was measured.
+        fuel_temperature [K]: on a bench that measures it, what to take until it is measured; None: nothing is valid.
         """
         config = bench.config
         self._bus = bus
-        self._constants = bench_constants(bench, restored=knowledge is not None)
-        self._pressure_scale = self._constants.coefficients.pressure_scale
+        is_restored = knowledge is not None
+        is_measured = config.signals.fuel_temperature is not None
+        self._fuel = Fuel(fuel_temperature if is_measured else None, bench_constants(bench, is_restored))
+        self._fuel_of_events: deque[Fuel] = deque()  # closed, not yet judged
+        self._interval = self._fuel.constants.interval
+        self._pressure_scale = self._fuel.constants.coefficients.pressure_scale
         noise = configured_noise(bench)
         start = knowledge or no_knowledge(noise, self._pressure_scale)
         learning = config.learning.enabled if learning is None else learning
-        self._optional = OptionalInputs(bus.slow, learning, on_measured)
+        constants_at = partial(bench_constants, bench, is_restored)
+        self._optional = OptionalInputs(bus.slow, learning, on_measured, self._fuel, constants_at)
         self._injector_id = config.outputs.injector_id
-        learner = learner_of(bench, self._constants, start)
+        learner = learner_of(bench, self._fuel.constants, start)
         lockstep = executor is None or config.learning.lockstep
         self._training = Training(learner, executor or InlineExecutor(), lockstep)
-        self._observer = make_observer(self._constants, start, learner)
+        self._observer = make_observer(self._fuel.constants, start, learner)
         self._pipeline = Pipeline(
             bus.inputs,
             make_receiver(),
@@ -140,8 +110,8 @@ class Core:
         """
         data = np.frombuffer(payload, np.uint8)
         key = frame_key(frame_id, is_extended)
-        if self._optional.take(key, data, self._observer):
-            self._pipeline.publisher.memory["learning"] = self.learning
+        if self._bus.slow:
+            self._heed_optional(key, data)
         waiting = handle(self._pipeline, key, data, stamp_ns)
         return self._go_on(waiting)
 
@@ -183,6 +153,11 @@ class Core:
     def learning(self) -> bool:
         """Whether learning is enabled, by the bench and by its learning enable, if it has one."""
         return self._optional.learning
+
+    @property
+    def fuel_temperature(self) -> float | None:
+        """Of the fuel in force [K]; None where it is not measured."""
+        return self._fuel.temperature
 
     @property
     def last_index(self) -> int:
@@ -229,6 +204,22 @@ class Core:
             late_adoptions=self._training.late,
         )
 
+    def _heed_optional(self, key: int, payload: NDArray[np.uint8]) -> None:
+        """What a frame brings by optional inputs, or that they stay away, takes effect before its samples do."""
+        memory = self._observer.memory[0]
+        newest = self._observer.ring[(int(memory["received"]) - 1) % RING]
+        now = int(newest["index"]) * self._interval
+        self._optional.take(key, payload, self._observer, now)
+        self._pipeline.publisher.memory["learning"] = self.learning
+        fuel = self._optional.fuel
+        if fuel is None:
+            return
+        if not memory["in_event"] and fuel.follow(now):
+            self._fuel = fuel.fuel
+            self._observer = self._observer._replace(constants=self._fuel.constants)
+            self._pipeline = self._pipeline._replace(observer=self._observer)
+        memory["doubted"] = Reason.NONE if fuel.is_known(now) else Reason.INPUT_STALE
+
     def _go_on(self, waiting: bool) -> list[OutputFrame]:
         """Hand over closed events, judge due ones, until the observer waits for input again."""
         self._submit_events()
@@ -245,7 +236,8 @@ class Core:
         while self._events_submitted < closed:
             window = event_window(self._observer, self._events_submitted) if self.learning else None
             standstill = event_standstill(self._observer, self._events_submitted)
-            self._training.submit(window, standstill, in_force(self._observer))
+            self._training.submit(window, standstill, in_force(self._observer), self._fuel.constants)
+            self._fuel_of_events.append(self._fuel)
             self._events_submitted += 1
 
     def _judge(self) -> None:
@@ -257,13 +249,13 @@ class Core:
             self._free_rows = outcome.free_rows
             version = int(self._observer.memory["phi_version"][0])
             self._known = replace(outcome.knowledge, phi_version=version)
-        self._report_injections(event, outcome)
+        self._report_injections(event, outcome, self._fuel_of_events.popleft())
 
     def _head(self) -> int:
         memory = self._observer.memory[0]
         return int(memory["events_taken"]) % len(memory["events"])
 
-    def _report_injections(self, event: np.void, outcome: Outcome | None) -> None:
+    def _report_injections(self, event: np.void, outcome: Outcome | None, fuel: Fuel) -> None:
         memory = self._observer.memory[0]
         while memory["injections_reported"] < memory["injections_begun"]:
             injection = memory["injections"][int(memory["injections_reported"]) % INJECTIONS]
@@ -271,7 +263,7 @@ class Core:
                 break
             memory["injections_reported"] += 1
             carried = in_force(self._observer), self._free_rows
-            report = report_of(injection, event, outcome, *carried, self._constants.coefficients)
+            report = report_of(injection, event, outcome, *carried, fuel)
             values = summary_values(report, self._injector_id, self.learning, self._pressure_scale)
             self._frames += self._summary_writer.write(values)
             self._on_report(report)

@@ -13,7 +13,7 @@ from observer_rt.config import Bench
 from observer_rt.destinations import check_folder
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.screen import say, say_if_compiling
-from observer_rt.service.core import bench_constants
+from observer_rt.service.constants import bench_constants
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.learners import refuse_state
 from observer_rt.service.measured_mass import MeasuredMass
@@ -22,7 +22,7 @@ from observer_rt.service.state_file import load_knowledge, model_hash, save_know
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.signals import stop_on_signals
-from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM
+from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, ZERO_CELSIUS
 
 FRAMES_PER_SECOND = 8  # of the view
 
@@ -162,10 +162,12 @@ def draw(screen: View, until: threading.Event, console: Console) -> None:
 
 def _line(report: InjectionReport) -> str:
     verdict = "valid" if report.valid else f"not valid: {report.reason.name}"
+    temperature = report.fuel_temperature
+    fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
     return (
         f"injection {report.number} at index {report.start_index}: {report.mass / MILLIGRAM:.2f} mg, "
         f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, v_H {report.indicators.nozzle.value:+.3f}, "
-        f"phi {report.phi_version}, {verdict}"
+        f"phi {report.phi_version}, {fuel}{verdict}"
     )
 
 

@@ -1,5 +1,6 @@
 """What the service makes of the optional inputs."""
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -8,7 +9,9 @@ from numpy.typing import NDArray
 from observer_rt.bus.slow_inputs import SlowMessage, SlowReceiver
 from observer_rt.config import OptionalRole
 from observer_rt.observer.observer import closed_injections
-from observer_rt.observer.state import Observer
+from observer_rt.observer.state import Constants, Observer
+from observer_rt.service.fuel import Fuel, FuelFollower
+from observer_rt.service.held_value import HeldValue
 from observer_rt.service.measured_mass import MassComparison, MeasuredMass
 from observer_rt.service.report import InjectionReport
 
@@ -16,8 +19,9 @@ from observer_rt.service.report import InjectionReport
 class OptionalInputs:
     """Receives the optional inputs of a bench; without any it changes nothing.
 
-    A learning enable of 0 holds learning up; another value, "not available" and none so far leave it as configured.
-    A measured mass is compared with the estimate, and never learned from.
+    A learning enable of 0 holds learning up; another value, "not available", one that is too old and none so far
+    leave it as configured. A measured mass is compared with the estimate, and never learned from. The fuel's
+    temperature makes the model that of fuel so warm. Time is that of the samples [s].
     """
 
     def __init__(
@@ -25,23 +29,38 @@ class OptionalInputs:
         messages: Sequence[SlowMessage],
         learning: bool,
         on_measured: Callable[[MeasuredMass], None] | None,
+        fuel: Fuel,
+        constants_at: Callable[[float], Constants],
     ) -> None:
-        """learning: as configured; on_measured: called with every injection whose mass was measured."""
+        """learning: as configured; on_measured: called with every injection whose mass was measured.
+
+        fuel: at the start; constants_at: the observer's constants with fuel at a temperature [K].
+        """
+        timeouts = {signal.role: signal.timeout for message in messages for signal in message.signals}
         self._receiver = SlowReceiver(messages)
         self._configured = learning
+        self._enable = HeldValue(timeouts.get(OptionalRole.LEARNING_ENABLE, math.inf))
         self._is_held = False
         self._masses = MassComparison(on_measured)
+        self.fuel: FuelFollower | None = None
+        """Where its temperature is measured."""
+        if OptionalRole.FUEL_TEMPERATURE in timeouts:
+            self.fuel = FuelFollower(fuel, constants_at, timeouts[OptionalRole.FUEL_TEMPERATURE])
 
-    def take(self, key: int, payload: NDArray[np.uint8], observer: Observer) -> bool:
-        """Take a received frame, `key` as by `mapping.frame_key`; whether it can have held anything of ours."""
-        if not self._receiver.is_ours(key):
-            return False
-        for role, value in self._receiver.values(key, payload):
-            if role is OptionalRole.LEARNING_ENABLE:
-                self._is_held = value == 0.0
-            else:
-                self._masses.on_value(value, closed_injections(observer))
-        return True
+    def take(self, key: int, payload: NDArray[np.uint8], observer: Observer, now: float) -> None:
+        """Take a received frame of any message, `key` as by `mapping.frame_key`."""
+        if self._receiver.is_ours(key):
+            for role, value in self._receiver.values(key, payload):
+                self._take_value(role, value, observer, now)
+        self._is_held = self._enable.at(now) == 0.0
+
+    def _take_value(self, role: OptionalRole, value: float, observer: Observer, now: float) -> None:
+        if role is OptionalRole.LEARNING_ENABLE:
+            self._enable.take(value, now)
+        elif role is OptionalRole.MEASURED_MASS:
+            self._masses.on_value(value, closed_injections(observer))
+        elif self.fuel is not None:
+            self.fuel.take(value, now)
 
     def on_report(self, report: InjectionReport) -> None:
         """Take an injection that was just reported."""

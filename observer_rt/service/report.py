@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.indicators import Indicators, indicators_of, with_free_rows
 from observer_rt.observer.interval import is_revised, rate_sigma, volume_interval
 from observer_rt.observer.knowledge import Outcome
 from observer_rt.observer.state import Reason, State
 from observer_rt.paper.network import FreeNetwork
+from observer_rt.service.fuel import Fuel
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,8 @@ class InjectionReport:
     start, end are positions in the stream of samples, the indices those of the device. `volume` [m3], `mass`
     [kg] and `peak_rate` [m3/s] are nan when some sample had no rate; `mass_ci95` [kg] is
     known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard deviation of the published
-    rate at the n samples from start to end; `rail_pressure` [Pa] at the opening.
+    rate at the n samples from start to end; `rail_pressure` [Pa] at the opening; `density` [kg/m3] and
+    `fuel_temperature` [K] of the fuel, the latter None where it is not measured.
     """
 
     number: int
@@ -40,6 +41,8 @@ class InjectionReport:
     state: State
     phi_version: int
     indicators: Indicators
+    density: float
+    fuel_temperature: float | None
 
 
 def report_of(
@@ -48,13 +51,14 @@ def report_of(
     outcome: Outcome | None,
     in_force: NDArray[np.float64],
     free_rows: FreeNetwork | None,
-    c: Coefficients,
+    fuel: Fuel,
 ) -> InjectionReport:
     """What to say of an injection (row of dtype `observer.state.INJECTION`) once its event (`EVENT`) is judged.
 
     outcome: what was learned from the event, None when nothing was; in_force: theta (m,) the observer carries,
-    free_rows: the paper's network where that is what it carries.
+    free_rows: the paper's network where that is what it carries; fuel: during the event.
     """
+    c = fuel.constants.coefficients
     judgement = outcome.findings[0].reason if outcome is not None and outcome.findings else Reason.NONE
     reason = Reason(int(injection["reason"])) or judgement
     indicators = indicators_of(
@@ -94,4 +98,6 @@ def report_of(
         state=State(int(injection["state"])),
         phi_version=int(injection["phi_version"]),
         indicators=indicators,
+        density=c.density,
+        fuel_temperature=fuel.temperature,
     )

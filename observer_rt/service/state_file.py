@@ -52,6 +52,9 @@ def model_hash(parameters: InjectorParameters) -> str:
     Of the effects in force it covers what they do, not why somebody believes in them.
     """
     content = parameters.model_dump(mode="json", exclude={"effects", "format"})
+    if parameters.fluid.reference_temperature is None:  # then there is no law of the temperature either
+        for key in ("reference_temperature", "thermal_expansion", "bulk_modulus_slope"):
+            del content["fluid"][key]
     if parameters.effects:
         content["effects"] = [
             [effect.id, {name: [size.value, size.unit] for name, size in effect.parameters.items()}]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.predictor import Window
 from observer_rt.observer.knowledge import EventLearner, Outcome
 from observer_rt.observer.standstill import Standstill
+from observer_rt.observer.state import Constants
 
 
 class InlineExecutor(Executor):
@@ -36,12 +37,19 @@ class Training:
         self._pending: deque[Future[Outcome] | None] = deque()
         self.late = 0
 
-    def submit(self, window: Window | None, standstill: Standstill, in_force: NDArray[np.float64]) -> None:
-        """Queue an event; `window` None: there is nothing to learn from it."""
+    def submit(
+        self,
+        window: Window | None,
+        standstill: Standstill,
+        in_force: NDArray[np.float64],
+        constants: Constants,
+    ) -> None:
+        """Queue an event with the constants during it; `window` None: there is nothing to learn from it."""
         if window is None:
             self._pending.append(None)
         else:
-            self._pending.append(self._executor.submit(self._learner.learn, window, standstill, in_force))
+            learned = self._executor.submit(self._learner.learn, window, standstill, in_force, constants)
+            self._pending.append(learned)
 
     def take(self) -> Outcome | None:
         """Outcome of the oldest event; None when there was nothing to learn or the outcome is late."""

@@ -16,7 +16,7 @@ from observer_rt.service.daemon import Daemon
 from observer_rt.service.measured_mass import MeasuredMass
 from observer_rt.service.message_timing import summary_of
 from observer_rt.service.report import InjectionReport
-from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS
+from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
 
 SHOWN = 8  # injections in the table, where the terminal has the lines
 WIDEST, HIGHEST = 120, 18  # characters, of the view and its plot
@@ -114,6 +114,9 @@ class View:
             style="dim",
         )
         line.append(f"\n {summary_of(self._daemon.core.timing)}", style="dim")
+        temperature = self._daemon.core.fuel_temperature
+        if temperature is not None:
+            line.append(f"  fuel {temperature - ZERO_CELSIUS:.1f} °C", style="dim")
         return line
 
 

@@ -11,7 +11,8 @@ from observer_rt.observer.knowledge import no_knowledge
 from observer_rt.observer.standstill import Standstill
 from observer_rt.recording.framing import Framer, whole
 from observer_rt.recording.recording import Recording
-from observer_rt.service.core import Core, bench_constants, configured_noise
+from observer_rt.service.constants import bench_constants, configured_noise
+from observer_rt.service.core import Core
 from observer_rt.service.learners import make_learner
 
 _SAMPLES = 100

@@ -191,8 +191,8 @@ def test_recordings_one_after_another_are_one_history() -> None:
     assert [report.number for report in second.reports] == [5, 6, 7, 8]
     assert all(report.valid for report in second.reports)
     assert second.reports[0].phi_version > 0
-    masses = [injection_results(part, C)[0].report.mass for part in (first, second)]
-    true = injection_results(second, C)[0].measured_mass
+    masses = [injection_results(part)[0].report.mass for part in (first, second)]
+    true = injection_results(second)[0].measured_mass
     assert abs(masses[1] / true - 1) < 0.02 < abs(masses[0] / true - 1)
 
 
@@ -200,7 +200,7 @@ def test_knowledge_of_one_history_starts_another() -> None:
     restored = evaluate(BENCH, [worn().recording], knowledge=evaluated().knowledge).evaluations[0]
     assert restored.reports[0].phi_version == evaluated().knowledge.phi_version
     assert [report.valid for report in restored.reports] == [False, True, True, True]
-    true = injection_results(restored, C)[0].measured_mass
+    true = injection_results(restored)[0].measured_mass
     assert restored.reports[0].mass == pytest.approx(true, rel=0.02)
 
 

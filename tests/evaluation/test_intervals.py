@@ -149,7 +149,7 @@ def test_rate_has_a_sigma_in_the_windows_of_injections_only() -> None:
 def test_mean_half_width_of_the_rate_in_the_document() -> None:
     made = run(3, 0.3)
     document = json.loads(json.dumps(recording_json(made.found, C), allow_nan=False))
-    for result, injection in zip(injection_results(made.found, C), document["injections"], strict=True):
+    for result, injection in zip(injection_results(made.found), document["injections"], strict=True):
         window = slice(result.report.start_index, result.report.end_index + 1)
         flows = made.found.trace.injection_rate[window] != 0.0
         mean = 1.96 * made.found.trace.injection_rate_sigma[window][flows].mean()
@@ -159,7 +159,7 @@ def test_mean_half_width_of_the_rate_in_the_document() -> None:
 
 def test_figure_gets_the_sigma_of_its_injections() -> None:
     made = run(3, 0.3)
-    for curve in evaluation_curves(made.found, injection_results(made.found, C)):
+    for curve in evaluation_curves(made.found, injection_results(made.found)):
         assert curve.sigma is not None
         assert curve.sigma.shape == curve.estimated.shape
         assert np.isfinite(curve.sigma).all()

@@ -10,7 +10,7 @@ from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load
 from observer_rt.observer.knowledge import no_knowledge
 from observer_rt.service.checkup import checkup
 from observer_rt.service.checkup_model import plausibility_findings
-from observer_rt.service.core import configured_noise
+from observer_rt.service.constants import configured_noise
 from observer_rt.service.findings import Finding, Level
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
 from tests.service.knowledge_samples import PRESSURE_SCALE, some_knowledge

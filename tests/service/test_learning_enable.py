@@ -138,7 +138,10 @@ def test_check_lists_it(tmp_path: Path) -> None:
     findings = checkup(load_bench(slow_bench(tmp_path, ENABLE)))
     listed = [finding for finding in findings if finding.text.startswith("learning_enable")]
     assert [finding.level for finding in listed] == [Level.OK]
-    assert listed[0].text == "learning_enable: Bed 0x321, LearnEnable, learning stops while it is 0"
+    assert listed[0].text == (
+        "learning_enable: Bed 0x321, LearnEnable, learning stops while it is 0, "
+        "a value counts until the next (no cycle time, no timeout_ms)"
+    )
     never = slow_bench(tmp_path, {"learning_enable": ("SampleBlock", "FuelTemperature")})
     assert "which it cannot be" in worst(checkup(load_bench(never)), "mapping").text
 
@@ -181,3 +184,17 @@ def test_view_says_that_learning_is_off(tmp_path: Path) -> None:
         frame = bed("LearnEnable", value)
         daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
         assert expected in drawn()
+
+
+def test_a_switch_that_stays_away_holds_nothing_up(
+    tmp_path: Path, frames: list[Frame], usual: Result
+) -> None:
+    """Off before the first injection, and never heard of again: it counts for 80 ms."""
+    path = slow_bench(tmp_path, ENABLE)
+    path.write_text(path.read_text() + "timeout_ms = 80\n")
+    off = inserted(frames, [(0, bed("LearnEnable", 0))])
+    result = run(path, off)
+    assert flags(result)[0] == 0
+    assert flags(result)[-1] == 1
+    assert result.core.counters.adoptions == usual.core.counters.adoptions
+    assert "a value counts for 0.08 s" in "".join(finding.text for finding in checkup(load_bench(path)))

@@ -11,7 +11,7 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.knowledge import Knowledge, LearningRules, Scales, no_knowledge
 from observer_rt.observer.learning import Learner
 from observer_rt.observer.state import Constants
-from observer_rt.service.core import bench_constants, configured_noise
+from observer_rt.service.constants import bench_constants, configured_noise
 from observer_rt.service.learners import LearnerFactory, make_learner
 from tools.benchmarks.batch_learning import (
     BatchResult,

@@ -93,10 +93,16 @@ class Listener:
         """As of the other."""
         return self._learner.schedule
 
-    def learn(self, window: Window, standstill: Standstill, in_force: NDArray[np.float64]) -> Outcome:
+    def learn(
+        self,
+        window: Window,
+        standstill: Standstill,
+        in_force: NDArray[np.float64],
+        constants: Constants | None = None,
+    ) -> Outcome:
         """As the other learns."""
         self.heard.append((window, standstill))
-        return self._learner.learn(window, standstill, in_force)
+        return self._learner.learn(window, standstill, in_force, constants)
 
 
 @dataclass(frozen=True, eq=False)

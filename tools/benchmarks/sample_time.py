@@ -14,7 +14,7 @@ from observer_rt.observer.learning import Learner
 from observer_rt.observer.observer import make_observer
 from observer_rt.observer.state import Observer
 from observer_rt.observer.step import advance_stream, push
-from observer_rt.service.core import bench_constants, configured_noise
+from observer_rt.service.constants import bench_constants, configured_noise
 from observer_rt.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from tools.benchmarks.score import SampleTime
 from tools.benchmarks.scoring import bench_at

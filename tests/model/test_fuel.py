@@ -1,0 +1,61 @@
+"""Density and bulk moduli of fuel at another temperature."""
+
+import math
+
+import pytest
+
+from observer_rt.config import load_injector
+from observer_rt.errors import UserError
+from observer_rt.model.fuel import at_temperature, is_plausible
+from observer_rt.model.parameters import InjectorParameters
+
+NOMINAL = load_injector()
+REFERENCE = 313.15  # K, of the nominal file
+
+
+def with_fluid(**changes: float | None) -> InjectorParameters:
+    return NOMINAL.model_copy(update={"fluid": NOMINAL.fluid.model_copy(update=changes)})
+
+
+def test_nothing_changes_at_the_reference_temperature() -> None:
+    assert at_temperature(NOMINAL, REFERENCE) == NOMINAL
+
+
+def test_both_fall_linearly() -> None:
+    """40 K warmer: 830 kg/m3 less 2.8 %, 1.6 GPa less 0.28 GPa; nothing else moves."""
+    fluid = at_temperature(NOMINAL, REFERENCE + 40.0).fluid
+    assert fluid.density_line == fluid.density_nozzle == pytest.approx(806.76)
+    assert fluid.bulk_modulus_line == fluid.bulk_modulus_sac == pytest.approx(1.32e9)
+    assert at_temperature(NOMINAL, REFERENCE + 40.0).model_copy(update={"fluid": NOMINAL.fluid}) == NOMINAL
+
+
+def test_the_fuel_of_the_sac_may_be_another_than_that_of_the_line() -> None:
+    fluid = at_temperature(with_fluid(bulk_modulus_sac=1.2e9, density_nozzle=800.0), REFERENCE - 20.0).fluid
+    assert fluid.bulk_modulus_sac == pytest.approx(1.34e9)
+    assert fluid.density_nozzle == pytest.approx(811.2)
+
+
+def test_without_a_reference_it_is_refused() -> None:
+    with pytest.raises(UserError, match=r"fluid\.reference_temperature") as refused:
+        at_temperature(with_fluid(reference_temperature=None), 300.0)
+    assert "313.15" in refused.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("changes", "cause"),
+    [
+        ({"bulk_modulus_slope": -2e7}, "bulk_modulus_slope"),
+        ({"thermal_expansion": 9e-3}, "thermal_expansion"),
+    ],
+)
+def test_a_law_that_leaves_no_fuel_is_refused(changes: dict[str, float], cause: str) -> None:
+    with pytest.raises(UserError, match=cause):
+        at_temperature(with_fluid(**changes), 423.15)
+
+
+@pytest.mark.parametrize(
+    ("temperature", "expected"), [(233.0, False), (234.0, True), (423.0, True), (424.0, False)]
+)
+def test_plausible_temperatures(temperature: float, expected: bool) -> None:
+    assert is_plausible(temperature) is expected
+    assert not is_plausible(math.nan)

@@ -17,14 +17,6 @@ ZERO_CELSIUS = 273.15  # K
 PRESSURE_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": MEGAPASCAL, "bar": 1e5}
 LENGTH_UNITS = {"m": 1.0, "mm": MILLIMETRE, "um": MICROMETRE, "µm": MICROMETRE, "μm": MICROMETRE}
 MASS_UNITS = {"kg": 1.0, "g": 1e-3, "mg": MILLIGRAM, "mg/stroke": MILLIGRAM}
-FLOW_UNITS = {
-    "m3/s": 1.0,
-    "mm3/ms": MM3_PER_MS,
-    "mm3/s": CUBIC_MILLIMETRE,
-    "m³/s": 1.0,
-    "mm³/ms": MM3_PER_MS,
-    "mm³/s": CUBIC_MILLIMETRE,
-}
 
 # value_si = value + origin; all have kelvins as steps
 TEMPERATURE_ORIGINS = {

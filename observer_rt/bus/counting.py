@@ -107,7 +107,7 @@ def is_sure(counting, clock) -> bool:  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def has_slipped(counting, clock) -> bool:  # type: ignore[no-untyped-def]
+def has_slipped(clock) -> bool:  # type: ignore[no-untyped-def]
     """Whether the window just ended shows that frames were lost before it, unseen among their delays."""
     return bool(clock.raised > SLIPPED * clock.samples * clock.interval + clock.residual)
 

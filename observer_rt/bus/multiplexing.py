@@ -31,8 +31,6 @@ class Condition:
 Conditions: TypeAlias = frozenset[Condition]
 """All must hold; none: the signal is in every frame."""
 
-EVERY_FRAME: Conditions = frozenset()
-
 
 class Selection(NamedTuple):
     """Conditions as compiled functions see them.

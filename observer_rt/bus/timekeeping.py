@@ -88,7 +88,7 @@ def note_frame(keeping: Timekeeping, message: int, last: int, stamp: int) -> Non
     clock = keeping.clocks[message]
     if not take_stamp(clock, last, stamp):
         return
-    if keeping.timing[message].numbering != _BY_INDEX and has_slipped(keeping.counts[message], clock):
+    if keeping.timing[message].numbering != _BY_INDEX and has_slipped(clock):
         keeping.counts[message].begun = False
         forget(clock)
     if keeping.timing[message].joining == _NEAREST:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from observer_rt.discovery.candidates import Sized
-from observer_rt.discovery.search import PARAMETER_PRICE, Found
+from observer_rt.discovery.search import Found, price
 
 METHOD = (
     "share of exp(-X/(2 T)) among all candidates of the same size, X = -2 log L + 10 a parameter, T = 2 for what no "
@@ -30,9 +30,6 @@ def confidence_of(found: Found) -> float:
 
 
 def _share(winner: Sized, others: Sequence[Sized], handicap: float) -> float:
-    def price(one: Sized) -> float:
-        return one.statistic + PARAMETER_PRICE * one.theta.size
-
     weights = [
         math.exp(min(0.0, -(price(one) + handicap - price(winner)) / (2.0 * TEMPER)))
         for one in others

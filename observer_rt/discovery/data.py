@@ -87,18 +87,26 @@ def _measurement(recording: Recording) -> Measurement:
             f"record {LEAD * 1e3:g} ms of shut needle before an injection and {EVENT_GAP * 1e3:g} ms after it",
         )
     levels, rate_noise = _noise(recording, openings, name)
-    starts = [event.openings[0].first for event in events]
-    lead = max(1, round(COUNTED_LEAD * recording.sample_rate))
-    rail = [float(np.mean(recording.rail_pressure[start - lead : start])) for start in starts]
-    durations = [sum(o.last - o.first + 1 for o in event.openings) for event in events]
     return Measurement(
         recording,
         levels,
         rate_noise,
         events,
-        float(np.mean(rail)),
-        float(np.mean(durations)) / recording.sample_rate,
+        float(np.mean([rail_pressure_before(event, recording) for event in events])),
+        float(np.mean([open_time(event, recording) for event in events])),
     )
+
+
+def rail_pressure_before(event: Event, recording: Recording) -> float:
+    """Mean rail pressure before an event [Pa]."""
+    first = event.openings[0].first
+    lead = max(1, round(COUNTED_LEAD * recording.sample_rate))
+    return float(np.mean(recording.rail_pressure[first - lead : first]))
+
+
+def open_time(event: Event, recording: Recording) -> float:
+    """How long the needle is open in an event [s]."""
+    return sum(o.last - o.first + 1 for o in event.openings) / recording.sample_rate
 
 
 def _openings(recording: Recording) -> list[Opening]:

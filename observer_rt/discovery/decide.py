@@ -41,7 +41,7 @@ def _measurement(pair: frozenset[str]) -> str:
         return "the injection rate measured, with ballistic injections among them"
     if "fuel_density" in pair:
         return "the density of a fuel sample, or the injected mass on a balance"
-    if places <= _PRESSURE_SENSORS or places & _PRESSURE_SENSORS:
+    if places & _PRESSURE_SENSORS:
         return "the pressure sensors against a reference gauge, and recordings at more rail pressures"
     if Place.CHAMBER in places or Place.NOZZLE in places:
         return "recordings at more rail pressures and at another chamber pressure, with the injection rate measured"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from observer_rt.discovery.show import Gap
 from observer_rt.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
 
-MEASURED, NOMINAL, AMENDED, NOISE = "#1b1f24", "#c0392b", "#1f77b4", "#9aa3ad"
+MEASURED, NOMINAL, AMENDED = "#1b1f24", "#c0392b", "#1f77b4"
 _STYLE = {
     "font.size": 9.5,
     "axes.spines.top": False,

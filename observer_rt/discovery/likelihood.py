@@ -13,16 +13,13 @@ from observer_rt.discovery.fit import Residuals
 from observer_rt.discovery.windows import Batch, Inputs, Rows, batch_of, latest, phases
 from observer_rt.errors import UserError
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
-from observer_rt.estimation.learned import Learned
-from observer_rt.estimation.predictor import Setting, Window, prediction
-from observer_rt.model.coefficients import LineTerms
+from observer_rt.estimation.learned import Learned, nothing_learned
+from observer_rt.estimation.predictor import Setting, Window, follow
 from observer_rt.model.effective import EffectiveModel, InputTerms
-from observer_rt.model.network import constant_network
 from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
 _SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
-_NO_LINE_TERMS = LineTerms(0.0, 0.0, 0.0, 0.0)
 _MOST_GAINS = 4096  # kept: those round a few candidates
 
 
@@ -44,7 +41,7 @@ def predict(
             batch.starts[i],
             batch.openings[i],
         )
-        prediction(window, setting, learned, innovation[first:end], rate[first:end])
+        follow(window, setting, learned, end - first, innovation[first:end], rate[first:end])
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +110,11 @@ class Trial:
         c, sensor, interval = model.coefficients, model.sensor, self.measurement.interval
         batch = batch_of(self.measurement, self._rows, inputs, late, sensor.offset, c)
         share = sensor.delay / interval - late
-        setting = Setting(interval, self._substeps_of(model), c, schedule.gains[-1].copy(), share)
-        learned = Learned(constant_network(), _NO_LINE_TERMS, sensor.offset / c.pressure_scale, sensor.lag)
+        offset = sensor.offset / c.pressure_scale
+        gain = schedule.gains[-1].copy()
+        setting = Setting(interval, self._substeps_of(model), c, gain, share, sensor.lag, offset)
         innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
-        predict(batch, setting, learned, innovation, rate)
+        predict(batch, setting, nothing_learned(), innovation, rate)
         return innovation, rate
 
     def _substeps_of(self, model: EffectiveModel) -> int:

@@ -98,9 +98,7 @@ class _Verdict:
         self._evidence = fitter.evidence
         self._found = found
         self._baseline = baseline
-        self._rivals = tuple(
-            ids for rival in found.rivals for ids in [rival.hypothesis.ids] if found.adequate
-        )
+        self._rivals = tuple(rival.hypothesis.ids for rival in found.rivals) if found.adequate else ()
 
     def discovery(self) -> Discovery:
         """Everything together."""

@@ -2,17 +2,19 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.discovery.data import (
-    COUNTED_LEAD,
     MARGIN,
     POINT_DURATION,
     POINT_PRESSURE,
     Event,
     Measurement,
+    open_time,
+    rail_pressure_before,
 )
 from observer_rt.discovery.openings import Opening
 from observer_rt.units import MEGAPASCAL, MILLISECOND
@@ -37,8 +39,14 @@ def by_operating_point(found: Sequence[Measurement]) -> tuple[OperatingPoint, ..
     return tuple(
         OperatingPoint(_part(measurement, events), number)
         for number, measurement in enumerate(found)
-        for same_pressure in _clusters(measurement.events, _pressure(measurement), POINT_PRESSURE / 2.0)
-        for events in _clusters(same_pressure, _duration(measurement), POINT_DURATION / 2.0)
+        for same_pressure in _clusters(
+            measurement.events,
+            partial(rail_pressure_before, recording=measurement.recording),
+            POINT_PRESSURE / 2.0,
+        )
+        for events in _clusters(
+            same_pressure, partial(open_time, recording=measurement.recording), POINT_DURATION / 2.0
+        )
     )
 
 
@@ -51,16 +59,6 @@ def _clusters(events: Sequence[Event], value: Callable[[Event], float], gap: flo
         else:
             clusters.append([event])
     return clusters
-
-
-def _pressure(measurement: Measurement) -> Callable[[Event], float]:
-    rail = measurement.recording.rail_pressure
-    lead = max(1, round(COUNTED_LEAD / measurement.interval))
-    return lambda event: float(np.mean(rail[event.openings[0].first - lead : event.openings[0].first]))
-
-
-def _duration(measurement: Measurement) -> Callable[[Event], float]:
-    return lambda event: sum(o.last - o.first + 1 for o in event.openings) * measurement.interval
 
 
 def _part(measurement: Measurement, events: Sequence[Event]) -> Measurement:
@@ -91,8 +89,8 @@ def _part(measurement: Measurement, events: Sequence[Event]) -> Measurement:
         measurement,
         recording=part,
         events=tuple(moved),
-        rail_pressure=float(np.mean([_pressure(measurement)(event) for event in ordered])),
-        duration=float(np.mean([_duration(measurement)(event) for event in ordered])),
+        rail_pressure=float(np.mean([rail_pressure_before(event, recording) for event in ordered])),
+        duration=float(np.mean([open_time(event, recording) for event in ordered])),
     )
 
 

@@ -73,13 +73,13 @@ class Search:
     def run(self) -> Found:
         """Fit candidates until nothing more is worth adding; see `Found`."""
         nominal = self._fitter.nothing()
-        singles = sorted(self._fitter.singles(self._effects, nominal), key=_price)
+        singles = sorted(self._fitter.singles(self._effects, nominal), key=price)
         best, threshold, ratio = nominal, self._threshold(nominal), self._ratio(nominal)
         single = self._best(singles, nominal, best, ratio)
         if single is not None:
             best, ratio = single, self._ratio(single)
             threshold = self._threshold(best)
-        pairs = self._pairs(nominal, singles, best, ratio)
+        pairs = self._pairs(singles, best, ratio)
         pair = self._best(pairs, nominal, best, ratio, singles)
         if pair is not None:
             best, ratio = pair, self._ratio(pair)
@@ -92,7 +92,7 @@ class Search:
         """Whether a single explains the recordings by an effect within its dead zone."""
         return single.within_bounds and not single.plausible and self._ratio(single) <= 1.0
 
-    def _pairs(self, nominal: Sized, singles: Sequence[Sized], best: Sized, ratio: float) -> list[Sized]:
+    def _pairs(self, singles: Sequence[Sized], best: Sized, ratio: float) -> list[Sized]:
         """Pairs worth fitting: with the best single, with more leaders when it does not explain the recordings."""
         if not best.hypothesis.effects and ratio <= 1.0:
             return []
@@ -103,7 +103,7 @@ class Search:
                 key = frozenset(pair.hypothesis.ids)
                 if key not in pairs or pair.statistic < pairs[key].statistic:
                     pairs[key] = pair
-        return sorted(pairs.values(), key=_price)
+        return sorted(pairs.values(), key=price)
 
     def _best(
         self,
@@ -160,6 +160,6 @@ class Search:
         return worst(pool_of(self._fitter.evidence, judged), self._baseline).ratio
 
 
-def _price(sized: Sized) -> float:
+def price(sized: Sized) -> float:
     """-2 log L with a price for every parameter."""
     return sized.statistic + PARAMETER_PRICE * sized.theta.size

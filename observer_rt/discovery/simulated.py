@@ -4,18 +4,14 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.discovery.data import Event, Measurement
 from observer_rt.discovery.windows import Inputs, Rows, batch_of
 from observer_rt.estimation.gain import gain_schedule
-from observer_rt.estimation.predictor import Setting, Window, correct
-from observer_rt.estimation.sensor import lagged, recorded
+from observer_rt.estimation.learned import nothing_learned
+from observer_rt.estimation.predictor import Setting, follow
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.integrator import advance
-from observer_rt.model.network import Network, constant_network
-from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.model.stability import substeps_needed
 
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
@@ -52,12 +48,14 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + _SPARE_SUBSTEPS
     offset = sensor.offset / c.pressure_scale
     setting = Setting(interval, substeps, c, gains[-1].copy(), share, sensor.lag, offset)
+    learned = nothing_learned()
     result = []
     for number, event in enumerate(measurement.events):
         window = batch.window(number)
         size = window.output.size
-        shown, rate = np.empty(size), np.empty(size)
-        _follow(window, setting, constant_network(), shown, rate)
+        errors, rate = np.empty(size), np.empty(size)
+        follow(window, setting, learned, window.opening, errors, rate)
+        shown = window.output - errors
         first = event.openings[0].first - event.start
         samples = rows.samples[batch.bounds[number] : batch.bounds[number + 1]][first:]
         result.append(
@@ -70,36 +68,6 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
             )
         )
     return tuple(result)
-
-
-@njit(cache=True, nogil=True)
-def _follow(
-    window: Window,
-    setting: Setting,
-    network: Network,
-    shown: NDArray[np.float64],
-    rate: NDArray[np.float64],
-) -> None:
-    """Line pressure as recorded, normalised (n,), and injection rate [m3/s] (n,)."""
-    c = setting.coefficients
-    x = (window.start[0], window.start[1], window.start[2])
-    indicated = window.start[3]
-    shown[0] = window.output[0]
-    rate[0] = 0.0
-    for k in range(1, window.output.shape[0]):
-        u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
-        u_end = (window.inputs[k, 0], window.inputs[k, 1])
-        before, indicated_before = x[0], indicated
-        x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, network)
-        rate[k] = injection_rate(x, (u_end[0], max(u_end[1], 0.0)), c, network)
-        indicated = lagged(indicated, before, x[0], setting.interval, setting.lag)
-        shown[k] = recorded(indicated_before, indicated, setting.late) + setting.offset
-        if k < window.opening:
-            innovation = window.output[k] - shown[k]
-            x = correct(x, innovation, setting.gain[0], setting.gain[1])
-            indicated += setting.gain[2] * innovation
-        if window.resting[k]:
-            x = (x[0], x[1], 0.0)
 
 
 def mass(measurement: Measurement, one: Simulated, density: float) -> float:

@@ -88,7 +88,7 @@ class Inputs:
         _fill_areas(
             recording.needle_lift,
             np.array([(o.first, o.last) for o in openings]),
-            np.array([(*vars(o.rising).values(), *vars(o.falling).values()) for o in openings]),
+            np.array([(o.rising.lift, o.rising.slope, o.falling.lift, o.falling.slope) for o in openings]),
             terms.lift_factor,
             terms.lift_shift,
             FOOT_ROUNDING / measurement.interval,
@@ -109,6 +109,8 @@ def _fill_areas(
     area: NDArray[np.float64],
 ) -> None:
     """Normalised seat areas (n,): of the true lift while open, 0 while shut.
+
+    openings: (k, 2) first and last sample; ramps: (k, 4) lift and slope of the rising ramp, of the falling one.
 
     A sensor that reads too little misses the foot of a ramp, which is extended to where the needle leaves its seat.
     Beside it stands the negative area the ramp comes from, see `integrator.between`.

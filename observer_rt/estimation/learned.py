@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import LineTerms
-from observer_rt.model.network import HIDDEN, Network, zero_network
+from observer_rt.model.network import HIDDEN, Network, constant_network, zero_network
 
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 _FRICTION = int(Parameter.LINE_FRICTION)
@@ -26,6 +26,11 @@ class Learned(NamedTuple):
     line: LineTerms
     offset: float
     lag: float
+
+
+def nothing_learned() -> Learned:
+    """The model in force as it is."""
+    return Learned(constant_network(), LineTerms(0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
 
 
 def learned_of(theta: NDArray[np.float64]) -> Learned:

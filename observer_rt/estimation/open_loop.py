@@ -8,14 +8,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned
-from observer_rt.estimation.predictor import Setting, Window, correct
+from observer_rt.estimation.predictor import Setting, Window, follow
 from observer_rt.estimation.sensitivity import (
     PARAMETERS,
     Parameter,
     advance_with_sensitivity,
     rate_and_tangent,
 )
-from observer_rt.estimation.sensor import lagged, recorded
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.flows import nozzle_law, nozzle_law_slopes
 from observer_rt.model.network import activation, back_pressure_at, flow_changes
@@ -57,18 +56,26 @@ def open_loop(window: Window, setting: Setting, learned: Learned) -> OpenLoop:
         relaxation=np.zeros(n),
         by_area=np.zeros(n),
     )
-    _run(window, setting, learned, result)
+    x = follow(_before_opening(window), setting, learned, window.opening, np.empty(n), np.empty(0))
+    _run(window, setting, learned, x, result)
     return result
 
 
+def _before_opening(window: Window) -> Window:
+    """The part of a window before its opening; at least its first sample."""
+    end = max(window.opening, 1)
+    return window._replace(
+        inputs=window.inputs[:end], output=window.output[:end], resting=window.resting[:end]
+    )
+
+
 @njit(cache=True, nogil=True)
-def _run(window: Window, setting: Setting, learned: Learned, result: OpenLoop) -> None:
-    """Fill `result`, which holds zeros."""
+def _run(
+    window: Window, setting: Setting, learned: Learned, x: tuple[float, float, float], result: OpenLoop
+) -> None:
+    """Fill `result`, which holds zeros, from the opening on; x: the state one sample before."""
     c = with_line_terms(setting.coefficients, learned.line)
-    lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
     network = learned.network
-    x = (window.start[0], window.start[1], window.start[2])
-    indicated = window.start[3]
     sensitivity = np.zeros((3, _COLUMNS))
     by_itself = np.zeros((3, _COLUMNS))
     by_itself[:, PARAMETERS:] = np.eye(3)
@@ -77,10 +84,9 @@ def _run(window: Window, setting: Setting, learned: Learned, result: OpenLoop) -
     while last > 0 and window.inputs[last, 1] <= 0.0:
         last -= 1
     drained = last + 1 + math.ceil(DRAINING / setting.interval)
-    for k in range(1, min(drained, window.output.shape[0])):
+    for k in range(max(window.opening, 1), min(drained, window.output.shape[0])):
         u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
         u = (window.inputs[k, 0], max(window.inputs[k, 1], 0.0))
-        before = x[0]
         sensitivity[:, PARAMETERS:] = np.eye(3)
         x = advance_with_sensitivity(
             x,
@@ -94,13 +100,6 @@ def _run(window: Window, setting: Setting, learned: Learned, result: OpenLoop) -
             sensitivity,
             work,
         )
-        if k < window.opening:
-            indicated_before = indicated
-            indicated = lagged(indicated, before, x[0], setting.interval, lag)
-            innovation = window.output[k] - offset - recorded(indicated_before, indicated, setting.late)
-            x = correct(x, innovation, setting.gain[0], setting.gain[1])
-            indicated += setting.gain[2] * innovation
-            sensitivity[:, :] = 0.0
         if window.resting[k]:
             x = (x[0], x[1], 0.0)
             sensitivity[2, :] = 0.0

@@ -57,27 +57,26 @@ def correct(
 
 
 @njit(cache=True, nogil=True)
-def innovations(window: Window, setting: Setting, learned: Learned, result: NDArray[np.float64]) -> None:
-    """Innovations e~ = y - o - (indicated pressure of x~) of every sample into `result` (n,); result[0] is 0."""
-    prediction(window, setting, learned, result, np.empty(0))
-
-
-@njit(cache=True, nogil=True)
-def prediction(
+def follow(
     window: Window,
     setting: Setting,
     learned: Learned,
-    result: NDArray[np.float64],
+    corrected: int,
+    errors: NDArray[np.float64],
     rate: NDArray[np.float64],
-) -> None:
-    """`innovations`, and the rate of x~ before its correction [m3/s] into `rate`: (n,), or (0,) if not wanted."""
+) -> tuple[float, float, float]:
+    """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state.
+
+    errors: (n,) y - o - (indicated pressure), before the correction, errors[0] is 0; rate: of injection, before the
+    correction [m3/s], (n,), or (0,) if not wanted.
+    """
     c = with_line_terms(setting.coefficients, learned.line)
     lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
     x = (window.start[0], window.start[1], window.start[2])
     indicated = window.start[3]
     inputs, output, resting, network = window.inputs, window.output, window.resting, learned.network
     gain = (setting.gain[0], setting.gain[1], setting.gain[2])
-    result[0] = 0.0
+    errors[:1] = 0.0
     rate[:1] = 0.0
     for k in range(1, output.shape[0]):
         u_start = (inputs[k - 1, 0], inputs[k - 1, 1])
@@ -88,12 +87,34 @@ def prediction(
             rate[k] = injection_rate(x, (u_end[0], max(u_end[1], 0.0)), c, network)
         indicated_before = indicated
         indicated = lagged(indicated, before, x[0], setting.interval, lag)
-        innovation = output[k] - offset - recorded(indicated_before, indicated, setting.late)
-        result[k] = innovation
-        x = correct(x, innovation, gain[0], gain[1])
-        indicated += gain[2] * innovation
+        error = output[k] - offset - recorded(indicated_before, indicated, setting.late)
+        errors[k] = error
+        if k < corrected:
+            x = correct(x, error, gain[0], gain[1])
+            indicated += gain[2] * error
         if resting[k]:
             x = (x[0], x[1], 0.0)
+    return x
+
+
+@njit(cache=True, nogil=True)
+def innovations(window: Window, setting: Setting, learned: Learned, result: NDArray[np.float64]) -> None:
+    """Innovations e~ = y - o - (indicated pressure of x~) of every sample into `result` (n,); result[0] is 0."""
+    follow(window, setting, learned, window.output.shape[0], result, np.empty(0))
+
+
+@njit(cache=True, nogil=True)
+def open_loop_error(window: Window, setting: Setting, learned: Learned) -> float:
+    """Sum of squared output errors of the observer re-simulated over a window, through the sensor's lag.
+
+    x^ follows x~ up to the opening and runs open loop from there, as it does live.
+    """
+    errors = np.empty(window.output.shape[0])
+    follow(window, setting, learned, window.opening, errors, np.empty(0))
+    total = 0.0
+    for error in errors[window.opening :]:
+        total += error * error
+    return total
 
 
 @njit(cache=True, nogil=True)
@@ -153,32 +174,3 @@ def innovations_with_sensitivity(
         if window.resting[k]:
             x = (x[0], x[1], 0.0)
             sensitivity[2, :] = 0.0
-
-
-@njit(cache=True, nogil=True)
-def open_loop_error(window: Window, setting: Setting, learned: Learned) -> float:
-    """Sum of squared output errors of the observer re-simulated over a window, through the sensor's lag.
-
-    x^ follows x~ up to the opening and runs open loop from there, as it does live.
-    """
-    c = with_line_terms(setting.coefficients, learned.line)
-    lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
-    x = (window.start[0], window.start[1], window.start[2])
-    indicated = window.start[3]
-    total = 0.0
-    for k in range(1, window.output.shape[0]):
-        u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
-        u_end = (window.inputs[k, 0], window.inputs[k, 1])
-        before = x[0]
-        x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network)
-        indicated_before = indicated
-        indicated = lagged(indicated, before, x[0], setting.interval, lag)
-        error = window.output[k] - offset - recorded(indicated_before, indicated, setting.late)
-        if k < window.opening:
-            x = correct(x, error, setting.gain[0], setting.gain[1])
-            indicated += setting.gain[2] * error
-        else:
-            total += error * error
-        if window.resting[k]:
-            x = (x[0], x[1], 0.0)
-    return total

@@ -32,7 +32,7 @@ from observer_rt.observer.adequacy import (
     pooled,
     tempering,
 )
-from observer_rt.observer.fitting import EventFitter, Fit
+from observer_rt.observer.fitting import EventFitter, Fit, theta_limits
 from observer_rt.observer.indicators import nozzle_change
 from observer_rt.observer.interval import resimulated
 from observer_rt.observer.knowledge import (
@@ -157,7 +157,7 @@ class Learner:
         first = cost.linearised(self._theta)
         if not np.isfinite(first.value):
             return None
-        fitter = EventFitter(cost, self._rules, self._active, self._scale)
+        fitter = EventFitter(cost, self._rules.gate, self._active, theta_limits(self._scale))
         if self._events == 0:
             return fitter.fit(first, prior, FIRST_ITERATIONS)
         score = first.score(prior.covariance)

@@ -1,6 +1,7 @@
 """Random bus databases as DBC text, as hypothesis draws them: everything a signal can be, multiplexed or not."""
 
 import math
+import struct
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -99,6 +100,11 @@ def numbers(magnitude: float) -> st.SearchStrategy[float]:
         st.integers(-int(magnitude), int(magnitude)),
         st.floats(-magnitude, magnitude, allow_nan=False, allow_subnormal=False),
     )
+
+
+def same_float(a: float, b: float) -> bool:
+    """Equal to the bit, any NaN being like any other."""
+    return (math.isnan(a) and math.isnan(b)) or struct.pack("d", a) == struct.pack("d", b)
 
 
 def place(first: int, length: int, is_big_endian: bool) -> int:

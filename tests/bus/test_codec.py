@@ -1,7 +1,6 @@
 """The compiled codec against cantools, over random databases."""
 
 import math
-import struct
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.bus.codec import decode, encode, signal_table
+from tests.bus.random_databases import numbers, same_float
 
 EXACT_FLOAT_BITS = 53
 
@@ -46,13 +46,6 @@ def dbc_start(first_bit: int, length: int, big_endian: bool) -> int:
     if big_endian:
         return 8 * (first_bit // 8) + 7 - first_bit % 8
     return first_bit
-
-
-def numbers(magnitude: float) -> st.SearchStrategy[float]:
-    return st.one_of(
-        st.integers(-int(magnitude), int(magnitude)),
-        st.floats(-magnitude, magnitude, allow_nan=False, allow_subnormal=False),
-    )
 
 
 @st.composite
@@ -101,11 +94,6 @@ def encoded(message: Message, values: dict[str, float], payload: bytes | None = 
     buffer = np.frombuffer(payload or bytes(message.length), np.uint8).copy()
     encode(np.array(list(values.values()), float), signal_table(message, list(values)), buffer)
     return buffer.tobytes()
-
-
-def same_float(a: float, b: float) -> bool:
-    """Equal to the bit, any NaN being like any other."""
-    return (math.isnan(a) and math.isnan(b)) or struct.pack("d", a) == struct.pack("d", b)
 
 
 def exact_in_float64(signal: Signal) -> bool:

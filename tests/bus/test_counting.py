@@ -38,7 +38,7 @@ class Counter:
             forget(clock)
         if counting["number"] == 0:
             self.anew.append(len(self.numbers))
-        if take_stamp(clock, int(counting["number"]), stamp) and has_slipped(counting, clock):
+        if take_stamp(clock, int(counting["number"]), stamp) and has_slipped(clock):
             counting["begun"] = False
             forget(clock)
         self.numbers.append(int(counting["number"]))

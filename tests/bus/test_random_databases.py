@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 
 from observer_rt.bus.codec import decode, encode, signal_table
 from observer_rt.bus.multiplexing import compile_conditions, conditions_of, is_selected
-from tests.bus.random_databases import Field, RandomMessage, multiplexed_messages, plain_messages, with_bits
+from tests.bus.random_databases import (
+    Field,
+    RandomMessage,
+    multiplexed_messages,
+    plain_messages,
+    same_float,
+    with_bits,
+)
 
 EXAMPLES = 1000  # of each test
 FLOAT_FORMAT = {32: "f", 64: "d"}
@@ -59,10 +66,6 @@ def bits_of(one: Field, raw: float) -> int:
     return int(raw) & (1 << one.length) - 1
 
 
-def same(a: float, b: float) -> bool:
-    return (math.isnan(a) and math.isnan(b)) or struct.pack("d", a) == struct.pack("d", b)
-
-
 @many
 @given(all_messages, st.data())
 def test_decode(random: RandomMessage, data: st.DataObject) -> None:
@@ -81,7 +84,7 @@ def test_decode(random: RandomMessage, data: st.DataObject) -> None:
         else:
             largest_term = max(abs(raw[name] * one.scale), abs(one.offset))
             slack = 0.0 if exact_in_float64(one, raw[name]) else 3 * math.ulp(float(largest_term))
-            assert same(ours, float(value)) or abs(ours - value) <= slack, one
+            assert same_float(ours, float(value)) or abs(ours - value) <= slack, one
 
 
 def exact_in_float64(one: Field, raw: float) -> bool:

@@ -24,6 +24,13 @@ def made() -> Simulation:
     return simulate(load_injector(), schedule, RATE, (), NoiseLevels(), seed=4)
 
 
+@pytest.fixture(scope="module")
+def expected(made: Simulation, tmp_path_factory: pytest.TempPathFactory) -> Evaluation:
+    """By messages with an index."""
+    (evaluation,) = evaluated(tmp_path_factory.mktemp("one_base"), ONE_BASE, made.recording)
+    return evaluation
+
+
 def evaluated(folder: Path, signals: dict[str, str], *recordings: Recording) -> tuple[Evaluation, ...]:
     bench = load_bench(write_time_bench(folder, RATE, signals))
     return evaluate(bench, recordings, learning=False).evaluations
@@ -35,9 +42,8 @@ def evaluated(folder: Path, signals: dict[str, str], *recordings: Recording) -> 
     ids=["stamps", "counter", "slow rail", "slow rail, same base"],
 )
 def test_rates_are_those_of_messages_with_an_index(
-    tmp_path: Path, made: Simulation, signals: dict[str, str]
+    tmp_path: Path, made: Simulation, expected: Evaluation, signals: dict[str, str]
 ) -> None:
-    (expected,) = evaluated(tmp_path, ONE_BASE, made.recording)
     (found,) = evaluated(tmp_path, signals, made.recording)
     late = slice(LOCKED, made.recording.samples - 200)
     assert found.trace.valid[late].all()

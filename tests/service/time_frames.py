@@ -1,6 +1,7 @@
 """Devices with clocks of their own, a bus that delays, loses and reorders, and what the core makes of it."""
 
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -30,6 +31,7 @@ END = 1.5  # s of most scenarios
 DIP = 2e6  # Pa the rail pressure falls by with an injection
 RECOVERY = 0.01  # s
 ON_BUS = 16e-6  # s a frame takes
+ROWS = 1000  # taken from the core at once
 DATABASE = """VERSION ""
 BU_: Daq
 BO_ 512 All: 8 Daq
@@ -144,6 +146,20 @@ def _one_by_one(come: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END) -> list[Received]:
     """All frames of a message up to `end` [s], one after another."""
+    taken, payloads, random = encoded(name, clock, end)
+    frame_id = MESSAGES[name].frame_id
+    stamps = delays(taken, deepcopy(random))
+    return [
+        Received(float(time), EPOCH + round(float(stamp) * 1e9), frame_id, payload)
+        for time, stamp, payload in zip(taken, stamps, payloads, strict=True)
+    ]
+
+
+@cache
+def encoded(
+    name: str, clock: Clock, end: float
+) -> tuple[NDArray[np.float64], list[bytes], np.random.Generator]:
+    """When each sample of a message was taken up to `end` [s], what is sent, and chance as it goes on."""
     _, truth = plant()
     taken = clock.times(end)
     random = np.random.default_rng(MESSAGES[name].frame_id)
@@ -165,16 +181,11 @@ def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END) -> 
     }
     message = MESSAGES[name]
     columns = {s.name: values[s.name].tolist() for s in message.signals}
-    stamps = delays(taken, random)
-    return [
-        Received(
-            float(taken[n]),
-            EPOCH + round(float(stamps[n]) * 1e9),
-            message.frame_id,
-            message.encode({key: column[n] for key, column in columns.items()}, strict=False),
-        )
+    payloads = [
+        message.encode({key: column[n] for key, column in columns.items()}, strict=False)
         for n in range(taken.size)
     ]
+    return taken, payloads, random
 
 
 def merged(*streams: Sequence[Received]) -> list[Received]:
@@ -260,7 +271,7 @@ def observe(bench: Path, frames: Sequence[Received], grid: Clock, restart: float
     for frame in [*frames, None]:
         out = core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns) if frame else core.finish()
         sent += [f.payload for f in out]
-        if core.processed > seen:
+        if core.processed >= seen + ROWS or frame is None:
             rows.append(core.rows(seen, core.processed))
             seen = core.processed
     table = np.concatenate(rows)

@@ -7,7 +7,6 @@ test for sudden change, no tempering, no adoption test: an event's rate is that 
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from observer_rt.estimation.prediction_error import Linearisation
 from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.coefficients import with_line_terms
-from observer_rt.observer.fitting import HALVINGS, TOLERANCE
+from observer_rt.observer.fitting import TOLERANCE, Cost, EventFitter, Limits
 from observer_rt.observer.knowledge import GATE, EventLearner, Outcome
 from observer_rt.observer.learning import BURN_IN, FIRST_ITERATIONS, ITERATIONS
 from observer_rt.observer.standstill import Standstill
@@ -32,16 +31,6 @@ BFGS_ITERATIONS = 12
 SUBSETS_TRIED = 3  # of the gated scalars, between searches over the active ones
 
 
-class Cost(Protocol):
-    """J of one event, as `EventCost` has it."""
-
-    def value(self, theta: NDArray[np.float64]) -> float:
-        """J(theta); inf where it is not finite."""
-
-    def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
-        """J round theta (m,)."""
-
-
 @dataclass(frozen=True, eq=False)
 class Start:
     """Where a search begins: the cost's linearisation there, what is believed, which scalars are active."""
@@ -49,8 +38,7 @@ class Start:
     here: Linearisation
     prior: Belief
     active: frozenset[int]
-    lowest: NDArray[np.float64]
-    highest: NDArray[np.float64]
+    limits: Limits
     iterations: int
 
 
@@ -59,15 +47,14 @@ Search = Callable[[Cost, Start], tuple[Linearisation, frozenset[int]]]
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What is learned: prior, drift and bounds (m,), the cost of an event, its open-loop rate (n,) [m3/s].
+    """What is learned: prior and drift (m,), limits, the cost of an event, its open-loop rate (n,) [m3/s].
 
     cost: of a window, a setting, the innovations' sigma and the samples that do not count.
     """
 
     prior: NDArray[np.float64]
     drift: NDArray[np.float64]
-    lowest: NDArray[np.float64]
-    highest: NDArray[np.float64]
+    limits: Limits
     cost: Callable[[Window, Setting, float, int], Cost]
     rate: Callable[[Window, Setting, NDArray[np.float64]], NDArray[np.float64]]
 
@@ -139,7 +126,7 @@ def learn_events(
         cost = model.cost(event.window, setting, sigma, round(BURN_IN / constants.interval))
         iterations = FIRST_ITERATIONS if number == 0 else ITERATIONS
         first = cost.linearised(theta)
-        start = Start(first, belief, active, model.lowest, model.highest, iterations)
+        start = Start(first, belief, active, model.limits, iterations)
         if np.isfinite(first.value):
             try:
                 found, active = search(cost, start)
@@ -151,28 +138,9 @@ def learn_events(
 
 
 def gauss_newton(cost: Cost, start: Start) -> tuple[Linearisation, frozenset[int]]:
-    """Gauss-Newton with step halving, the gated scalars chosen anew in every iteration."""
-    information = start.prior.information()
-    here, active = start.here, start.active
-    total = _total(here.theta, here.value, start.prior, information)
-    for _ in range(start.iterations):
-        target, active = best_subset(
-            information + here.information, information @ start.prior.mean + here.vector, GATE, active
-        )
-        there = cost.linearised(np.clip(target, start.lowest, start.highest))
-        there_total = _total(there.theta, there.value, start.prior, information)
-        for _ in range(HALVINGS):
-            if there_total < total:
-                break
-            there = cost.linearised(0.5 * (here.theta + there.theta))
-            there_total = _total(there.theta, there.value, start.prior, information)
-        if not np.isfinite(there_total):
-            break
-        gained = total - there_total
-        here, total = there, there_total
-        if abs(gained) < TOLERANCE:
-            break
-    return here, active
+    """As the observer's learner searches."""
+    fit = EventFitter(cost, GATE, start.active, start.limits).fit(start.here, start.prior, start.iterations)
+    return fit.linearisation, fit.active
 
 
 def bfgs(cost: Cost, start: Start) -> tuple[Linearisation, frozenset[int]]:
@@ -210,7 +178,7 @@ class _Restricted:
     def value(self, theta: NDArray[np.float64]) -> float:
         """J; inf outside the bounds."""
         full = self._full(theta)
-        if np.any(full < self._start.lowest) or np.any(full > self._start.highest):
+        if np.any(full < self._start.limits.lowest) or np.any(full > self._start.limits.highest):
             return np.inf
         return _total(full, self._cost.value(full), self._start.prior, self._information)
 

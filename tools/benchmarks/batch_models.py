@@ -12,7 +12,8 @@ from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.network import ARGUMENTS, HIDDEN, constant_network, zero_network
-from observer_rt.observer.knowledge import DRIFT, PRIOR, theta_bounds
+from observer_rt.observer.fitting import Limits, theta_limits
+from observer_rt.observer.knowledge import DRIFT, PRIOR
 from observer_rt.paper.network import FreeNetwork
 from observer_rt.paper.systems import PaperSetting, design_vector
 from tools.benchmarks.batch_learning import Model
@@ -32,19 +33,21 @@ class DifferencedCost:
     """The learner's cost of an event, its sensitivities by finite differences."""
 
     def __init__(self, predict: Predict, steps: NDArray[np.float64], sigma: float, burn_in: int) -> None:
-        """predict: innovations (n,) of theta (m,); steps: of the differences (m,)."""
+        """predict: innovations (n,) of theta (m,), a new array each time; steps: of the differences (m,)."""
         self._predict = predict
+        self.innovations = np.empty(0)
         self._steps = steps
         self._sigma = sigma
         self._burn_in = burn_in
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where it is not finite."""
-        return self._cost(self._predict(theta))
+        self.innovations = self._predict(theta)
+        return self._cost()
 
     def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
         """J round theta (m,)."""
-        base = self._predict(theta)
+        self.innovations = base = self._predict(theta)
         slopes = np.empty((base.size, theta.size))
         for i, step in enumerate(self._steps):
             moved = theta.copy()
@@ -53,24 +56,22 @@ class DifferencedCost:
         errors, slopes = base[self._burn_in :] / self._sigma, slopes[self._burn_in :] / self._sigma
         weights = np.minimum(1.0, HUBER / np.maximum(np.abs(errors), 1e-12))
         weighted = slopes * weights[:, np.newaxis]
-        return Linearisation(theta, self._cost(base), weighted.T @ errors, weighted.T @ slopes)
+        return Linearisation(theta, self._cost(), weighted.T @ errors, weighted.T @ slopes)
 
-    def _cost(self, errors: NDArray[np.float64]) -> float:
-        cost = robust_cost(errors, self._burn_in, self._sigma)
+    def _cost(self) -> float:
+        cost = robust_cost(self.innovations, self._burn_in, self._sigma)
         return cost if np.isfinite(cost) else np.inf
 
 
 def shipped_model(scale: float) -> Model:
     """The observer's own: nozzle and seat factors with V fixed, line and sensor terms. scale: p_0 [Pa]."""
-    lowest, highest = theta_bounds(scale)
-    return Model(PRIOR.vector(scale), DRIFT.vector(scale), lowest, highest, EventCost, _structured_rate)
+    return Model(PRIOR.vector(scale), DRIFT.vector(scale), theta_limits(scale), EventCost, _structured_rate)
 
 
 def trained_hidden_model(scale: float) -> Model:
     """The same with V (5, 6) learned, appended to theta as the change from where it starts."""
     prior = np.append(PRIOR.vector(scale), np.full(HIDDEN * ARGUMENTS, HIDDEN_PRIOR))
     drift = np.append(DRIFT.vector(scale), np.full(HIDDEN * ARGUMENTS, HIDDEN_DRIFT))
-    lowest, highest = theta_bounds(scale)
     far = np.full(HIDDEN * ARGUMENTS, 10.0 * HIDDEN_PRIOR)
 
     def cost(window: Window, setting: Setting, sigma: float, burn_in: int) -> DifferencedCost:
@@ -81,7 +82,13 @@ def trained_hidden_model(scale: float) -> Model:
 
         return DifferencedCost(predict, DIFFERENCE * prior, sigma, burn_in)
 
-    return Model(prior, drift, np.append(lowest, -far), np.append(highest, far), cost, _structured_rate)
+    of_observer = theta_limits(scale)
+    limits = Limits(
+        np.append(of_observer.lowest, -far),
+        np.append(of_observer.highest, far),
+        np.append(of_observer.longest_step, far),
+    )
+    return Model(prior, drift, limits, cost, _structured_rate)
 
 
 def tied_rows_model(scale: float) -> Model:
@@ -91,7 +98,6 @@ def tied_rows_model(scale: float) -> Model:
     steps = DIFFERENCE * prior
     prior[Parameter.SEAT_BIAS] *= KNOWN
     drift[Parameter.SEAT_BIAS] = 0.0
-    lowest, highest = theta_bounds(scale)
 
     def swept(
         window: Window, setting: Setting, theta: NDArray[np.float64], corrected: int
@@ -124,7 +130,7 @@ def tied_rows_model(scale: float) -> Model:
     def rate(window: Window, setting: Setting, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         return swept(window, setting, theta, window.opening)[1]
 
-    return Model(prior, drift, lowest, highest, cost, rate)
+    return Model(prior, drift, theta_limits(scale), cost, rate)
 
 
 def _with_hidden(theta: NDArray[np.float64]) -> Learned:

@@ -156,10 +156,10 @@ def _report_of(evaluation: Evaluation, window: slice) -> InjectionReport | None:
 
 def _interval(reports: list[InjectionReport]) -> tuple[float, float] | None:
     """95 % interval of the summed mass [mg]: the openings of an event share what is uncertain, so widths add."""
-    bounds: list[Any] = [getattr(report, "mass_ci95", None) for report in reports]
-    if any(b is None for b in bounds):
+    bounds = [report.mass_ci95 for report in reports if report.mass_ci95 is not None]
+    if len(bounds) < len(reports):
         return None
-    return sum(b[0] for b in bounds) / MILLIGRAM, sum(b[1] for b in bounds) / MILLIGRAM
+    return sum(low for low, _ in bounds) / MILLIGRAM, sum(high for _, high in bounds) / MILLIGRAM
 
 
 @contextmanager

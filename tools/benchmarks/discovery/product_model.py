@@ -5,16 +5,13 @@ from numpy.typing import NDArray
 
 from observer_rt.discovery.data import measurements
 from observer_rt.discovery.windows import Inputs
-from observer_rt.estimation.learned import Learned
-from observer_rt.estimation.predictor import Setting, Window, prediction
-from observer_rt.model.coefficients import LineTerms
+from observer_rt.estimation.learned import nothing_learned
+from observer_rt.estimation.predictor import Setting, Window, follow
 from observer_rt.model.effects import effective_model
-from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.recording.recording import Recording
 
 SUBSTEPS = 10  # at 100 kHz: a fifth of what is stable at the largest orifice
-NO_GAIN = np.zeros(3)
 
 
 def open_loop(
@@ -34,9 +31,8 @@ def open_loop(
         opening=recording.samples,
     )
     errors, rate = np.empty((2, recording.samples))
-    setting = Setting(measurement.interval, SUBSTEPS, c, NO_GAIN)
-    learned = Learned(zero_network(), LineTerms(0.0, 0.0, 0.0, 0.0), 0.0, sensor.lag)
-    prediction(window, setting, learned, errors, rate)
+    setting = Setting(measurement.interval, SUBSTEPS, c, np.zeros(3), lag=sensor.lag)
+    follow(window, setting, nothing_learned(), 0, errors, rate)
     indicated = -errors * c.pressure_scale + c.chamber_pressure + sensor.offset
     indicated[0] = indicated[1]
     late = sensor.delay / measurement.interval

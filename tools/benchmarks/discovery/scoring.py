@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from observer_rt.config import load_injector
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.recording.recording import Recording
 from observer_rt.units import MEGAPASCAL, MILLIGRAM
 from tools.benchmarks.discovery.answers import Answer, Claim
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, HiddenCase, benches, without_noise
@@ -19,8 +18,9 @@ from tools.benchmarks.discovery.oracle import Recorded, record_all, simulated, s
 from tools.benchmarks.discovery.product_model import open_loop
 from tools.benchmarks.discovery.result import AMBIGUOUS, CaseResult, Gap, Interval, Visibility
 from tools.benchmarks.discovery.rivals import best_statistic
-from tools.benchmarks.plant import SAMPLE_RATE, Outcome
+from tools.benchmarks.plant import SAMPLE_RATE
 from tools.benchmarks.plant_parameters import Faults, with_faults
+from tools.benchmarks.scoring import recording_of
 from tools.benchmarks.windows import Windows, windows_of
 
 Model = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -105,7 +105,7 @@ def gaps(case: HiddenCase, amended_model: str) -> tuple[Gap, Gap]:
         windows = windows_of(outcome, SAMPLE_RATE)
         density = with_faults(r.bench.injector, case.faults).density
         plant = r.line, outcome.truth.injection_rate * density
-        recording = _recording(outcome)
+        recording = recording_of(outcome)
         before.append(_differences(open_loop(nominal, recording), plant, windows))
         after.append(_differences(open_loop(amended, recording), plant, windows))
         oracle.append(_differences(_oracle(r, case.faults), plant, windows))
@@ -120,11 +120,6 @@ def _oracle(r: Recorded, faults: Faults) -> Model:
     errors, rate, _ = simulated(r, faults, closed_loop=False)
     line = r.line - errors * (1.0 + faults.line_pressure_sensor_gain)
     return line, rate * with_faults(r.bench.injector, faults).density
-
-
-def _recording(outcome: Outcome) -> Recording:
-    m = outcome.measured
-    return Recording(m.time, m.rail_pressure, m.needle_lift, m.line_pressure)
 
 
 def _differences(model: Model, plant: Model, windows: Windows) -> Model:

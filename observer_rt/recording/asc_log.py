@@ -231,12 +231,12 @@ class AscWriter(LogWriter):
         if frame.is_fd:
             flags = (
                 FLAG_FD
-                | FLAG_BIT_RATE_SWITCH * entry.bit_rate_switch
-                | FLAG_ERROR_STATE * entry.error_state_indicator
+                | FLAG_BIT_RATE_SWITCH * frame.bit_rate_switch
+                | FLAG_ERROR_STATE * frame.error_state_indicator
             )
             self._file.write(
                 f"{stamp} CANFD {channel:>3} {direction:<4} {identifier:>8}  {'':>32} "
-                f"{entry.bit_rate_switch:d} {entry.error_state_indicator:d} {can.util.len2dlc(length):x} "
+                f"{frame.bit_rate_switch:d} {frame.error_state_indicator:d} {can.util.len2dlc(length):x} "
                 f"{length:>2} {data} {0:>8} {0:>4} {flags:>8X} {0:>8} {0:>8} {0:>8} {0:>8} {0:>8}\n"
             )
         else:

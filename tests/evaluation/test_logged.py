@@ -47,10 +47,10 @@ def log_of(
 ) -> list[LogFrame]:
     return [
         LogFrame(
-            Frame(f.frame_id, f.payload, START + round((f.time + shift) * 1e9), f.is_extended, f.is_fd),
+            Frame(
+                f.frame_id, f.payload, START + round((f.time + shift) * 1e9), f.is_extended, f.is_fd, f.is_fd
+            ),
             "1",
-            f.is_fd,
-            False,
         )
         for f in Framer(map_bus(bench)).frames(recording, spans)
     ]

@@ -57,8 +57,12 @@ def test_fd_frames_with_and_without_a_name(tmp_path: Path) -> None:
         "   0.045746 CANFD    3 Rx        100                     1 0 0  0",
     )
     assert (named.frame.frame_id, named.frame.payload, named.frame.is_fd) == (0x7D, b"\x1b" * 12, True)
-    assert (named.channel, named.bit_rate_switch, named.error_state_indicator) == ("62", True, False)
-    assert (plain.frame.is_extended, plain.error_state_indicator, plain.is_sent) == (True, True, True)
+    assert (named.channel, named.frame.bit_rate_switch, named.frame.error_state_indicator) == (
+        "62",
+        True,
+        False,
+    )
+    assert (plain.frame.is_extended, plain.frame.error_state_indicator, plain.is_sent) == (True, True, True)
     assert (bare.frame.payload, bare.frame.is_fd) == (b"", True)
 
 

@@ -85,7 +85,7 @@ def test_fd_frames_by_length_code_and_by_length(
     (plain,) = read(tmp_path, HEADS["2.0"] + f"  1  1.000 {kind}  0100 Rx 12 {data}\n")
     for found in (coded, plain):
         assert (found.frame.payload, found.frame.is_fd) == (bytes(12), True)
-        assert (found.bit_rate_switch, found.error_state_indicator) == (switched, state)
+        assert (found.frame.bit_rate_switch, found.frame.error_state_indicator) == (switched, state)
     assert (coded.channel, plain.channel) == ("2", "1")
 
 

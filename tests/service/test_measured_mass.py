@@ -195,7 +195,7 @@ def test_evaluating_a_log_compares_it(path: Path, frames: list[Frame], usual: Re
 def in_log(number: int, frame: Frame) -> LogFrame:
     """As recorded from a bus where every frame takes as long as its samples."""
     stamp = round(number * BLOCK / SAMPLE_RATE * 1e9)
-    return LogFrame(BusFrame(frame.frame_id, frame.payload, stamp, False, True), "can0", True, False)
+    return LogFrame(BusFrame(frame.frame_id, frame.payload, stamp, False, True, True), "can0")
 
 
 def test_view_shows_it_beside_the_estimate(path: Path, frames: list[Frame], usual: Result) -> None:

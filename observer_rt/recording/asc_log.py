@@ -95,8 +95,9 @@ class AscLog(LogReader):
             self._take_date(text[len("date ") :], number)
         elif lower.startswith("begin trigger"):
             # of two dates this one belongs to time 0; later blocks go on in the same time
-            if not self._dated:
-                self._take_date(text.split(None, 2)[2] if len(text.split()) > 2 else "", number)
+            date = text.split(None, 2)[2:]
+            if date and not self._dated:
+                self._take_date(date[0], number)
             self._dated = True
         elif lower.startswith("end trigger"):
             self._ended = True
@@ -105,9 +106,10 @@ class AscLog(LogReader):
 
     def _take_date(self, text: str, number: int) -> None:
         start = _date(text.strip())
-        if start is None:
+        if start is not None:
+            self._start = start
+        elif self._start is None:
             self.remarks.append(f"line {number}: date '{text.strip()}' not understood, times count from 0")
-        self._start = start
 
     def _event(self, words: list[str], number: int) -> LogFrame | None:
         time = text_nanoseconds(words[0])
@@ -170,14 +172,15 @@ class AscLog(LogReader):
         if not flags & FLAG_FD and flags & FLAG_REMOTE:
             self.remote_frames += 1
             return None
-        if flags & FLAG_FD and can.util.dlc2len(int(dlc, 16)) != length:
+        is_fd = bool(flags & FLAG_FD) or length > CLASSIC_LENGTH  # some converters leave the flags at 0
+        if is_fd and can.util.dlc2len(int(dlc, 16)) != length:
             raise ValueError
         return self.frame(
             number,
             stamp,
             *self._identifier(words[4]),
             self._data(words[first : first + length], length),
-            bool(flags & FLAG_FD),
+            is_fd,
             str(int(words[2])),
             switch == "1",
             state == "1",

@@ -114,6 +114,25 @@ def test_a_date_not_understood_is_told_and_times_count_from_0(tmp_path: Path) ->
     assert any("not understood, times count from 0" in note for note in found.notes())
 
 
+def test_a_date_stands_unless_the_trigger_block_has_another(tmp_path: Path) -> None:
+    text = log(tmp_path, "   0.500000 1  123             Rx   d 1 AA").path.read_text()
+    path = tmp_path / "other.asc"
+    for block in ("Begin Triggerblock", "Begin Triggerblock Dies Datum liest niemand"):
+        path.write_text(text.replace(f"Begin Triggerblock {DATE}", block))
+        reader = AscLog(path)
+        assert [entry.frame.stamp_ns for entry in reader] == [START + 500_000_000]
+        assert reader.notes() == []
+
+
+def test_a_frame_longer_than_a_classic_one_is_fd_whatever_the_flags(tmp_path: Path) -> None:
+    data = " ".join(["11"] * 12)
+    (found,) = read(
+        tmp_path,
+        f"  0.1 CANFD   4 Rx        4EE              1 0 9 12 {data} 1331984 11 0 46500250 460a0250 20011736",
+    )
+    assert (found.frame.is_fd, found.frame.bit_rate_switch, found.frame.payload) == (True, True, b"\x11" * 12)
+
+
 def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
     found = log(
         tmp_path,

@@ -77,6 +77,45 @@ def test_decimal_numbers(tmp_path: Path) -> None:
     assert (found.frame.frame_id, found.frame.payload) == (256, bytes((255, 16, 7)))
 
 
+def test_fd_lines_of_a_decimal_log_are_hexadecimal(tmp_path: Path) -> None:
+    """As CANalyzer writes them: the same frame from a classic and from an FD channel."""
+    classic, fd = read(
+        tmp_path,
+        " 1344.433112 5  168             Rx   d 8  16  17   1   0 149 100  99  15  Length = 225972 ID = 168",
+        " 1344.433111 CANFD   2 Rx         a8  Any_12             1 0 8  8 10 11 01 00 95 64 63 0f" + FD_TAIL,
+        base="dec",
+    )
+    assert classic.frame.frame_id == fd.frame.frame_id == 168
+    assert classic.frame.payload == fd.frame.payload == bytes((16, 17, 1, 0, 149, 100, 99, 15))
+
+
+def test_a_decimal_fd_line_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="line 7: not a line of an ASC log"):
+        read(tmp_path, "   0.1 CANFD   1 Rx  291  1 0 3  3 1 17 255" + FD_TAIL, base="dec")
+
+
+def test_comments_begin_with_slashes_or_a_semicolon(tmp_path: Path) -> None:
+    (found,) = read(tmp_path, ";  time  can ident", "// 1.0 1 7 Rx d 0", "   1.0 1  123  Rx   d 1 AA")
+    assert found.frame.frame_id == 0x123
+
+
+def test_the_kind_of_times_may_stand_on_its_own_line(tmp_path: Path) -> None:
+    whole = log(tmp_path, *["   0.5 1  123             Rx   d 1 AA"] * 3, times="relative")
+    text = whole.path.read_text()
+    whole.path.write_text(text.replace("hex  timestamps", "hex\ntimestamps"))
+    assert [entry.frame.stamp_ns - START for entry in whole] == [500_000_000, 10**9, 1_500_000_000]
+
+
+def test_times_from_the_start_that_are_called_relative_are_refused(tmp_path: Path) -> None:
+    def lines(times: list[float]) -> list[str]:
+        return [f"   {time:.6f} 1  123             Rx   d 1 AA" for time in times]
+
+    with pytest.raises(UserError, match=r"times rise for 30 lines.*\n.*'absolute'"):
+        read(tmp_path, *lines([0.01 * (n // 2) for n in range(100)]), times="relative")
+    steps = [0.01 + 1e-6 * (n % 7) for n in range(100)]
+    assert len(read(tmp_path, *lines(steps), times="relative")) == 100
+
+
 def test_times_from_line_to_line_count_every_line(tmp_path: Path) -> None:
     first, second = read(
         tmp_path,

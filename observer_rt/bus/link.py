@@ -18,6 +18,10 @@ class Frame(NamedTuple):
     stamp_ns: int
     is_extended: bool = False
     is_fd: bool = True
+    bit_rate_switch: bool = False
+    """Of a CAN FD frame: its data came at the faster bit rate."""
+    error_state_indicator: bool = False
+    """Of a CAN FD frame: its sender had seen so many errors that it was error passive."""
 
 
 class StampSource(StrEnum):
@@ -50,9 +54,17 @@ class Link(Protocol):
 
     @abstractmethod
     def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+        self,
+        frame_id: int,
+        payload: bytes,
+        is_extended: bool,
+        is_fd: bool,
+        bit_rate_switch: bool = True,
+        error_state_indicator: bool = False,
     ) -> None:
-        """Send one data frame; `bit_rate_switch`: of a CAN FD frame. Waits a moment for a full queue.
+        """Send one data frame, the last two of a CAN FD frame. Waits a moment for a full queue.
+
+        A controller may set the error state indicator by itself.
 
         Raises:
             LinkDownError: the interface went down or away.

@@ -66,12 +66,20 @@ class PythonCanLink(Link):
                     round(message.timestamp * 1e9) or time.time_ns(),  # not every driver has stamps
                     message.is_extended_id,
                     message.is_fd,
+                    message.is_fd and message.bitrate_switch,
+                    message.is_fd and message.error_state_indicator,
                 )
 
     def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+        self,
+        frame_id: int,
+        payload: bytes,
+        is_extended: bool,
+        is_fd: bool,
+        bit_rate_switch: bool = True,
+        error_state_indicator: bool = False,
     ) -> None:
-        message = _message(frame_id, payload, is_extended, is_fd, bit_rate_switch)
+        message = _message(frame_id, payload, is_extended, is_fd, bit_rate_switch, error_state_indicator)
         try:
             self._send(message, SEND_TIMEOUT_S)
         except (can.CanError, OSError) as error:
@@ -122,7 +130,12 @@ class PythonCanLink(Link):
 
 
 def _message(
-    frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+    frame_id: int,
+    payload: bytes,
+    is_extended: bool,
+    is_fd: bool,
+    bit_rate_switch: bool = True,
+    error_state_indicator: bool = False,
 ) -> can.Message:
     return can.Message(
         arbitration_id=frame_id,
@@ -130,5 +143,6 @@ def _message(
         is_extended_id=is_extended,
         is_fd=is_fd,
         bitrate_switch=is_fd and bit_rate_switch,
+        error_state_indicator=is_fd and error_state_indicator,
         check=True,
     )

@@ -26,7 +26,7 @@ _SO_RXQ_OVFL = 40
 _SIOCGIFMTU = 0x8921
 _CAN_RAW_ERR_FILTER = 2
 _CANFD_MTU = 72
-_CANFD_BRS = 0x01  # bit rate switched
+_CANFD_BRS, _CANFD_ESI = 0x01, 0x02  # flags: bit rate switched, sender error passive
 _CLASSIC_DATA_BYTES = 8
 _FD_DATA_BYTES = 64
 _ARPHRD_CAN = 280
@@ -134,18 +134,21 @@ class SocketCanLink(Link):
             except OSError as error:
                 raise self._failure(error) from error
             stamp_ns = self._read_ancillary(ancillary)
-            identifier, length, _ = _HEADER.unpack_from(data)
+            identifier, length, flags = _HEADER.unpack_from(data)
             payload = data[_HEADER.size : _HEADER.size + length]
             if identifier & socket.CAN_ERR_FLAG:
                 self._condition = after_error_frame(self._condition, identifier, payload)
                 continue
             is_extended = bool(identifier & socket.CAN_EFF_FLAG)
+            is_fd = len(data) == _FD_FRAME.size
             return Frame(
                 identifier & (socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK),
                 payload,
                 stamp_ns,
                 is_extended,
-                len(data) == _FD_FRAME.size,
+                is_fd,
+                is_fd and bool(flags & _CANFD_BRS),  # nothing stands there in a classic frame
+                is_fd and bool(flags & _CANFD_ESI),
             )
 
     def _read_ancillary(self, ancillary: list[tuple[int, int, bytes]]) -> int:
@@ -164,10 +167,17 @@ class SocketCanLink(Link):
         return stamp_ns or time.time_ns()  # the kernel begins to stamp a moment after it was asked to
 
     def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+        self,
+        frame_id: int,
+        payload: bytes,
+        is_extended: bool,
+        is_fd: bool,
+        bit_rate_switch: bool = True,
+        error_state_indicator: bool = False,
     ) -> None:
         deadline = time.monotonic() + SEND_PATIENCE_S
-        frame = self._packed(frame_id, payload, is_extended, is_fd, bit_rate_switch)
+        flags = _CANFD_BRS * bit_rate_switch | _CANFD_ESI * error_state_indicator
+        frame = self._packed(frame_id, payload, is_extended, is_fd, flags)
         while not self._try_send(frame):
             if time.monotonic() > deadline:
                 raise RunError(
@@ -178,11 +188,9 @@ class SocketCanLink(Link):
             time.sleep(SEND_RETRY_S)
 
     def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
-        return self._try_send(self._packed(frame_id, payload, is_extended, is_fd, True))
+        return self._try_send(self._packed(frame_id, payload, is_extended, is_fd, _CANFD_BRS))
 
-    def _packed(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool
-    ) -> bytes:
+    def _packed(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: int) -> bytes:
         """The frame as the kernel takes it. Raises as `send` does."""
         if len(payload) > (_FD_DATA_BYTES if is_fd else _CLASSIC_DATA_BYTES):
             raise ValueError(f"{len(payload)} bytes do not fit into one frame")
@@ -190,7 +198,7 @@ class SocketCanLink(Link):
         if is_fd:
             if not self._fd:
                 raise RunError(f"{self._channel} was opened without CAN FD\n  remedy: set link.fd = true")
-            return _FD_FRAME.pack(identifier, len(payload), _CANFD_BRS * bit_rate_switch, payload)
+            return _FD_FRAME.pack(identifier, len(payload), flags, payload)
         return _CLASSIC_FRAME.pack(identifier, len(payload), payload)
 
     def _try_send(self, frame: bytes) -> bool:

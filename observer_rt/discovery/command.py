@@ -3,7 +3,7 @@
 import json
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -14,6 +14,7 @@ from observer_rt.config import load_injector
 from observer_rt.destinations import check_folder
 from observer_rt.discovery.add import InjectorText, write_amended
 from observer_rt.discovery.answer import Answer, AskObserver, Question, answer
+from observer_rt.discovery.coverage import coverage
 from observer_rt.discovery.data import Measurement, measurements
 from observer_rt.discovery.findings import as_json
 from observer_rt.discovery.fit_store import FitStore, file_hash, problem_key
@@ -22,6 +23,7 @@ from observer_rt.discovery.report import Sources, report
 from observer_rt.discovery.text import as_text
 from observer_rt.errors import RunError, UserError
 from observer_rt.recording.files import file_errors, read_recording
+from observer_rt.recording.recording import Recording
 from observer_rt.screen import progress_bar, results, say, say_if_compiling
 
 FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
@@ -38,19 +40,27 @@ class DiscoverOptions:
 
 
 def discover_files(
-    paths: Sequence[Path], options: DiscoverOptions, ask_observer: AskObserver, console: Console
+    paths: Sequence[Path],
+    options: DiscoverOptions,
+    ask_observer: AskObserver,
+    console: Console,
+    read: Callable[[Path], Recording] = read_recording,
 ) -> None:
     """Find the missing effect in recordings; write everything into a folder, print the answer.
+
+    read: takes a file the user named, and refuses one that is none.
 
     Raises `UserError` for files that will not do, before the work begins; `RunError` when it fails or is interrupted.
     """
     begin = time.monotonic()
     parameters = load_injector(options.model)
     source = InjectorText(options.model)
-    measured = _measured([*paths, *options.healthy])
+    measured = _measured([*paths, *options.healthy], read)
     refuse_rates_missing([one.recording for one in measured[: len(paths)]])
     question = Question(parameters, measured[: len(paths)], measured[len(paths) :], _hashes(paths))
     _make_folder(options)
+    for one in measured:
+        say(console, coverage(one))
     say_if_compiling(console)
     with file_errors(options.out):
         store = FitStore(options.out / FITS, problem_key(parameters, list(question.hashes.values())))
@@ -73,12 +83,12 @@ def discover_files(
         say(console, f"{options.out}: {REPORT}, {FINDINGS}" + (f", {AMENDED}" if found.effects else ""))
 
 
-def _measured(paths: Sequence[Path]) -> tuple[Measurement, ...]:
+def _measured(paths: Sequence[Path], read: Callable[[Path], Recording]) -> tuple[Measurement, ...]:
     """Recordings, read and looked through; refused before anything is written."""
     for number, path in enumerate(paths):
         if path.resolve() in {other.resolve() for other in paths[:number]}:
             raise UserError(str(path), "is given twice", "give every recording once")
-    recordings = [read_recording(path) for path in paths]
+    recordings = [read(path) for path in paths]
     refuse_sample_rates(recordings)
     found = measurements(recordings)
     for one in found:

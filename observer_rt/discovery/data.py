@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,12 +39,28 @@ class Event:
     end: int
 
 
+class Lack(StrEnum):
+    """Why an injection cannot be judged."""
+
+    GAP = "samples are missing in it or beside it"
+    AFTER = f"less than {EVENT_GAP / 2 * 1e3:g} ms of shut needle follow"
+    BEFORE = f"less than {LEAD * 1e3:g} ms of shut needle come before"
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """An injection that is not judged; time: when the needle opens [s]."""
+
+    time: float
+    lack: Lack
+
+
 @dataclass(frozen=True, eq=False)
 class Measurement:
     """A recording with what was found in it.
 
     noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
-    the events [Pa]; duration: mean time the needle is open in an event [s].
+    the events [Pa]; duration: mean time the needle is open in an event [s]; left_out: injections that are no events.
     """
 
     recording: Recording
@@ -52,6 +69,7 @@ class Measurement:
     events: tuple[Event, ...]
     rail_pressure: float
     duration: float
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def interval(self) -> float:
@@ -79,11 +97,12 @@ def _measurement(recording: Recording) -> Measurement:
             f"record with {LOWEST_SAMPLE_RATE:g} Hz or more",
         )
     openings = _openings(recording)
-    events = _events(recording, openings)
+    events, left_out = _events(recording, openings)
     if not events:
+        lacks = sorted({str(event.lack) for event in left_out})
         raise UserError(
             name,
-            "no complete injection",
+            "no complete injection" + "".join(f"; {lack}" for lack in lacks),
             f"record {LEAD * 1e3:g} ms of shut needle before an injection and {EVENT_GAP * 1e3:g} ms after it",
         )
     levels, rate_noise = _noise(recording, openings, name)
@@ -94,6 +113,7 @@ def _measurement(recording: Recording) -> Measurement:
         events,
         float(np.mean([rail_pressure_before(event, recording) for event in events])),
         float(np.mean([open_time(event, recording) for event in events])),
+        left_out,
     )
 
 
@@ -109,6 +129,11 @@ def open_time(event: Event, recording: Recording) -> float:
     return sum(o.last - o.first + 1 for o in event.openings) / recording.sample_rate
 
 
+def missing_samples(recording: Recording) -> NDArray[np.bool_]:
+    """Samples (n,) of which an input or the line pressure is not available."""
+    return np.isnan(recording.rail_pressure + recording.needle_lift + recording.line_pressure)
+
+
 def _openings(recording: Recording) -> list[Opening]:
     """Openings of the needle, found with the lift's own noise."""
     lift = recording.needle_lift
@@ -119,8 +144,8 @@ def _openings(recording: Recording) -> list[Opening]:
     return [o for o in find_openings(lift, noise) if o.last - o.first >= shortest]
 
 
-def _events(recording: Recording, openings: list[Opening]) -> tuple[Event, ...]:
-    """Complete events whose samples are all available."""
+def _events(recording: Recording, openings: list[Opening]) -> tuple[tuple[Event, ...], tuple[LeftOut, ...]]:
+    """Complete events whose samples are all available, and what is none."""
     rate = recording.sample_rate
     groups: list[list[Opening]] = []
     for opening in openings:
@@ -131,18 +156,26 @@ def _events(recording: Recording, openings: list[Opening]) -> tuple[Event, ...]:
     margin = round(MARGIN * rate) + 1
     lead = round(COUNTED_LEAD * rate)
     limits = [*(group[0].first - lead for group in groups), recording.samples - margin][1:]
-    missing = np.isnan(recording.rail_pressure + recording.needle_lift + recording.line_pressure)
-    events = []
+    missing = missing_samples(recording)
+    events, left_out = [], []
     previous_end = 0
     for group, limit in zip(groups, limits, strict=True):
         start = group[0].first - round(LEAD * rate)
         counted = group[0].first - lead
         end = min(group[-1].last + round(RING_DOWN * rate), limit)
-        whole = end - group[-1].last >= 0.5 * EVENT_GAP * rate
-        if start - margin >= previous_end and whole and not missing[start - margin : end + margin].any():
+        lack = None
+        if start - margin < previous_end:
+            lack = Lack.BEFORE
+        elif end - group[-1].last < 0.5 * EVENT_GAP * rate:
+            lack = Lack.AFTER
+        elif missing[start - margin : end + margin].any():
+            lack = Lack.GAP
+        if lack is None:
             events.append(Event(tuple(group), start, counted, end))
+        else:
+            left_out.append(LeftOut(float(recording.time[group[0].first]), lack))
         previous_end = group[-1].last
-    return tuple(events)
+    return tuple(events), tuple(left_out)
 
 
 def _noise(recording: Recording, openings: list[Opening], name: str) -> tuple[NoiseLevels, float]:

@@ -11,19 +11,18 @@ from rich.console import Console
 from observer_rt.config import Bench
 from observer_rt.destinations import FIGURE_SUFFIXES, check_destination, check_folder
 from observer_rt.errors import UserError
-from observer_rt.evaluation.evaluate import Evaluation, History, evaluate, evaluate_log
-from observer_rt.evaluation.logged import LoggedRecording, read_logged
+from observer_rt.evaluation.evaluate import Evaluation, History, Progress, evaluate, evaluate_logs
+from observer_rt.evaluation.logged import LoggedRecording
 from observer_rt.evaluation.results import SCHEMA, injection_results, recording_json
+from observer_rt.evaluation.sources import Source, in_runs, read_source, signals_of
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace_file import SUFFIX, write_trace
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.observer.knowledge import Knowledge
-from observer_rt.recording.files import READERS, file_errors, read_recording
+from observer_rt.recording.files import file_errors
 from observer_rt.recording.framing import bench_for
-from observer_rt.recording.logs import LOG_READERS, is_log
-from observer_rt.recording.recording import Recording
-from observer_rt.screen import progress_bar, results, say, say_if_compiling
+from observer_rt.screen import progress_bar, results, say_if_compiling
 from observer_rt.service.learners import refuse_state
 from observer_rt.service.main import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
@@ -51,8 +50,8 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
         if path is not None:
             refuse_state(bench, option)
     _check_destinations(paths, options)
+    recordings = [read_source(path, bench, options.from_channel, console) for path in paths]
     say_if_compiling(console)
-    recordings = [_read(bench, path, options, console) for path in paths]
     model = model_hash(bench.injector)
     pressure_scale = bench.injector.scaling.pressure
     if options.state is not None and not options.state.exists():
@@ -78,28 +77,6 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
         results_console = results()
         for evaluation in evaluations:
             print_evaluation(evaluation, c, results_console)
-
-
-def _read(
-    bench: Bench, path: Path, options: EvaluateOptions, console: Console
-) -> Recording | LoggedRecording:
-    suffix = path.suffix.lower()
-    if suffix not in READERS and suffix not in LOG_READERS:
-        known = ", ".join({**READERS, **LOG_READERS})
-        raise UserError(str(path), f"unknown kind of recording '{path.suffix}'", f"known suffixes: {known}")
-    if not is_log(path):
-        return read_recording(path)
-    if options.chain:
-        raise UserError(
-            f"--chain {path}",
-            "is a CAN log, whose frames carry their own sample index",
-            "convert the logs first: observer-rt convert LOG recording.csv --bench bench.toml",
-        )
-    with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
-        logged = read_logged(bench, path, options.from_channel, progress)
-    for note in logged.notes:
-        say(console, note)
-    return logged
 
 
 def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
@@ -161,29 +138,41 @@ def _trace_in(folder: Path, recording: Path) -> Path:
 
 def _histories(
     bench: Bench,
-    sources: Sequence[Recording | LoggedRecording],
+    sources: Sequence[Source],
     knowledge: Knowledge | None,
     options: EvaluateOptions,
     console: Console,
 ) -> list[History]:
-    recordings = [s.recording if isinstance(s, LoggedRecording) else s for s in sources]
+    """Every source by itself, or all of them as one history, in which knowledge goes on from run to run."""
+    recordings = [signals_of(source) for source in sources]
     for recording in recordings:
         bench_for(bench, recording)  # refuse before the first one is evaluated
-    total = sum(recording.samples for recording in recordings)
-    done = 0
-    histories = []
     learning = options.learning and bench.config.learning.enabled
-    with progress_bar(console, "evaluating", total) as progress:
-        if options.chain:
-            return [evaluate(bench, recordings, knowledge, learning, partial(_report_progress, progress, 0))]
-        for source, recording in zip(sources, recordings, strict=True):
-            report = partial(_report_progress, progress, done)
-            if isinstance(source, LoggedRecording):
-                histories.append(evaluate_log(bench, source, knowledge, learning, report))
-            else:
-                histories.append(evaluate(bench, [source], knowledge, learning, report))
-            done += recording.samples
+    runs = in_runs(sources) if options.chain else [[source] for source in sources]
+    done = 0
+    histories: list[History] = []
+    with progress_bar(console, "evaluating", sum(recording.samples for recording in recordings)) as progress:
+        for run in runs:
+            if options.chain and histories:
+                knowledge = histories[-1].knowledge
+            histories.append(
+                _history(bench, run, knowledge, learning, partial(_report_progress, progress, done))
+            )
+            done += sum(signals_of(source).samples for source in run)
     return histories
+
+
+def _history(
+    bench: Bench,
+    run: Sequence[Source],
+    knowledge: Knowledge | None,
+    learning: bool,
+    report: Progress,
+) -> History:
+    logs = [source for source in run if isinstance(source, LoggedRecording)]
+    if logs:
+        return evaluate_logs(bench, logs, knowledge, learning, report)
+    return evaluate(bench, [signals_of(source) for source in run], knowledge, learning, report)
 
 
 def _report_progress(progress: Callable[[float], None], before: int, samples: int) -> None:

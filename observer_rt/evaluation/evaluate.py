@@ -101,16 +101,20 @@ def evaluate(
     return run.history()
 
 
-def evaluate_log(
+def evaluate_logs(
     bench: Bench,
-    log: LoggedRecording,
+    logs: Sequence[LoggedRecording],
     knowledge: Knowledge | None = None,
     learning: bool = True,
     progress: Progress | None = None,
 ) -> History:
-    """Evaluate the frames of a CAN log as they are, as the daemon would have on the bus; else as `evaluate`."""
+    """Evaluate the frames of CAN logs as they are, as the daemon would have on the bus; else as `evaluate`.
+
+    The sample index of every log must go on beyond that of the one before.
+    """
     run = _Run(bench, map_bus(bench), knowledge, learning, progress, make_learner)
-    run.take_frames(log.recording, log.first_index, log.frames)
+    for log in logs:
+        run.take_frames(log.recording, log.first_index, log.frames)
     run.finish()
     return run.history()
 

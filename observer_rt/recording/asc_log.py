@@ -3,24 +3,19 @@
 import re
 from collections.abc import Iterator
 from datetime import datetime
-from pathlib import Path
 
 import can.util
 
-from observer_rt.errors import UserError
 from observer_rt.recording.log import (
     CLASSIC_LENGTH,
     FD_LENGTHS,
     NANOSECONDS,
-    ChannelNumbers,
     LogFrame,
     LogReader,
-    LogWriter,
     text_nanoseconds,
 )
 
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
-DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 MONTHS_ELSEWHERE = {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12}
 FLAG_REMOTE, FLAG_FD, FLAG_BIT_RATE_SWITCH, FLAG_ERROR_STATE = 0x10, 0x1000, 0x2000, 0x4000
 _TIME = re.compile(r"\d+(?:[.,]\d+)?")
@@ -30,11 +25,11 @@ _DATE = re.compile(
     r"(?:\s+(?P<half>[ap]m))?\s+(?P<year>\d{4})",
     re.IGNORECASE,
 )
-_BASE = re.compile(
-    r"base\s+(?P<base>hex|dec)(?:\s+timestamps\s+(?P<times>absolute|relative))?", re.IGNORECASE
-)
+_BASE = re.compile(r"base\s+(?P<base>hex|dec)\b", re.IGNORECASE)
+_TIMES = re.compile(r"(?:base\s+\w+\s+)?timestamps\s+(?P<times>absolute|relative)", re.IGNORECASE)
 _IDENTIFIER = {16: re.compile(r"[0-9A-Fa-f]+[xX]?"), 10: re.compile(r"[0-9]+[xX]?")}
 _DIRECTIONS = {"rx": False, "tx": True}
+RISING_LINES = 30
 _AFTER_DATA = 4  # words of a CAN FD line from its data to its flags, which comes third
 
 
@@ -49,6 +44,8 @@ class AscLog(LogReader):
         self._radix = 16
         self._relative = False
         self._time = 0
+        self._before = 0
+        self._rising = 0
         self._start: int | None = None
         self._dated = False
         self._ended = False
@@ -88,30 +85,40 @@ class AscLog(LogReader):
     def _header(self, line: str, number: int) -> None:
         text = line.strip()
         lower = text.lower()
-        if (base := _BASE.match(text)) is not None:
+        base, times = _BASE.match(text), _TIMES.match(text)  # on one line or on two
+        if base is not None:
             self._radix = 16 if base["base"].lower() == "hex" else 10
-            self._relative = (base["times"] or "").lower() == "relative"
-        elif lower.startswith("date "):
+        if times is not None:
+            self._relative = times["times"].lower() == "relative"
+        if base is not None or times is not None:
+            return
+        if lower.startswith("date "):
             self._take_date(text[len("date ") :], number)
         elif lower.startswith("begin trigger"):
             # of two dates this one belongs to time 0; later blocks go on in the same time
-            if not self._dated:
-                self._take_date(text.split(None, 2)[2] if len(text.split()) > 2 else "", number)
+            date = text.split(None, 2)[2:]
+            if date and not self._dated:
+                self._take_date(date[0], number)
             self._dated = True
         elif lower.startswith("end trigger"):
             self._ended = True
-        elif not text[0].isalpha() and not text.startswith("//"):
+        elif not text[0].isalpha() and not text.startswith(("//", ";")):
             self._malformed(line, number)
 
     def _take_date(self, text: str, number: int) -> None:
         start = _date(text.strip())
-        if start is None:
+        if start is not None:
+            self._start = start
+        elif self._start is None:
             self.remarks.append(f"line {number}: date '{text.strip()}' not understood, times count from 0")
-        self._start = start
 
     def _event(self, words: list[str], number: int) -> LogFrame | None:
         time = text_nanoseconds(words[0])
-        self._time = self._time + time if self._relative else time
+        if self._relative:
+            self._refuse_rising(time, number)
+            self._time += time
+        else:
+            self._time = time
         stamp = (self._start or 0) + self._time
         if words[1].upper() == "CANFD":
             return self._fd(words, number, stamp)
@@ -119,6 +126,18 @@ class AscLog(LogReader):
             return self._classic(words, number, stamp)
         self.other_entries += " ".join(words[1:]).lower() != "start of measurement"
         return None
+
+    def _refuse_rising(self, time: int, number: int) -> None:
+        """Times that rise and rise are no distances from line to line, whatever the heading says."""
+        if time != self._before:
+            self._rising = self._rising + 1 if time > self._before else 0
+        self._before = time
+        if self._rising >= RISING_LINES:
+            self.refuse(
+                number,
+                f"times rise for {RISING_LINES} lines, but the heading calls them relative (to the line before)",
+                "write 'absolute' for 'relative' in the heading if they count from the start",
+            )
 
     def _classic(self, words: list[str], number: int, stamp: int) -> LogFrame | None:
         if words[2].lower().startswith("errorframe"):
@@ -143,14 +162,15 @@ class AscLog(LogReader):
         return self.frame(
             number,
             stamp,
-            *self._identifier(words[2]),
-            self._data(words[6 : 6 + length], length),
+            *_identifier(words[2], self._radix),
+            _data(words[6 : 6 + length], length, self._radix),
             False,
             str(int(words[1])),
             is_sent=_DIRECTIONS[direction],
         )
 
     def _fd(self, words: list[str], number: int, stamp: int) -> LogFrame | None:
+        """A line of a CAN FD channel: hexadecimal, whatever the base of the others."""
         direction = words[3].lower()
         if direction not in _DIRECTIONS:
             if direction != "txrq":
@@ -170,84 +190,20 @@ class AscLog(LogReader):
         if not flags & FLAG_FD and flags & FLAG_REMOTE:
             self.remote_frames += 1
             return None
-        if flags & FLAG_FD and can.util.dlc2len(int(dlc, 16)) != length:
+        is_fd = bool(flags & FLAG_FD) or length > CLASSIC_LENGTH  # some converters leave the flags at 0
+        if is_fd and can.util.dlc2len(int(dlc, 16)) != length:
             raise ValueError
         return self.frame(
             number,
             stamp,
-            *self._identifier(words[4]),
-            self._data(words[first : first + length], length),
-            bool(flags & FLAG_FD),
+            *_identifier(words[4], 16),
+            _data(words[first : first + length], length, 16),
+            is_fd,
             str(int(words[2])),
             switch == "1",
             state == "1",
             _DIRECTIONS[direction],
         )
-
-    def _identifier(self, word: str) -> tuple[int, bool]:
-        is_extended = word[-1] in "xX"
-        return int(word[:-1] if is_extended else word, self._radix), is_extended
-
-    def _data(self, words: list[str], length: int) -> bytes:
-        # hexadecimal: pairs of digits only, for of a byte that was cut one digit may be left
-        data = bytes.fromhex(" ".join(words)) if self._radix == 16 else bytes(map(int, words))
-        if len(data) != length or len(words) != length:
-            raise ValueError
-        return data
-
-
-class AscWriter(LogWriter):
-    """Writer; channels are numbered from 1. Stamps have six digits where those are enough, else nine."""
-
-    def __init__(self, path: Path, start_ns: int) -> None:
-        """See `LogWriter`."""
-        super().__init__(path, start_ns)
-        millisecond = NANOSECONDS // 1000
-        self._start = start_ns // millisecond * millisecond
-        self._numbers = ChannelNumbers()
-        moment = datetime.fromtimestamp(self._start // NANOSECONDS)
-        date = (
-            f"{DAYS[moment.weekday()]} {MONTHS[moment.month - 1]} {moment.day:02d} {moment:%H:%M:%S}."
-            f"{self._start % NANOSECONDS // millisecond:03d} {moment.year}"
-        )
-        self._file = path.open("w", encoding="ascii", newline="\n")
-        self._file.write(
-            f"date {date}\nbase hex  timestamps absolute\ninternal events logged\n"
-            f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
-        )
-
-    def write(self, entry: LogFrame) -> None:
-        frame = entry.frame
-        time = frame.stamp_ns - self._start
-        if time < 0:
-            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
-        seconds, rest = divmod(time, NANOSECONDS)
-        stamp = f"{seconds:4d}.{rest:09d}" if rest % 1000 else f"{seconds:4d}.{rest // 1000:06d}"
-        channel = self._numbers.of(entry.channel)
-        identifier = f"{frame.frame_id:X}{'x' if frame.is_extended else ''}"
-        direction = "Tx" if entry.is_sent else "Rx"
-        data = frame.payload.hex(" ").upper()
-        length = len(frame.payload)
-        if frame.is_fd:
-            flags = (
-                FLAG_FD
-                | FLAG_BIT_RATE_SWITCH * entry.bit_rate_switch
-                | FLAG_ERROR_STATE * entry.error_state_indicator
-            )
-            self._file.write(
-                f"{stamp} CANFD {channel:>3} {direction:<4} {identifier:>8}  {'':>32} "
-                f"{entry.bit_rate_switch:d} {entry.error_state_indicator:d} {can.util.len2dlc(length):x} "
-                f"{length:>2} {data} {0:>8} {0:>4} {flags:>8X} {0:>8} {0:>8} {0:>8} {0:>8} {0:>8}\n"
-            )
-        else:
-            self._file.write(
-                f"{stamp} {channel}  {identifier:<15} {direction:<4} d {length:x} {data}".rstrip() + "\n"
-            )
-
-    def close(self) -> None:
-        if not self._file.closed:
-            self._file.write("End TriggerBlock\n")
-            self._file.close()
 
 
 def _date(text: str) -> int | None:
@@ -272,3 +228,16 @@ def _date(text: str) -> int | None:
         return int(moment.timestamp()) * NANOSECONDS + text_nanoseconds(f"0.{match['fraction'] or 0}")
     except (ValueError, OverflowError):
         return None
+
+
+def _identifier(word: str, radix: int) -> tuple[int, bool]:
+    is_extended = word[-1] in "xX"
+    return int(word[:-1] if is_extended else word, radix), is_extended
+
+
+def _data(words: list[str], length: int, radix: int) -> bytes:
+    # hexadecimal: pairs of digits only, for of a byte that was cut one digit may be left
+    data = bytes.fromhex(" ".join(words)) if radix == 16 else bytes(map(int, words))
+    if len(data) != length or len(words) != length:
+        raise ValueError
+    return data

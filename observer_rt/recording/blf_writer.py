@@ -64,8 +64,8 @@ class BlfWriter(LogWriter):
         if frame.is_fd:
             fd_flags = (
                 FD_FORMAT
-                | FD_BIT_RATE_SWITCH * entry.bit_rate_switch
-                | FD_ERROR_STATE * entry.error_state_indicator
+                | FD_BIT_RATE_SWITCH * frame.bit_rate_switch
+                | FD_ERROR_STATE * frame.error_state_indicator
             )
             dlc = can.util.len2dlc(length)
             body = FD.pack(channel, flags, dlc, identifier, 0, 0, fd_flags, length, frame.payload)

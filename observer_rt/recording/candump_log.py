@@ -123,7 +123,7 @@ class CandumpWriter(LogWriter):
         mark = "#"
         if frame.is_fd:
             flags = (
-                BIT_RATE_SWITCH * entry.bit_rate_switch | ERROR_STATE_INDICATOR * entry.error_state_indicator
+                BIT_RATE_SWITCH * frame.bit_rate_switch | ERROR_STATE_INDICATOR * frame.error_state_indicator
             )
             mark = f"##{flags:X}"
         identifier = f"{frame.frame_id:08X}" if frame.is_extended else f"{frame.frame_id:03X}"

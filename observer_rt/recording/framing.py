@@ -59,7 +59,8 @@ class TimedFrame(NamedTuple):
     channel: str = ""
     """Of the log it comes from; none for a frame made from a recording."""
     bit_rate_switch: bool = True
-    """Of a CAN FD frame."""
+    """Of a CAN FD frame; as is the next."""
+    error_state_indicator: bool = False
 
     @property
     def stamp_ns(self) -> int:

@@ -26,8 +26,6 @@ class LogFrame(NamedTuple):
     frame: Frame
     channel: str
     """As the log names it: `can0` in text of candump, `1` where channels are numbered."""
-    bit_rate_switch: bool
-    error_state_indicator: bool
     is_sent: bool = False
     """Sent by the computer that recorded it."""
 
@@ -139,10 +137,8 @@ class LogReader(ABC):
             kind = "extended" if is_extended else "standard"
             self.refuse(number, f"{identifier:X} is no {kind} identifier")
         return LogFrame(
-            Frame(identifier, payload, stamp_ns, is_extended, is_fd),
+            Frame(identifier, payload, stamp_ns, is_extended, is_fd, bit_rate_switch, error_state_indicator),
             channel,
-            bit_rate_switch,
-            error_state_indicator,
             is_sent,
         )
 

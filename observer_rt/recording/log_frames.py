@@ -80,7 +80,8 @@ class LogPart:
                     frame.is_fd,
                     frame.payload,
                     entry.channel,
-                    entry.bit_rate_switch,
+                    frame.bit_rate_switch,
+                    frame.error_state_indicator,
                 )
         seen.notes = log.notes()
         if not selected:

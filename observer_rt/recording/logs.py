@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from observer_rt.errors import UserError
-from observer_rt.recording.asc_log import AscLog, AscWriter
+from observer_rt.recording.asc_log import AscLog
+from observer_rt.recording.asc_writer import AscWriter
 from observer_rt.recording.blf_log import BlfLog
 from observer_rt.recording.blf_writer import BlfWriter
 from observer_rt.recording.candump_log import CandumpLog, CandumpWriter

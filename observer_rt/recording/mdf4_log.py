@@ -102,8 +102,8 @@ class Mdf4LogWriter(LogWriter):
                 frame.payload.ljust(MAX_LENGTH, b"\0"),
                 entry.is_sent,
                 frame.is_fd,
-                entry.bit_rate_switch,
-                entry.error_state_indicator,
+                frame.bit_rate_switch,
+                frame.error_state_indicator,
             )
         )
 

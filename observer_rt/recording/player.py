@@ -88,7 +88,12 @@ def play(
             report.reached(frame.time - max(0, due - time.monotonic_ns()) / NANOSECONDS * speed)
             continue
         links.get(frame.channel, link).send(
-            frame.frame_id, frame.payload, frame.is_extended, frame.is_fd, frame.bit_rate_switch
+            frame.frame_id,
+            frame.payload,
+            frame.is_extended,
+            frame.is_fd,
+            frame.bit_rate_switch,
+            frame.error_state_indicator,
         )
         sent += 1
         if math.isfinite(speed):

@@ -95,8 +95,7 @@ def record(
 ) -> RecordStatistics:
     """Write every frame of a link until `stop` is set or a limit reached; a file begins with its first frame.
 
-    Bit rate switch is noted for every CAN FD frame, as links do not tell. An interface that goes away is waited for.
-    `report` is called some times a second.
+    An interface that goes away is waited for. `report` is called some times a second.
 
     Raises:
         RunError: the link failed for good, or the disk is full; what was written before can be read.
@@ -191,7 +190,7 @@ class _Files:
         if self._lost:
             self._writer.write_lost(self._lost)
             self._lost = 0
-        self._writer.write(LogFrame(frame, self._channel, frame.is_fd, False))
+        self._writer.write(LogFrame(frame, self._channel))
 
     def write_lost(self, frames: int) -> None:
         """Say, before the next frame, that frames were lost."""

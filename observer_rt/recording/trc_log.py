@@ -1,4 +1,4 @@
-"""Logs of PEAK's tools: `.trc` in versions 1.0, 1.1, 1.3, 2.0 and 2.1; written in 2.1, classic frames only."""
+"""Logs of PEAK's tools: `.trc` in versions 1.0 to 1.3, 2.0 and 2.1; written in 2.1, classic frames only."""
 
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
@@ -72,7 +72,7 @@ class TrcLog(LogReader):
             self._version = value.strip()
         elif key == ";$STARTTIME":
             try:
-                days = Decimal(value.strip())
+                days = Decimal(value.strip(" ;"))  # PCAN-Explorer 5 ends it with a semicolon
             except InvalidOperation:
                 self.refuse(number, f"'{value}' is no start time", "correct it, in days since 30.12.1899")
             since_1970 = datetime.fromtimestamp(0, UTC) - DAY_ZERO
@@ -86,7 +86,7 @@ class TrcLog(LogReader):
         if self._version == "1.0":
             self.remarks.append("its stamps are whole milliseconds")
             return _row_1_0
-        readers = {"1.1": _row_1_1, "1.3": _row_1_3}
+        readers = {"1.1": _row_1_1, "1.2": _row_1_2, "1.3": _row_1_3}
         if self._version in readers:
             return readers[self._version]
         if self._version not in ("2.0", "2.1"):
@@ -111,13 +111,15 @@ class TrcLog(LogReader):
         return _Row(time, channel, kind, words[at["I"]], words[at["d"]] == "Tx", length, data)
 
     def _entry(self, row: _Row, number: int) -> LogFrame | None:
-        if row.kind in ("ER", "Error"):
+        if row.kind in ("ER", "Error") or row.data[:1] == ["ERROR"]:
             self.error_frames += 1
             return None
         if row.kind == "RR" or row.data[:1] == ["RTR"]:
             self.remote_frames += 1
             return None
-        if row.kind not in FD_TYPES and row.kind != "DT":
+        is_fd = row.kind in FD_TYPES
+        is_transport = row.length > CLASSIC_LENGTH and len(row.data) >= row.length  # of J1939: no frame
+        if not is_fd and (row.kind != "DT" or is_transport):
             self.other_entries += 1
             return None
         data = bytes.fromhex(" ".join(row.data[: row.length]))
@@ -130,7 +132,7 @@ class TrcLog(LogReader):
             int(row.identifier, 16),
             len(row.identifier) > STANDARD_DIGITS,
             data,
-            row.kind in FD_TYPES,
+            is_fd,
             row.channel,
             switch,
             state,
@@ -146,6 +148,13 @@ def _row_1_0(words: list[str]) -> _Row:
 def _row_1_1(words: list[str]) -> _Row:
     kind = "DT" if words[2] in OLD_DIRECTIONS else words[2]
     return _Row(words[1], "1", kind, words[3], OLD_DIRECTIONS.get(words[2], False), int(words[4]), words[5:])
+
+
+def _row_1_2(words: list[str]) -> _Row:
+    kind = "DT" if words[3] in OLD_DIRECTIONS else words[3]
+    return _Row(
+        words[1], words[2], kind, words[4], OLD_DIRECTIONS.get(words[3], False), int(words[5]), words[6:]
+    )
 
 
 def _row_1_3(words: list[str]) -> _Row:

@@ -45,8 +45,20 @@ def test_a_frame_arrives_as_sent(
         sender.send(frame_id, payload, is_extended, is_fd)
         frame = receiver.receive(1.0)
     assert frame is not None
-    assert frame == Frame(frame_id, payload, frame.stamp_ns, is_extended, is_fd)
+    assert frame == Frame(frame_id, payload, frame.stamp_ns, is_extended, is_fd, bit_rate_switch=is_fd)
     assert before - 1_000 <= frame.stamp_ns <= time.time_ns() + 1_000
+
+
+@pytest.mark.parametrize("is_fd", [True, False])
+@pytest.mark.parametrize(("switched", "state"), [(True, False), (False, False), (True, True), (False, True)])
+def test_the_flags_of_an_fd_frame_arrive_as_sent(
+    sender: Link, channel: str, is_fd: bool, switched: bool, state: bool
+) -> None:
+    with receiver_of(channel) as receiver:
+        sender.send(0x100, b"\1", False, is_fd, switched, state)
+        frame = receiver.receive(1.0)
+    assert frame is not None
+    assert (frame.bit_rate_switch, frame.error_state_indicator) == (is_fd and switched, is_fd and state)
 
 
 def test_nothing_is_lost_and_order_is_kept(sender: Link, channel: str) -> None:
@@ -75,7 +87,10 @@ def test_only_wanted_identifiers_are_received(sender: Link, channel: str) -> Non
             sender.send(frame_id, b"", is_extended, True)
         # Waiting behind three unwanted frames, yet found without waiting.
         wanted = [receiver.receive(0.0), receiver.receive(0.0)]
-        assert [frame and frame[::3] for frame in wanted] == [(0x100, False), (0x200, True)]
+        assert [frame and (frame.frame_id, frame.is_extended) for frame in wanted] == [
+            (0x100, False),
+            (0x200, True),
+        ]
         assert receiver.receive(0.0) is None
 
 

@@ -40,8 +40,25 @@ def test_a_frame_arrives_as_sent(
         sender.send(frame_id, payload, is_extended, is_fd)
         frame = receiver.receive(1.0)
     assert frame is not None
-    assert frame == Frame(frame_id, payload, frame.stamp_ns, is_extended, is_fd)
+    assert frame == Frame(frame_id, payload, frame.stamp_ns, is_extended, is_fd, bit_rate_switch=is_fd)
     assert before <= frame.stamp_ns <= time.time_ns()
+
+
+@pytest.mark.parametrize("is_fd", [True, False])
+@pytest.mark.parametrize(("switched", "state"), [(True, False), (False, False), (True, True), (False, True)])
+def test_the_flags_of_an_fd_frame_arrive_as_sent(vcan: str, is_fd: bool, switched: bool, state: bool) -> None:
+    with (
+        link_on(vcan, []) as sender,
+        link_on(vcan) as receiver,
+        can.Bus(interface="socketcan", channel=vcan, fd=True) as reference,
+    ):
+        sender.send(0x100, b"\1", False, is_fd, switched, state)
+        frame = receiver.receive(1.0)
+        message = reference.recv(1.0)
+    assert frame is not None
+    assert message is not None
+    assert (frame.bit_rate_switch, frame.error_state_indicator) == (is_fd and switched, is_fd and state)
+    assert (message.bitrate_switch, message.error_state_indicator) == (is_fd and switched, is_fd and state)
 
 
 def test_python_can_understands_our_frames_and_we_its(vcan: str) -> None:

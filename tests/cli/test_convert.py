@@ -93,10 +93,8 @@ def test_a_log_becomes_a_recording_by_a_bench_file(
     recording = read_recording(worn)
     frames = [
         LogFrame(
-            Frame(f.frame_id, f.payload, 10**18 + round(f.time * 1e9), f.is_extended, f.is_fd),
+            Frame(f.frame_id, f.payload, 10**18 + round(f.time * 1e9), f.is_extended, f.is_fd, True),
             "1",
-            True,
-            False,
         )
         for f in Framer(map_bus(load_bench(bench))).frames(recording, whole(recording))
     ]

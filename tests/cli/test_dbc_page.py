@@ -5,12 +5,25 @@ from pathlib import Path
 
 import pytest
 
+from observer_rt.bus.link import Frame
+from observer_rt.recording.log import LogFrame
 from tests.cli.conftest import Command
+from tests.recording.log_cases import START, write_log
+from tests.service.foreign_frames import classic_frames, fd_frames, multiplexed_frames, recording
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "dbc.md").read_text(encoding="utf-8")
 DATABASES = ROOT / "tests" / "bus" / "databases"
 EXAMPLES = ("testbed_classic", "fast_daq_fd", "adc_multiplexed")
+DEVICES = {
+    "testbed_classic": (classic_frames, 10e3, 3),  # frames, samples a second, frames a sample
+    "fast_daq_fd": (fd_frames, 50e3, 2 / 12),
+    "adc_multiplexed": (multiplexed_frames, 50e3, 1),
+}
+_INJECTION = re.compile(
+    r"(?P<place> *\d+ +\d+ \d+\.\d{3} +\d+\.\d) +(?P<mass>\d+\.\d\d) +(?P<interval>\d+\.\d-\d+\.\d)"
+    r"(?P<nominal> +\d+\.\d\d) +(?P<nozzle>[+-]\d\.\d{3}) +(?P<seat>[+-]\d\.\d{3})(?P<valid> +(?:yes|no))"
+)
 
 
 def transcript(line: str) -> list[str]:
@@ -34,6 +47,53 @@ def test_what_check_prints(name: str, command: Command, monkeypatch: pytest.Monk
     assert [
         line for line in shown if words(line) not in printed and words(line) not in _continued(printed)
     ] == []
+
+
+@pytest.fixture
+def with_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder the user is in: databases, bench files, and a log of each bus."""
+    for path in DATABASES.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    for name, (frames, rate, a_sample) in DEVICES.items():
+        is_fd = name != "testbed_classic"
+        entries = [
+            LogFrame(
+                Frame(identifier, payload, START + round(n / rate / a_sample * 1e9), extended, is_fd), "can0"
+            )
+            for n, (identifier, extended, payload, _) in enumerate(frames(recording(rate)))
+        ]
+        write_log(tmp_path / f"{name}.log", entries)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_evaluate_prints(name: str, command: Command, with_logs: Path) -> None:
+    shown = transcript(f"observer-rt evaluate {name}.log --bench {name}.toml")
+    outcome = command("evaluate", f"{name}.log", "--bench", f"{name}.toml")
+    assert outcome.code == 0
+    assert [_without_learned(line) for line in shown] == [
+        _without_learned(f"    {line}".rstrip()) for line in outcome.out.splitlines()
+    ]
+    assert sum(_INJECTION.fullmatch(line) is not None for line in shown) == 3
+
+
+def _without_learned(line: str) -> str:
+    """A line without what the observer learned, whose last digits differ from version to version."""
+    row = _INJECTION.fullmatch(line)
+    return line if row is None else f"{row['place']} mass interval{row['nominal']} nozzle seat{row['valid']}"
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_replay_prints(name: str, command: Command, with_logs: Path) -> None:
+    on_bus = ("--interface", "virtual", "--channel", "try", "--speed", "0")
+    shown = transcript(f"observer-rt replay {name}.log --bench {name}.toml {' '.join(on_bus)}")
+    outcome = command("replay", f"{name}.log", "--bench", f"{name}.toml", *on_bus)
+    assert outcome.code == 0
+    duration = re.compile(r"\d+\.\d{3} s")
+    assert [duration.sub("a while", line.strip()) for line in shown] == [
+        duration.sub("a while", line) for line in outcome.out.splitlines()
+    ]
 
 
 def _continued(printed: set[str]) -> set[str]:

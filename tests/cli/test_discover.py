@@ -4,11 +4,13 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 
 import observer_rt.discovery.command
 from observer_rt.config import NOMINAL_INJECTOR, load_injector
+from observer_rt.errors import RunError
 from observer_rt.recording.files import read_recording, write_recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
@@ -140,6 +142,83 @@ def test_mistakes_are_named_before_anything_is_written(
     assert message in done.err
     assert "remedy" in done.err
     assert not out.is_dir()
+
+
+def test_a_log_of_the_replayed_recording_gives_the_same_verdict(
+    command: Command, worn: Path, bench: Path, tmp_path: Path
+) -> None:
+    signals, log = tmp_path / "worn.csv", tmp_path / "bus.blf"
+    write_recording(signals, replace(read_recording(worn), injection_rate=None))  # a bus carries none
+    messages = _replayed(command, signals, bench)
+    _write_log(log, messages)
+    expected = json.loads(command("discover", "--out", tmp_path / "a", "--json", signals).out)
+    done = command("discover", "--bench", bench, "--out", tmp_path / "b", "--json", log)
+    assert done.code == 0
+    assert "no gap, 4 of 4 injections judged" in done.err
+    found = json.loads(done.out)
+    assert found["verdict"] == expected["verdict"] == "named"
+    assert [effect["id"] for effect in found["effects"]] == ["orifice_area"]
+    sizes = [one["effects"][0]["parameters"]["v_H"]["value"] for one in (found, expected)]
+    assert sizes[0] == pytest.approx(sizes[1], abs=0.002)  # a code of the bus is a fraction of the noise
+
+
+def test_a_log_with_gaps_is_judged_by_what_is_whole(
+    command: Command, worn: Path, bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(observer_rt.discovery.command, "answer", _stopped)
+    messages = _replayed(command, worn, bench)
+    lift = read_recording(worn).needle_lift
+    opening = int(np.flatnonzero(lift > 20e-6)[0]) // 9  # of the first injection, in frames of nine samples
+    log = tmp_path / "bus.log"
+    _write_log(log, messages[: opening + 1] + messages[opening + 3 :])
+    done = command("discover", "--bench", bench, "--out", tmp_path / "found", log)
+    assert "1 gap of 18 samples in all, the longest 0.36 ms, 3 of 4 injections judged" in done.err
+    assert "left out, samples are missing in it or beside it: at 0.15" in done.err
+
+
+def test_the_model_of_the_bench_file_is_the_one_amended(
+    command: Command, worn: Path, bench: Path, tmp_path: Path
+) -> None:
+    """So it is not overwritten."""
+    (tmp_path / "amended.toml").write_bytes(NOMINAL_INJECTOR.read_bytes())
+    bench.write_text(bench.read_text().replace("[model]", '[model]\nfile = "amended.toml"'))
+    done = command("discover", "--bench", bench, "--out", tmp_path, worn)
+    assert done.code == 2
+    assert "name another folder" in done.err
+
+
+def test_a_log_needs_a_bench_file_and_whole_injections(
+    command: Command, worn: Path, bench: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "bus.log"
+    _write_log(log, _replayed(command, worn, bench, "--windowed"))
+    done = command("discover", "--out", tmp_path / "found", log)
+    assert done.code == 2
+    assert f"--bench: is missing: it says which signals the frames of {log} carry" in done.err
+    done = command("discover", "--bench", bench, "--out", tmp_path / "found", log)
+    assert done.code == 2
+    assert "no complete injection; less than" in done.err
+    assert "; samples are missing in it or beside it" in done.err
+    assert not (tmp_path / "found").exists()
+
+
+def _stopped(*_: object) -> None:
+    raise RunError("not wanted here")
+
+
+def _replayed(command: Command, recording: Path, bench: Path, *options: str) -> list[can.Message]:
+    """What a listener on the bus hears of `observer-rt replay`."""
+    with can.Bus(interface="virtual", channel="discover-test", fd=True) as bus:
+        on_bus = ("--channel", "discover-test", "--speed", "0")
+        assert command("replay", recording, "--bench", bench, *on_bus, *options).code == 0
+        return list(iter(lambda: bus.recv(0.0), None))
+
+
+def _write_log(path: Path, messages: list[can.Message]) -> None:
+    with can.Logger(path) as logger:
+        for message in messages:
+            message.channel = 0
+            logger(message)
 
 
 @pytest.fixture(scope="session")

@@ -81,14 +81,18 @@ def test_log_is_sent_as_recorded(command: Command, bus: can.BusABC, tmp_path: Pa
     assert (second.arbitration_id, second.is_extended_id, second.is_fd) == (0x456, True, False)
 
 
-def test_the_bit_rate_is_switched_as_recorded(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
+def test_the_flags_of_fd_frames_go_out_as_recorded(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
     log = tmp_path / "bus.log"
-    log.write_text("(100.0) can0 123##1AA\n(100.1) can0 123##0AA\n(100.2) can0 123#AA\n")
+    log.write_text(
+        "".join(f"(100.{n}) can0 123{mark}AA\n" for n, mark in enumerate(("##1", "##0", "##3", "##2", "#")))
+    )
     assert command("replay", log, *ON_BUS, "--speed", "0").code == 0
-    assert [(m.is_fd, m.bitrate_switch) for m in received(bus)] == [
-        (True, True),
-        (True, False),
-        (False, False),
+    assert [(m.is_fd, m.bitrate_switch, m.error_state_indicator) for m in received(bus)] == [
+        (True, True, False),
+        (True, False, False),
+        (True, True, True),
+        (True, False, True),
+        (False, False, False),
     ]
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.discovery.data import COUNTED_LEAD, RING_DOWN, every_second_point, measurements
+from observer_rt.discovery.data import COUNTED_LEAD, RING_DOWN, Lack, every_second_point, measurements
 from observer_rt.errors import UserError
 from observer_rt.simulation.measurement import NoiseLevels
 from tests.discovery.hidden import recordings
@@ -44,6 +44,44 @@ def test_an_event_with_missing_samples_is_left_out() -> None:
     line[np.flatnonzero(one.needle_lift > 10e-6)[-1] + 200] = np.nan  # rings down after the second
     (found,) = measurements([replace(one, line_pressure=line)])
     assert len(found.events) == 1
+    (left_out,) = found.left_out
+    assert left_out.lack is Lack.GAP
+    (whole,) = measurements([one])
+    assert left_out.time == one.time[whole.events[1].openings[0].first]
+    assert whole.left_out == ()
+
+
+@pytest.mark.parametrize("place", [0, 1, 4, -1])
+def test_a_sample_of_the_lift_missing_in_a_ramp_costs_that_event_only(place: int) -> None:
+    (one,) = recordings(points=POINT)
+    lift = one.needle_lift.copy()
+    (whole,) = measurements([one])
+    opening = whole.events[0].openings[0]
+    lift[(opening.first if place >= 0 else opening.last + 1) + place] = np.nan
+    (found,) = measurements([replace(one, needle_lift=lift)])
+    assert found.events == whole.events[1:]
+    assert [event.lack for event in found.left_out] == [Lack.GAP]
+
+
+def test_an_event_cut_off_at_either_end_is_left_out() -> None:
+    (one,) = recordings(points=POINT)
+    (whole,) = measurements([one])
+    first, second = (event.openings[0] for event in whole.events)
+
+    def between(start: int, end: int) -> list[Lack]:
+        part = replace(
+            one,
+            time=one.time[: end - start],
+            rail_pressure=one.rail_pressure[start:end],
+            needle_lift=one.needle_lift[start:end],
+            line_pressure=one.line_pressure[start:end],
+        )
+        (found,) = measurements([part])
+        assert len(found.events) == 1
+        return [event.lack for event in found.left_out]
+
+    assert between(first.first - 100, one.samples) == [Lack.BEFORE]
+    assert between(0, second.last + 100) == [Lack.AFTER]
 
 
 def test_a_recording_without_injection_is_refused() -> None:

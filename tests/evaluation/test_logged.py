@@ -11,7 +11,7 @@ from observer_rt.bus.link import Frame
 from observer_rt.bus.mapping import map_bus
 from observer_rt.config import Bench, load_bench, load_injector
 from observer_rt.errors import UserError
-from observer_rt.evaluation.evaluate import History, evaluate, evaluate_log
+from observer_rt.evaluation.evaluate import History, evaluate, evaluate_logs
 from observer_rt.evaluation.logged import read_logged
 from observer_rt.model.effects import sized
 from observer_rt.recording.framing import Framer, Span, whole, windows
@@ -47,10 +47,10 @@ def log_of(
 ) -> list[LogFrame]:
     return [
         LogFrame(
-            Frame(f.frame_id, f.payload, START + round((f.time + shift) * 1e9), f.is_extended, f.is_fd),
+            Frame(
+                f.frame_id, f.payload, START + round((f.time + shift) * 1e9), f.is_extended, f.is_fd, f.is_fd
+            ),
             "1",
-            f.is_fd,
-            False,
         )
         for f in Framer(map_bus(bench)).frames(recording, spans)
     ]
@@ -99,7 +99,7 @@ Write = Callable[[list[LogFrame], str], Path]
 def test_the_same_frames_give_the_same_in_every_format(write: Write, suffix: str) -> None:
     logged = read_logged(BENCH, write(frames(), suffix))
     assert logged.notes == ()
-    history = evaluate_log(BENCH, logged)
+    history = evaluate_logs(BENCH, [logged])
     assert history.frames == expected().frames
     assert len(history.evaluations[0].reports) == 3
     for name, values in vars(expected().evaluations[0].trace).items():
@@ -118,7 +118,7 @@ def test_the_same_classic_frames_give_the_same_in_every_format(
     assert logged.notes == ()
     known = evaluate(classic_bench, [recording])
     assert len(known.evaluations[0].reports) == 2
-    assert evaluate_log(classic_bench, logged).frames == known.frames
+    assert evaluate_logs(classic_bench, [logged]).frames == known.frames
 
 
 def test_a_classic_format_refuses_the_frames(write: Write) -> None:
@@ -149,7 +149,7 @@ def test_windows_of_a_source_keep_their_place(write: Write) -> None:
     sent = ~np.isnan(logged.recording.line_pressure)
     known = np.concatenate([np.arange(span.start, span.end) for span in spans])
     assert set(known - spans[0].start) <= set(np.flatnonzero(sent))
-    (found,) = evaluate_log(BENCH, logged).evaluations
+    (found,) = evaluate_logs(BENCH, [logged]).evaluations
     assert [report.start_index for report in found.reports] == pytest.approx(
         [report.start_index for report in expected().evaluations[0].reports], abs=2
     )
@@ -166,7 +166,7 @@ def test_inputs_on_several_channels_need_a_choice(write: Write) -> None:
     path = write(doubled, ".blf")
     with pytest.raises(UserError, match="SampleBlock is on several channels: 1, 2"):
         read_logged(BENCH, path)
-    assert evaluate_log(BENCH, read_logged(BENCH, path, "2")).frames == expected().frames
+    assert evaluate_logs(BENCH, [read_logged(BENCH, path, "2")]).frames == expected().frames
     with pytest.raises(UserError, match="no channel 7"):
         read_logged(BENCH, path, "7")
 

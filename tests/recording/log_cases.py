@@ -30,16 +30,10 @@ def log_frames(draw: st.DrawFn, suffix: str, start: int = START) -> list[LogFram
             stamp // 1000 * 1000 if suffix in MICROSECONDS_ONLY else stamp,
             is_extended,
             is_fd,
+            is_fd and draw(st.booleans()),
+            is_fd and draw(st.booleans()),
         )
-        frames.append(
-            LogFrame(
-                frame,
-                draw(st.sampled_from(("1", "2"))),
-                is_fd and draw(st.booleans()),
-                is_fd and draw(st.booleans()),
-                draw(st.booleans()),
-            )
-        )
+        frames.append(LogFrame(frame, draw(st.sampled_from(("1", "2"))), draw(st.booleans())))
     return frames
 
 
@@ -59,8 +53,10 @@ def mixture(suffix: str, count: int) -> list[LogFrame]:
             stamp,
             is_extended,
             is_fd,
+            is_fd and chance.random() < 0.5,
+            is_fd and chance.random() < 0.5,
         )
-        frames.append(LogFrame(frame, chance.choice("12"), is_fd, False, chance.random() < 0.5))
+        frames.append(LogFrame(frame, chance.choice("12"), chance.random() < 0.5))
     return frames
 
 

@@ -57,8 +57,12 @@ def test_fd_frames_with_and_without_a_name(tmp_path: Path) -> None:
         "   0.045746 CANFD    3 Rx        100                     1 0 0  0",
     )
     assert (named.frame.frame_id, named.frame.payload, named.frame.is_fd) == (0x7D, b"\x1b" * 12, True)
-    assert (named.channel, named.bit_rate_switch, named.error_state_indicator) == ("62", True, False)
-    assert (plain.frame.is_extended, plain.error_state_indicator, plain.is_sent) == (True, True, True)
+    assert (named.channel, named.frame.bit_rate_switch, named.frame.error_state_indicator) == (
+        "62",
+        True,
+        False,
+    )
+    assert (plain.frame.is_extended, plain.frame.error_state_indicator, plain.is_sent) == (True, True, True)
     assert (bare.frame.payload, bare.frame.is_fd) == (b"", True)
 
 
@@ -71,6 +75,45 @@ def test_a_classic_frame_of_an_fd_channel_is_classic(tmp_path: Path) -> None:
 def test_decimal_numbers(tmp_path: Path) -> None:
     (found,) = read(tmp_path, "   0.5 1  256x       Rx d 3 255 16 7", base="dec")
     assert (found.frame.frame_id, found.frame.payload) == (256, bytes((255, 16, 7)))
+
+
+def test_fd_lines_of_a_decimal_log_are_hexadecimal(tmp_path: Path) -> None:
+    """As CANalyzer writes them: the same frame from a classic and from an FD channel."""
+    classic, fd = read(
+        tmp_path,
+        " 1344.433112 5  168             Rx   d 8  16  17   1   0 149 100  99  15  Length = 225972 ID = 168",
+        " 1344.433111 CANFD   2 Rx         a8  Any_12             1 0 8  8 10 11 01 00 95 64 63 0f" + FD_TAIL,
+        base="dec",
+    )
+    assert classic.frame.frame_id == fd.frame.frame_id == 168
+    assert classic.frame.payload == fd.frame.payload == bytes((16, 17, 1, 0, 149, 100, 99, 15))
+
+
+def test_a_decimal_fd_line_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="line 7: not a line of an ASC log"):
+        read(tmp_path, "   0.1 CANFD   1 Rx  291  1 0 3  3 1 17 255" + FD_TAIL, base="dec")
+
+
+def test_comments_begin_with_slashes_or_a_semicolon(tmp_path: Path) -> None:
+    (found,) = read(tmp_path, ";  time  can ident", "// 1.0 1 7 Rx d 0", "   1.0 1  123  Rx   d 1 AA")
+    assert found.frame.frame_id == 0x123
+
+
+def test_the_kind_of_times_may_stand_on_its_own_line(tmp_path: Path) -> None:
+    whole = log(tmp_path, *["   0.5 1  123             Rx   d 1 AA"] * 3, times="relative")
+    text = whole.path.read_text()
+    whole.path.write_text(text.replace("hex  timestamps", "hex\ntimestamps"))
+    assert [entry.frame.stamp_ns - START for entry in whole] == [500_000_000, 10**9, 1_500_000_000]
+
+
+def test_times_from_the_start_that_are_called_relative_are_refused(tmp_path: Path) -> None:
+    def lines(times: list[float]) -> list[str]:
+        return [f"   {time:.6f} 1  123             Rx   d 1 AA" for time in times]
+
+    with pytest.raises(UserError, match=r"times rise for 30 lines.*\n.*'absolute'"):
+        read(tmp_path, *lines([0.01 * (n // 2) for n in range(100)]), times="relative")
+    steps = [0.01 + 1e-6 * (n % 7) for n in range(100)]
+    assert len(read(tmp_path, *lines(steps), times="relative")) == 100
 
 
 def test_times_from_line_to_line_count_every_line(tmp_path: Path) -> None:
@@ -108,6 +151,25 @@ def test_a_date_not_understood_is_told_and_times_count_from_0(tmp_path: Path) ->
     found = log(tmp_path, " 1.5 1  1   Rx d 0", date="mer. août 2 13:00:00.000 2019")
     assert [entry.frame.stamp_ns for entry in found] == [1_500_000_000]
     assert any("not understood, times count from 0" in note for note in found.notes())
+
+
+def test_a_date_stands_unless_the_trigger_block_has_another(tmp_path: Path) -> None:
+    text = log(tmp_path, "   0.500000 1  123             Rx   d 1 AA").path.read_text()
+    path = tmp_path / "other.asc"
+    for block in ("Begin Triggerblock", "Begin Triggerblock Dies Datum liest niemand"):
+        path.write_text(text.replace(f"Begin Triggerblock {DATE}", block))
+        reader = AscLog(path)
+        assert [entry.frame.stamp_ns for entry in reader] == [START + 500_000_000]
+        assert reader.notes() == []
+
+
+def test_a_frame_longer_than_a_classic_one_is_fd_whatever_the_flags(tmp_path: Path) -> None:
+    data = " ".join(["11"] * 12)
+    (found,) = read(
+        tmp_path,
+        f"  0.1 CANFD   4 Rx        4EE              1 0 9 12 {data} 1331984 11 0 46500250 460a0250 20011736",
+    )
+    assert (found.frame.is_fd, found.frame.bit_rate_switch, found.frame.payload) == (True, True, b"\x11" * 12)
 
 
 def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:

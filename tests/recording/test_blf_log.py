@@ -85,7 +85,7 @@ def test_fd_64_with_all_some_and_too_few_bytes(tmp_path: Path) -> None:
     )
     whole, short, followed, classic_one = log(tmp_path, container(b"".join(objects)))
     assert (whole.frame.frame_id, whole.frame.is_extended, whole.frame.payload) == (0x1234, True, data)
-    assert (whole.bit_rate_switch, whole.error_state_indicator, whole.is_sent, whole.channel) == (
+    assert (whole.frame.bit_rate_switch, whole.frame.error_state_indicator, whole.is_sent, whole.channel) == (
         True,
         True,
         True,
@@ -161,7 +161,7 @@ def test_what_was_flushed_is_read_though_the_writer_never_ended(tmp_path: Path) 
 
 def test_lost_frames_are_written_and_read(tmp_path: Path) -> None:
     path = tmp_path / "bus.blf"
-    frame = LogFrame(Frame(1, b"", START, False, False), "1", False, False)
+    frame = LogFrame(Frame(1, b"", START, False, False), "1")
     with BlfWriter(path, START) as writer:
         for lost in (3, 9):
             writer.write(frame)

@@ -34,7 +34,11 @@ def test_fd_frame(tmp_path: Path) -> None:
     assert found.frame.stamp_ns == 1_700_000_000_000_123_000
     assert (found.frame.frame_id, found.frame.payload) == (0x100, b"\xaa\xbb")
     assert (found.frame.is_fd, found.frame.is_extended) == (True, False)
-    assert (found.channel, found.bit_rate_switch, found.error_state_indicator) == ("vcan0", True, False)
+    assert (found.channel, found.frame.bit_rate_switch, found.frame.error_state_indicator) == (
+        "vcan0",
+        True,
+        False,
+    )
 
 
 def test_classic_extended_and_empty_frames(tmp_path: Path) -> None:
@@ -47,7 +51,7 @@ def test_classic_extended_and_empty_frames(tmp_path: Path) -> None:
     )
     assert (empty.frame.frame_id, empty.frame.is_extended, empty.frame.payload) == (0x7FF, False, b"")
     assert (flagged.frame.frame_id, flagged.frame.is_extended) == (0x100, True)
-    assert (flagged.bit_rate_switch, flagged.error_state_indicator) == (True, True)
+    assert (flagged.frame.bit_rate_switch, flagged.frame.error_state_indicator) == (True, True)
 
 
 @pytest.mark.parametrize(
@@ -70,25 +74,26 @@ def test_direction_and_raw_length_suffixes_are_accepted(tmp_path: Path) -> None:
             st.integers(0, 10**7),
             st.integers(0, 0x1FFFFFFF),
             st.booleans(),
-            st.booleans(),
+            st.none() | st.integers(0, 3),
             st.sampled_from(FD_LENGTHS).flatmap(lambda n: st.binary(min_size=n, max_size=n)),
         ),
         max_size=200,
     )
 )
 def test_whatever_is_written_is_read(
-    tmp_path: Path, frames: list[tuple[int, int, bool, bool, bytes]]
+    tmp_path: Path, frames: list[tuple[int, int, bool, int | None, bytes]]
 ) -> None:
     lines, expected, microseconds = [], [], 1_700_000_000_123_457
-    for step, identifier, is_extended, is_fd, data in frames:
+    for step, identifier, is_extended, flags, data in frames:
         microseconds += step
         frame_id = identifier if is_extended else identifier & 0x7FF
-        payload = data if is_fd else data[:8]
-        mark = "##1" if is_fd else "#"
+        payload = data if flags is not None else data[:8]
+        mark = "#" if flags is None else f"##{flags}"
         printed_id = f"{frame_id:08X}" if is_extended else f"{frame_id:03X}"
         stamp = f"{microseconds // 10**6:010d}.{microseconds % 10**6:06d}"
         lines.append(f"({stamp}) vcan0 {printed_id}{mark}{payload.hex().upper()}\n")
-        expected.append((frame_id, payload, microseconds * 1000, is_extended, is_fd))
+        of_fd = (flags is not None, flags in (1, 3), flags in (2, 3))
+        expected.append((frame_id, payload, microseconds * 1000, is_extended, *of_fd))
     assert [tuple(found.frame) for found in read(tmp_path, "".join(lines))] == expected
 
 

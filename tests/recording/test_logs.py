@@ -39,9 +39,7 @@ def test_whatever_is_written_is_read(tmp_path: Path, suffix: str) -> None:
 @pytest.mark.parametrize("start", [0, 1, 999_999_999, 631_152_000_000_000_000, START])
 def test_the_first_stamp_is_kept(tmp_path: Path, suffix: str, start: int) -> None:
     path = tmp_path / f"bus{suffix}"
-    frames = [
-        LogFrame(Frame(1, b"\1", start + 10_000 * n, False, False), "1", False, False) for n in range(3)
-    ]
+    frames = [LogFrame(Frame(1, b"\1", start + 10_000 * n, False, False), "1") for n in range(3)]
     write_log(path, frames)
     step = 1000 if suffix == ".trc" else 1
     for found, frame in zip(open_log(path), frames, strict=True):
@@ -55,10 +53,13 @@ def test_python_can_reads_what_is_written(tmp_path: Path, suffix: str) -> None:
     write_log(path, frames)
     with can.LogReader(path) as reader:
         messages = list(reader)
-    for message, (frame, _, switched, state, sent) in zip(messages, frames, strict=True):
+    for message, (frame, _, sent) in zip(messages, frames, strict=True):
         assert (message.arbitration_id, bytes(message.data)) == (frame.frame_id, frame.payload)
         assert (message.is_extended_id, message.is_fd) == (frame.is_extended, frame.is_fd)
-        assert (message.bitrate_switch, message.error_state_indicator) == (switched, state)
+        assert (message.bitrate_switch, message.error_state_indicator) == (
+            frame.bit_rate_switch,
+            frame.error_state_indicator,
+        )
         assert message.is_rx is not sent
     since_start = [(frame.frame.stamp_ns - frames[0].frame.stamp_ns) / 1e9 for frame in frames]
     assert [m.timestamp - messages[0].timestamp for m in messages] == pytest.approx(since_start, abs=2e-6)
@@ -69,15 +70,15 @@ def test_what_python_can_writes_is_read(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
     frames = mixture(suffix, 200)
     with can.Logger(path) as logger:
-        for frame, channel, switched, state, sent in frames:
+        for frame, channel, sent in frames:
             message = can.Message(
                 timestamp=frame.stamp_ns / 1e9,
                 arbitration_id=frame.frame_id,
                 is_extended_id=frame.is_extended,
                 data=frame.payload,
                 is_fd=frame.is_fd,
-                bitrate_switch=switched,
-                error_state_indicator=state,
+                bitrate_switch=frame.bit_rate_switch,
+                error_state_indicator=frame.error_state_indicator,
                 is_rx=not sent,
                 channel=int(channel) - 1,
             )
@@ -86,9 +87,7 @@ def test_what_python_can_writes_is_read(tmp_path: Path, suffix: str) -> None:
     assert [(f.frame.frame_id, f.frame.payload) for f in found] == [
         (f.frame.frame_id, f.frame.payload) for f in frames
     ]
-    assert [(f.frame.is_extended, f.frame.is_fd, *f[2:]) for f in found] == [
-        (f.frame.is_extended, f.frame.is_fd, *f[2:]) for f in frames
-    ]
+    assert [(*f.frame[3:], f.is_sent) for f in found] == [(*f.frame[3:], f.is_sent) for f in frames]
     steps = [later.frame.stamp_ns - earlier.frame.stamp_ns for earlier, later in pairwise(found)]
     expected = [later.frame.stamp_ns - earlier.frame.stamp_ns for earlier, later in pairwise(frames)]
     assert steps == pytest.approx(expected, abs=2000)
@@ -141,7 +140,7 @@ def test_other_content_is_refused(tmp_path: Path, suffix: str) -> None:
 def test_time_that_steps_back_is_refused_and_a_swap_is_told(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
     stamps = [START, START + 5_000_000, START + 4_500_000]
-    frames = [LogFrame(Frame(1, b"\1", stamp, False, False), "1", False, False) for stamp in stamps]
+    frames = [LogFrame(Frame(1, b"\1", stamp, False, False), "1") for stamp in stamps]
     write_log(path, frames)
     log = open_log(path)
     assert len(list(log)) == 3
@@ -153,9 +152,7 @@ def test_time_that_steps_back_is_refused_and_a_swap_is_told(tmp_path: Path, suff
 
 def test_a_classic_format_says_that_it_holds_no_fd(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="holds classic frames only; 123 is a CAN FD frame"):
-        write_log(
-            tmp_path / "bus.trc", [LogFrame(Frame(0x123, b"\0" * 12, START, False, True), "1", True, False)]
-        )
+        write_log(tmp_path / "bus.trc", [LogFrame(Frame(0x123, b"\0" * 12, START, False, True, True), "1")])
 
 
 def test_kinds_of_files(tmp_path: Path) -> None:

@@ -28,7 +28,13 @@ class Sink(Link):
         return None
 
     def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+        self,
+        frame_id: int,
+        payload: bytes,
+        is_extended: bool,
+        is_fd: bool,
+        bit_rate_switch: bool = True,
+        error_state_indicator: bool = False,
     ) -> None:
         self.stamps.append(time.monotonic())
         self.sent.append((frame_id, payload, is_extended, is_fd))
@@ -128,7 +134,13 @@ def test_progress_rises_with_the_time_of_the_recording() -> None:
 def test_a_failing_link_ends_the_replay() -> None:
     class Broken(Sink):
         def send(
-            self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+            self,
+            frame_id: int,
+            payload: bytes,
+            is_extended: bool,
+            is_fd: bool,
+            bit_rate_switch: bool = True,
+            error_state_indicator: bool = False,
         ) -> None:
             raise RunError("the interface went away")
 

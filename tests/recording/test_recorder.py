@@ -42,10 +42,24 @@ class Source(Link):
         self._lost += self._lost_at.get(self.given, 0)
         self.given += 1
         is_fd = self.given % 2 == 0
-        return Frame(0x100 + self.given % 7, bytes(8), START + self.given * 1000, False, is_fd)
+        return Frame(
+            0x100 + self.given % 7,
+            bytes(8),
+            START + self.given * 1000,
+            False,
+            is_fd,
+            is_fd and self.given % 3 == 0,
+            is_fd and self.given % 5 == 0,
+        )
 
     def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+        self,
+        frame_id: int,
+        payload: bytes,
+        is_extended: bool,
+        is_fd: bool,
+        bit_rate_switch: bool = True,
+        error_state_indicator: bool = False,
     ) -> None:
         raise AssertionError("a recorder sends nothing")
 
@@ -67,7 +81,9 @@ def test_every_frame_is_in_the_file(tmp_path: Path, suffix: str) -> None:
     statistics = run(path, Source(500, stop), stop, RecordLimits())
     found = list(open_log(path))
     assert [f.frame.stamp_ns for f in found] == [START + n * 1000 for n in range(1, 501)]
-    assert [f.frame.is_fd for f in found] == [n % 2 == 0 for n in range(1, 501)]
+    assert [f.frame[4:] for f in found] == [  # whether FD, its switch, its sender's state
+        (n % 2 == 0, n % 6 == 0, n % 10 == 0) for n in range(1, 501)
+    ]
     assert (statistics.frames, statistics.lost, statistics.files) == (500, 0, [path])
 
 

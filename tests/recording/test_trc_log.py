@@ -11,6 +11,7 @@ from observer_rt.recording.trc_log import TrcLog
 HEADS = {
     "1.0": ";##########################################################################\n;   a.trc\n",
     "1.1": ";$FILEVERSION=1.1\n;$STARTTIME=44548.6028595139\n;\n",
+    "1.2": ";$FILEVERSION=1.2\n;$STARTTIME=44548.6028595139;\n;\n",
     "1.3": ";$FILEVERSION=1.3\n;$STARTTIME=44548.6028595139\n;\n",
     "2.0": ";$FILEVERSION=2.0\n;$STARTTIME=44548.6028595139\n;$COLUMNS=N,O,T,I,d,l,D\n;\n",
     "2.1": ";$FILEVERSION=2.1\n;$STARTTIME=44548.6028595139\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n;\n",
@@ -25,6 +26,11 @@ ROWS = {
         "     1)     17535.4  Rx     00000100  8  00 01 02 03 04 05 06 07 \n"
         "     2)     17540.3  Warng  FFFFFFFF  4  00 00 00 08  BUSHEAVY \n"
         "     3)     19295.4  Rx         0704  1  RTR\n     4)     21097.1  Tx         0705  0\n"
+    ),
+    "1.2": (
+        "     1)     17535.400  1  Rx     00000100  8  00 01 02 03 04 05 06 07 \n"
+        "     2)     17540.300  1  Warng  FFFFFFFF  4  00 00 00 08  BUSHEAVY \n"
+        "     3)     19295.400  1  Rx         0704  1  RTR\n     4)     21097.100  1  Tx         0705  0\n"
     ),
     "1.3": (
         "     1)     17535.4 1  Rx    00000100 -  8    00 01 02 03 04 05 06 07\n"
@@ -85,8 +91,35 @@ def test_fd_frames_by_length_code_and_by_length(
     (plain,) = read(tmp_path, HEADS["2.0"] + f"  1  1.000 {kind}  0100 Rx 12 {data}\n")
     for found in (coded, plain):
         assert (found.frame.payload, found.frame.is_fd) == (bytes(12), True)
-        assert (found.bit_rate_switch, found.error_state_indicator) == (switched, state)
+        assert (found.frame.bit_rate_switch, found.frame.error_state_indicator) == (switched, state)
     assert (coded.channel, plain.channel) == ("2", "1")
+
+
+ERRORS = {
+    "1.0": "     5)     21098      0008  4  ERROR 00 19 08 08\n",
+    "1.1": "     5)     21098.0  Error      0008  4  00 19 08 08\n",
+    "1.2": "     5)     21098.000  1  Error      0008  4  00 19 08 08\n",
+    "1.3": "     5)     21098.000 1  Error     0008 -  4    00 19 08 08\n",
+    "2.0": "      5     21098.000 ER          Rx    04 00 02 00 00\n",
+    "2.1": "      5     21098.000 ER 1         - Rx -  5    04 00 02 00 00\n",
+}
+
+
+@pytest.mark.parametrize("version", HEADS)
+def test_error_frames_are_counted(tmp_path: Path, version: str) -> None:
+    found = log(tmp_path, HEADS[version] + ROWS[version] + ERRORS[version])
+    assert len(list(found)) == 2
+    assert (found.error_frames, found.remote_frames) == (1, 1)
+
+
+def test_messages_of_a_transport_protocol_are_left_out_and_told(tmp_path: Path) -> None:
+    rows = (
+        "     5)     21098.000 1  Rx    18ECFF00 -  9    01 02 03 04 05 06 07 08 09\n"
+        "     6)     21099.000 1  Rx    18ECFF00 -  2    AA BB\n"
+    )
+    found = log(tmp_path, HEADS["1.3"] + rows)
+    assert [entry.frame.payload for entry in found] == [b"\xaa\xbb"]
+    assert any("left out: 1 entry that is no frame" in note for note in found.notes())
 
 
 @pytest.mark.parametrize(
@@ -96,7 +129,7 @@ def test_fd_frames_by_length_code_and_by_length(
         (HEADS["2.1"] + "  1  1.0 DT 1 0100 Rx -  2 00 0\n", "line 5: not a line of a TRC log"),
         (HEADS["2.1"] + "  1  1.0 DT 1 0100\n", "line 5: not a line of a TRC log"),
         (HEADS["2.1"] + "  1  1.0 DT 1 0800 Rx -  0\n", "line 5: 800 is no standard identifier"),
-        (HEADS["2.1"].replace("2.1", "1.2") + "  1  1.0\n", "line 5: version '1.2' is not known"),
+        (HEADS["2.1"].replace("2.1", "3.0") + "  1  1.0\n", "line 5: version '3.0' is not known"),
         (HEADS["2.1"].replace(",I,", ",") + "  1  1.0\n", "line 5: columns N,O,T,B,d,R,L,D do not suffice"),
         (HEADS["2.1"].replace("44548.6", "today "), "line 2: 'today 028595139' is no start time"),
         ("  1  1.0 DT 1 0100 Rx -  0\n", "line 1: no TRC log: no version"),

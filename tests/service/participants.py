@@ -65,7 +65,13 @@ class ScriptedLink(Link):
         return None
 
     def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+        self,
+        frame_id: int,
+        payload: bytes,
+        is_extended: bool,
+        is_fd: bool,
+        bit_rate_switch: bool = True,
+        error_state_indicator: bool = False,
     ) -> None:
         self.sent.append(Frame(frame_id, payload, 0, is_extended, is_fd))
 

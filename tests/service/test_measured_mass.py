@@ -12,7 +12,7 @@ from observer_rt.bus.link import Frame as BusFrame
 from observer_rt.bus.mapping import map_bus
 from observer_rt.config import load_bench
 from observer_rt.errors import UserError
-from observer_rt.evaluation.evaluate import evaluate_log
+from observer_rt.evaluation.evaluate import evaluate_logs
 from observer_rt.evaluation.logged import read_logged
 from observer_rt.evaluation.results import recording_json
 from observer_rt.evaluation.table import print_evaluation
@@ -181,7 +181,7 @@ def test_evaluating_a_log_compares_it(path: Path, frames: list[Frame], usual: Re
     sent = inserted(frames, [(after(usual, 2, SOON), bed("Mass", 8.0))])
     log = tmp_path / "bus.log"
     write_log(log, [in_log(number, frame) for number, frame in enumerate(sent)])
-    evaluation = evaluate_log(bench, read_logged(bench, log)).evaluations[0]
+    evaluation = evaluate_logs(bench, [read_logged(bench, log)]).evaluations[0]
     c = effective_model(bench.injector).coefficients
     injections = recording_json(evaluation, c)["injections"]
     assert [one["measured_mass_mg"] for one in injections] == [None, pytest.approx(8.0), None]
@@ -195,7 +195,7 @@ def test_evaluating_a_log_compares_it(path: Path, frames: list[Frame], usual: Re
 def in_log(number: int, frame: Frame) -> LogFrame:
     """As recorded from a bus where every frame takes as long as its samples."""
     stamp = round(number * BLOCK / SAMPLE_RATE * 1e9)
-    return LogFrame(BusFrame(frame.frame_id, frame.payload, stamp, False, True), "can0", True, False)
+    return LogFrame(BusFrame(frame.frame_id, frame.payload, stamp, False, True, True), "can0")
 
 
 def test_view_shows_it_beside_the_estimate(path: Path, frames: list[Frame], usual: Result) -> None:

@@ -28,7 +28,13 @@ class NarrowLink(Link):
         raise NotImplementedError
 
     def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, bit_rate_switch: bool = True
+        self,
+        frame_id: int,
+        payload: bytes,
+        is_extended: bool,
+        is_fd: bool,
+        bit_rate_switch: bool = True,
+        error_state_indicator: bool = False,
     ) -> None:
         raise AssertionError("would wait")
 

@@ -121,10 +121,8 @@ def _frames(count: int, is_fd: bool) -> list[LogFrame]:
     size = FD_BYTES if is_fd else CLASSIC_BYTES
     return [
         LogFrame(
-            Frame(IDENTIFIERS[n % 3], chance.randbytes(size), START + n * PERIOD, False, is_fd),
+            Frame(IDENTIFIERS[n % 3], chance.randbytes(size), START + n * PERIOD, False, is_fd, is_fd),
             "1",
-            is_fd,
-            False,
         )
         for n in range(count)
     ]

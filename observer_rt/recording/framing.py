@@ -60,6 +60,8 @@ class TimedFrame(NamedTuple):
     """Of the log it comes from; none for a frame made from a recording."""
     bit_rate_switch: bool = True
     """Of a CAN FD frame."""
+    bus: int = 0
+    """Number of the bench's bus it is sent on."""
 
     @property
     def stamp_ns(self) -> int:
@@ -178,7 +180,9 @@ class Framer:
 
 
 def _timed(layout: MessageLayout, time: float, payload: NDArray[np.uint8]) -> TimedFrame:
-    return TimedFrame(time, layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes())
+    return TimedFrame(
+        time, layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes(), bus=layout.bus
+    )
 
 
 @njit(cache=True, nogil=True)

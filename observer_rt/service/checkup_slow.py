@@ -10,7 +10,9 @@ from observer_rt.units import MILLIGRAM
 def slow_findings(bus: BusMap) -> list[Finding]:
     """A finding for every optional input of a bench."""
     return [
-        _finding(f"{signal.role}: {slow.layout.name} 0x{slow.layout.frame_id:X}, {signal.name}", signal)
+        _finding(
+            f"{signal.role}: {bus.name_of(slow.layout)} 0x{slow.layout.frame_id:X}, {signal.name}", signal
+        )
         for slow in bus.slow
         for signal in slow.signals
     ]

@@ -231,7 +231,7 @@ def evaluate(
     evaluate_files(
         _load(bench, model),
         recordings,
-        EvaluateOptions(state, save_state, not no_learning, chain, output, plot, as_json, from_channel),
+        EvaluateOptions(state, save_state, not no_learning, chain, output, plot, as_json, from_channel or ()),
         messages,
     )
 

@@ -57,7 +57,7 @@ def discover(
     messages = Console(stderr=True)
 
     def read(path: Path) -> Recording:
-        return signals_of(read_source(path, decoder, from_channel, messages))
+        return signals_of(read_source(path, decoder, from_channel or (), messages))
 
     injector = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector_path)
     options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json)

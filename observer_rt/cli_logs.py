@@ -9,13 +9,26 @@ from rich.console import Console
 
 from observer_rt.cli_options import BenchOption, FromChannelOption, JsonOption
 from observer_rt.config import EXAMPLE_BENCH
+from observer_rt.link_config import of_links, refuse_shared_channels
 
 if TYPE_CHECKING:
     from observer_rt.config import Bench
 
-ChannelOption = Annotated[str | None, typer.Option("--channel", help="CAN channel, instead of the bench's.")]
+ChannelOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--channel",
+        help="CAN channel, instead of the bench's; of a bus of [links] as LINK=CHANNEL; repeatable.",
+        metavar="[LINK=]CHANNEL",
+    ),
+]
 InterfaceOption = Annotated[
-    str | None, typer.Option("--interface", help="python-can interface, instead of the bench's.")
+    list[str] | None,
+    typer.Option(
+        "--interface",
+        help="python-can interface, instead of the bench's; of a bus of [links] as LINK=INTERFACE.",
+        metavar="[LINK=]INTERFACE",
+    ),
 ]
 MEGABYTE = 1_000_000
 messages = Console(stderr=True)
@@ -59,11 +72,11 @@ def replay(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Send a recording onto a bus as the measuring devices would, on an absolute time grid."""
+    """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
     from observer_rt.config import load_bench
     from observer_rt.recording.replay import ReplayOptions, replay_onto
 
-    chosen = _with_link(load_bench(bench), interface, channel)
+    chosen = _with_links(load_bench(bench), interface, channel)
     options = ReplayOptions(speed, loop, start, stop, windowed, map_id or (), map_channel or (), force)
     statistics = replay_onto(chosen, recording, options, messages)
     if as_json:
@@ -90,16 +103,16 @@ def record(
     force: Annotated[bool, typer.Option("--force", help="Replace files that are there already.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Write every frame of a bus into a log, until stopped; how many were lost is noted in it."""
+    """Write every frame of the bench's buses into a log, until stopped; how many were lost is noted in it."""
     from observer_rt.config import load_bench
-    from observer_rt.recording.record_command import record_bus
+    from observer_rt.recording.record_command import record_buses
     from observer_rt.recording.recorder import RecordLimits
 
     limits = RecordLimits(
         duration, frames, None if rotate_size is None else round(rotate_size * MEGABYTE), rotate_time
     )
-    link = _with_link(load_bench(bench), interface, channel).config.link
-    statistics = record_bus(link, out, limits, force, messages)
+    links = _with_links(load_bench(bench), interface, channel).config.buses
+    statistics = record_buses(links, out, limits, force, messages)
     print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
 
 
@@ -128,9 +141,21 @@ def convert(
     from observer_rt.convert import convert as convert_file
 
     chosen = None if bench is None else load_bench(bench)
-    print(convert_file(source, target, chosen, from_channel, force, messages))
+    print(convert_file(source, target, chosen, from_channel or (), force, messages))
 
 
-def _with_link(bench: "Bench", interface: str | None, channel: str | None) -> "Bench":
-    link = bench.config.link.replaced(interface, channel)
-    return bench.model_copy(update={"config": bench.config.model_copy(update={"link": link})})
+def _with_links(bench: "Bench", interfaces: list[str] | None, channels: list[str] | None) -> "Bench":
+    """The bench with the interfaces and channels of the command line."""
+    config = bench.config
+    changes: dict[int, dict[str, str]] = {}
+    for key, texts in (("interface", interfaces), ("channel", channels)):
+        for bus, value in of_links(f"--{key}", texts or (), config.buses, "can1"):
+            changes.setdefault(bus, {})[key] = value
+    link = config.link.model_copy(update=changes.get(0, {}))
+    links = {
+        name: further.model_copy(update=changes.get(bus, {}))
+        for bus, (name, further) in enumerate(config.links.items(), 1)
+    }
+    config = config.model_copy(update={"link": link, "links": links})
+    refuse_shared_channels("--channel: ", config.buses)
+    return bench.model_copy(update={"config": config})

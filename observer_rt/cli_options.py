@@ -21,9 +21,11 @@ StateOption = Annotated[
     Path | None, typer.Option("--state", help="Learned state to start from.", metavar="FILE")
 ]
 FromChannelOption = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
-        "--from-channel", help="Channel of a CAN log, where the inputs are on several.", metavar="CHANNEL"
+        "--from-channel",
+        help="Channel of a CAN log, where the inputs are on several; of a bus of [links] as LINK=CHANNEL.",
+        metavar="[LINK=]CHANNEL",
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Results as JSON on stdout.")]

@@ -1,25 +1,30 @@
 """The user's files `bench.toml` and `injector.toml`: read, validated, refused with file, key and remedy."""
 
-import tomllib
 from collections.abc import Mapping
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from observer_rt.effect_names import check_effects
-from observer_rt.errors import UserError
+from observer_rt.link_config import (
+    FurtherLinkConfig,
+    LinkConfig,
+    LinkName,
+    NamedLink,
+    Positive,
+    named_links,
+    refuse_shared_channels,
+    require_link,
+)
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.names import nearest
+from observer_rt.toml_file import read_validated
 
 PACKAGE_DATA = Path(str(files("observer_rt.data")))
 NOMINAL_INJECTOR = PACKAGE_DATA / "crin3_nominal.toml"
 EXAMPLE_BENCH = PACKAGE_DATA / "example_bench.toml"
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class Role(StrEnum):
@@ -42,24 +47,10 @@ class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class LinkConfig(_Section):
-    """Where the frames come from and go to."""
-
-    interface: str = "socketcan"
-    channel: str = "can0"
-    fd: bool = True
-    bit_rate: Positive = 500e3  # bit/s, for `check`
-    data_bit_rate: Positive = 5e6
-
-    def replaced(self, interface: str | None, channel: str | None) -> "LinkConfig":
-        """The same with another interface or channel; None keeps it."""
-        changes = {"interface": interface, "channel": channel}
-        return self.model_copy(update={key: value for key, value in changes.items() if value is not None})
-
-
 class DatabaseConfig(_Section):
     file: str  # relative to the bench file; or the name of a database shipped with the package
     lenient: bool = False  # read it although signals overlap or do not fit
+    link: str | None = None  # the bus its messages are on; None: the first
 
 
 class SignalConfig(_Section):
@@ -76,6 +67,7 @@ class SignalConfig(_Section):
     max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
     delay_us: Annotated[float, Field(ge=0, le=1e6)] | None = None  # from a frame's last sample to its stamp
     unit: str | None = None  # replaces the unit of the bus database
+    link: str | None = None  # the bus the message is on, instead of its database's
 
     @model_validator(mode="after")
     def _one_way_to_name_signals(self) -> Self:
@@ -94,6 +86,7 @@ class SlowSignalConfig(_Section):
 
     message: str
     signal: str
+    link: str | None = None  # the bus the message is on, instead of its database's
 
 
 class SlowQuantityConfig(SlowSignalConfig):
@@ -155,6 +148,7 @@ class OutputsConfig(_Section):
     status: str = "ObserverStatus"
     injector_id: Annotated[int, Field(ge=0, le=255)] = 1
     status_period_ms: Annotated[float, Field(ge=10, le=10_000)] = 100.0
+    link: str | None = None  # the bus they are sent on, instead of their database's
 
 
 class Training(StrEnum):
@@ -186,6 +180,7 @@ class BenchConfig(_Section):
     """All of `bench.toml`."""
 
     link: LinkConfig = LinkConfig()
+    links: Mapping[LinkName, FurtherLinkConfig] = {}
     dbc: tuple[DatabaseConfig, ...] = Field(min_length=1)
     signals: SignalsConfig
     sampling: SamplingConfig = SamplingConfig()
@@ -193,6 +188,15 @@ class BenchConfig(_Section):
     noise: NoiseConfig = NoiseConfig()
     outputs: OutputsConfig = OutputsConfig()
     learning: LearningConfig = LearningConfig()
+
+    @property
+    def buses(self) -> tuple[NamedLink, ...]:
+        """All buses, that of `[link]` first; their places are the bus numbers."""
+        return named_links(self.link, self.links)
+
+    def bus_number(self, link: str | None) -> int:
+        """Number of the bus with a name of `[links]`; None is the first."""
+        return 0 if link is None else 1 + list(self.links).index(link)
 
 
 class Bench(_Section):
@@ -207,7 +211,7 @@ class Bench(_Section):
 
 def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     """Read `injector.toml`. Raises `UserError` naming file, key, problem and remedy."""
-    parameters = _validated(InjectorParameters, _read_toml(path), path)
+    parameters = read_validated(InjectorParameters, path, "injector")
     check_effects(f"{path}: ", parameters.effects)
     return parameters
 
@@ -217,7 +221,8 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None) -> Bench:
 
     Raises `UserError` naming file, key, problem and remedy.
     """
-    config = _validated(BenchConfig, _read_toml(path), path)
+    config = read_validated(BenchConfig, path, "bench")
+    _check_links(path, config)
     injector_path = model
     if injector_path is None:
         injector_path = path.parent / config.model.file if config.model.file else NOMINAL_INJECTOR
@@ -230,77 +235,23 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None) -> Bench:
     )
 
 
+def _check_links(path: Path, config: BenchConfig) -> None:
+    refuse_shared_channels(f"{path}: ", config.buses)
+    signals: list[tuple[Role | OptionalRole, str | None]] = [
+        (role, config.signals.of(role).link) for role in Role
+    ]
+    signals += [(role, mapping.link) for role, mapping in config.signals.optional]
+    for key, link in [
+        *((f"dbc.{number}", entry.link) for number, entry in enumerate(config.dbc)),
+        *((f"signals.{role}", link) for role, link in signals),
+        ("outputs", config.outputs.link),
+    ]:
+        require_link(f"{path}: {key}.link", link, config.links)
+
+
 def _database_path(bench: Path, name: str) -> Path:
     beside = bench.parent / name
     shipped = PACKAGE_DATA / name
     if not beside.exists() and shipped.exists():
         return shipped
     return beside
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as file:
-            return tomllib.load(file)
-    except FileNotFoundError:
-        raise UserError(str(path), "no such file", "correct the path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(str(path), f"cannot be read: {error}") from None
-    except RecursionError:
-        raise UserError(str(path), "is not valid TOML: nested too deeply", "mend it") from None
-    except ValueError as error:  # TOMLDecodeError, or a number of more digits than Python reads
-        raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
-
-
-_Model = TypeVar("_Model", bound=BaseModel)
-
-
-def _validated(model: type[_Model], content: dict[str, Any], path: Path) -> _Model:
-    try:
-        return model.model_validate(content)
-    except ValidationError as error:
-        errors = error.errors()
-        # a misspelt key also shows as a missing one: name the cause
-        first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
-        location = first["loc"]
-        place = f"{path}: {'.'.join(str(part) for part in location) or 'file'}"
-        raise UserError(place, *_explanation(model, location, first)) from None
-
-
-def _explanation(model: type[BaseModel], location: tuple[Any, ...], error: Any) -> tuple[str, str]:
-    """Problem and remedy for one pydantic error."""
-    if error["type"] == "extra_forbidden":
-        known = _keys_at(model, location[:-1])
-        near = nearest(str(location[-1]), known)
-        hint = f"did you mean '{near}'? " if near else ""
-        return "unknown key", f"{hint}known keys: {', '.join(known)}"
-    if error["type"] == "missing":
-        kind = "injector" if model is InjectorParameters else "bench"
-        return "is missing", f"add it; `observer-rt run --print-example-{kind}` shows a complete file"
-    message = str(error["msg"]).removeprefix("Value error, ")
-    found = error.get("input")
-    shown = f"{found!r} " if isinstance(found, str | int | float | bool) else ""
-    return f"{shown}is not allowed: {message[:1].lower()}{message[1:]}", "correct the value"
-
-
-def _keys_at(model: type[BaseModel], location: tuple[Any, ...]) -> list[str]:
-    """Names of the keys a section may have; `location` leads to it through nested sections and lists."""
-    names_follow = False  # the next part is a name the user chose, not one of ours
-    for part in location:
-        if isinstance(part, int) or names_follow:
-            names_follow = False
-            continue
-        annotation = model.model_fields[part].annotation
-        names_follow = get_origin(annotation) is Mapping
-        model = _section_in(annotation)
-    return list(model.model_fields)
-
-
-def _section_in(annotation: Any) -> type[BaseModel]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    if get_origin(annotation) in (tuple, Union, UnionType):
-        return _section_in(get_args(annotation)[0])
-    if get_origin(annotation) is Mapping:
-        return _section_in(get_args(annotation)[1])
-    raise TypeError(f"not a section: {annotation}")

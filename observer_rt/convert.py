@@ -1,6 +1,6 @@
 """`observer-rt convert`: recordings and CAN logs from format to format, nothing lost without a word."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import chain, islice
 from pathlib import Path
@@ -26,7 +26,7 @@ def convert(
     source: Path,
     target: Path,
     bench: Bench | None,
-    from_channel: str | None,
+    from_channels: Sequence[str],
     force: bool,
     console: Console,
 ) -> str:
@@ -56,8 +56,8 @@ def convert(
             raise UserError(
                 "--bench", "is missing: it says which signals the frames carry", "name a bench file"
             )
-        return _decoded(source, target, bench, from_channel, console)
-    return _frames(source, target, from_channel, console)
+        return _decoded(source, target, bench, from_channels, console)
+    return _frames(source, target, from_channels, console)
 
 
 def _refuse_unknown(source: Path, known: dict[str, object]) -> None:
@@ -74,10 +74,10 @@ def _recording(source: Path, target: Path) -> str:
     return f"{target}: {recording.samples} samples at {recording.sample_rate:g} Hz"
 
 
-def _decoded(source: Path, target: Path, bench: Bench, from_channel: str | None, console: Console) -> str:
+def _decoded(source: Path, target: Path, bench: Bench, from_channels: Sequence[str], console: Console) -> str:
     say_if_compiling(console)
     with progress_bar(console, f"decoding {source.name}", 1.0) as progress:
-        logged = read_logged(bench, source, from_channel, progress)
+        logged = read_logged(bench, source, from_channels, progress)
     for note in logged.notes:
         say(console, note)
     with _replacing(target) as part:
@@ -89,14 +89,14 @@ def _decoded(source: Path, target: Path, bench: Bench, from_channel: str | None,
     )
 
 
-def _frames(source: Path, target: Path, from_channel: str | None, console: Console) -> str:
+def _frames(source: Path, target: Path, channels: Sequence[str], console: Console) -> str:
     log = open_log(source)
     count = 0
     rounded = 0
-    entries = (entry for entry in log if from_channel is None or entry.channel == from_channel)
+    entries = (entry for entry in log if not channels or entry.channel in channels)
     first = list(islice(entries, FIRST_FRAMES))
     if not first:
-        what = "frame" if from_channel is None else f"frame of channel {from_channel}"
+        what = f"frame of channel {', '.join(channels)}" if channels else "frame"
         raise UserError(str(source), f"holds no data {what}", "; ".join(log.notes()))
     start_ns = min(entry.frame.stamp_ns for entry in first)
     with (

@@ -21,10 +21,11 @@ from observer_rt.bus.codec import decode
 from observer_rt.bus.link import open_link
 from observer_rt.bus.mapping import map_bus
 from observer_rt.bus.outputs import RateMessage
-from observer_rt.config import Bench, LinkConfig, load_bench
+from observer_rt.config import Bench, load_bench
 from observer_rt.destinations import FIGURE_SUFFIXES, check_destination
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.evaluation.figures import MassRow, RateCurves, plot_injections
+from observer_rt.link_config import LinkConfig
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.files import file_errors
 from observer_rt.recording.framing import Framer, whole

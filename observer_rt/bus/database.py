@@ -33,10 +33,12 @@ class MessageLayout:
     cycle_time_ns: int | None
     e2e_profile: int | None
     e2e_data_id: int | None
+    bus: int = 0
+    """Number of the bus it is on."""
 
     @classmethod
-    def of(cls, message: Message) -> "MessageLayout":
-        """Read the layout of `message`.
+    def of(cls, message: Message, bus: int = 0) -> "MessageLayout":
+        """Read the layout of `message`, which is on the bus of this number.
 
         Raises:
             UserError: an attribute is not a number, or a protected message has no `E2EDataId`.
@@ -60,6 +62,7 @@ class MessageLayout:
             cycle_time_ns=(message.cycle_time or 0) * NANOSECONDS_PER_MILLISECOND or None,
             e2e_profile=e2e_profile,
             e2e_data_id=e2e_data_id if e2e_profile is not None else None,
+            bus=bus,
         )
 
 

@@ -24,6 +24,13 @@ class Frame(NamedTuple):
     """Of a CAN FD frame: its sender had seen so many errors that it was error passive."""
 
 
+class BusFrame(NamedTuple):
+    """A frame, and the number of the bus it came on."""
+
+    bus: int
+    frame: Frame
+
+
 class StampSource(StrEnum):
     """Who says when a frame arrived; each less jittery than those after it."""
 
@@ -101,6 +108,14 @@ class Link(Protocol):
         return StampSource.ARRIVAL
 
     @property
+    def descriptor(self) -> int | None:
+        """File descriptor that `poll` finds readable while `receive` has something to do; None where there is none.
+
+        Another one after `reconnect`.
+        """
+        return None
+
+    @property
     def warnings(self) -> Sequence[str]:
         """What the user should know of the link, found when it was opened; with remedies."""
         return ()
@@ -119,12 +134,17 @@ class Link(Protocol):
 
 
 def open_link(
-    interface: str, channel: str, fd: bool, receive_ids: Sequence[tuple[int, bool]] | None = None
+    interface: str,
+    channel: str,
+    fd: bool,
+    receive_ids: Sequence[tuple[int, bool]] | None = None,
+    computer_time: bool = False,
 ) -> Link:
     """Connect to `channel` of a python-can interface; `socketcan` is served by a faster implementation.
 
     `fd`: allow CAN FD frames. `receive_ids`: the (identifier, is extended) pairs wanted; None means all,
-    empty none.
+    empty none. `computer_time`: stamp by the clock of this computer even if interface or driver have a better one,
+    so that stamps of several links can be compared.
 
     Raises:
         UserError: no such interface.
@@ -134,7 +154,7 @@ def open_link(
     if interface == "socketcan":
         from observer_rt.bus.socketcan_link import SocketCanLink
 
-        return SocketCanLink(channel, fd, receive_ids)
+        return SocketCanLink(channel, fd, receive_ids, computer_time)
     from observer_rt.bus.python_can_link import PythonCanLink
 
-    return PythonCanLink(interface, channel, fd, receive_ids)
+    return PythonCanLink(interface, channel, fd, receive_ids, computer_time)

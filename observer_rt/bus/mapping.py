@@ -1,18 +1,17 @@
 """From bench file and bus database to arrays: which frames carry which samples, which carry the results."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import can.util
 import numpy as np
-from cantools.database.can import Database, Message
+from cantools.database.can import Message
 from numpy.typing import NDArray
 
-from observer_rt.bus.database import MessageLayout, find_message, find_signal, signal_names
-from observer_rt.bus.database_file import load_database, overlooked
+from observer_rt.bus.bench_databases import BenchDatabases, BusMessage, named
+from observer_rt.bus.database import MessageLayout, find_signal, signal_names
 from observer_rt.bus.e2e import UNPROTECTED
 from observer_rt.bus.inputs import INPUT_GROUP, INPUT_MESSAGE, ROLES, Inputs, InputTables
 from observer_rt.bus.outputs import (
@@ -39,7 +38,9 @@ from observer_rt.config import (
 from observer_rt.errors import UserError
 from observer_rt.units import LENGTH_UNITS, MASS_UNITS, PRESSURE_UNITS, TEMPERATURE_ORIGINS
 
-EXTENDED = 1 << 32  # added to the id of an extended frame, so that one number names a frame
+# Added to the id of a frame, so that one number names it on all buses.
+EXTENDED = 1 << 32
+BUS = 1 << 33  # for each bus before its own
 _UNITS = {
     Role.RAIL_PRESSURE: PRESSURE_UNITS,
     Role.NEEDLE_LIFT: LENGTH_UNITS,
@@ -47,18 +48,19 @@ _UNITS = {
 }
 
 
-def frame_key(frame_id: int, is_extended: bool) -> int:
-    """One number for id and format of a frame."""
-    return frame_id + (EXTENDED if is_extended else 0)
+def frame_key(frame_id: int, is_extended: bool, bus: int = 0) -> int:
+    """One number for id and format of a frame on a bus."""
+    return frame_id + (EXTENDED if is_extended else 0) + BUS * bus
 
 
 @dataclass(frozen=True)
 class KnownMessage:
-    """A message that some database defines; `key` as by `frame_key`."""
+    """A message that some database defines, for a bus; `key` as by `frame_key`."""
 
     name: str
     key: int
     path: Path
+    bus: int
 
 
 @dataclass(frozen=True)
@@ -78,11 +80,32 @@ class BusMap:
     """All messages of all databases, used or not."""
     overlooked: tuple[str, ...]
     """What is wrong with databases that were read leniently."""
+    labels: tuple[str, ...]
+    """What messages to the user call the buses."""
 
     @property
     def received(self) -> tuple[MessageLayout, ...]:
         """Every message that something is read from, once."""
         return (*self.input_layouts, *(slow.layout for slow in self.slow if not slow.is_input))
+
+    @property
+    def sent(self) -> tuple[MessageLayout, ...]:
+        """Every message the results go out in."""
+        return tuple(output.layout for output in (self.rate, self.summary, self.status) if output is not None)
+
+    def received_on(self, bus: int) -> list[tuple[int, bool]]:
+        """(identifier, is extended) to be read from a bus.
+
+        Of one with results only they are those of the results, which nobody else sends: a link that reads nothing
+        would not hear what its controller tells either.
+        """
+        wanted = [layout for layout in self.received if layout.bus == bus]
+        wanted = wanted or [layout for layout in self.sent if layout.bus == bus]
+        return [(layout.frame_id, layout.is_extended) for layout in wanted]
+
+    def name_of(self, layout: MessageLayout) -> str:
+        """Its name and, where there are several, its bus."""
+        return f"{layout.name} on {self.labels[layout.bus]}" if len(self.labels) > 1 else layout.name
 
 
 def stream_of(bus: BusMap, role: Role) -> int:
@@ -103,62 +126,58 @@ def map_bus(bench: Bench) -> BusMap:
 
     Raises `UserError` naming bench file, key and what the database has instead.
     """
-    files = list(zip(bench.databases, bench.config.dbc, strict=True))
-    databases = [load_database(path, entry.lenient) for path, entry in files]
+    databases = BenchDatabases(bench)
     inputs, layouts = _map_inputs(bench, databases)
     slow = _map_slow(bench, databases, layouts)
     _say_nothing(inputs, slow)
     outputs = bench.config.outputs
-    rate = None
-    if outputs.injection_rate:
-        rate = rate_message(_message(bench, databases, "outputs.injection_rate", outputs.injection_rate))
+
+    def output(key: str, name: str) -> BusMessage:
+        return databases.find(f"outputs.{key}", name, outputs.link)
+
     return BusMap(
         inputs=inputs,
         input_layouts=layouts,
         slow=slow,
         following=tuple(following(bench, inputs.timing, inputs.streams["roles"].tolist())),
-        rate=rate,
-        summary=output_message(
-            _message(bench, databases, "outputs.injection_summary", outputs.injection_summary),
-            SUMMARY_SIGNALS,
-        ),
-        status=output_message(_message(bench, databases, "outputs.status", outputs.status), STATUS_SIGNALS),
+        rate=rate_message(*output("injection_rate", outputs.injection_rate))
+        if outputs.injection_rate
+        else None,
+        summary=_output(output("injection_summary", outputs.injection_summary), SUMMARY_SIGNALS),
+        status=_output(output("status", outputs.status), STATUS_SIGNALS),
         known=tuple(
-            KnownMessage(message.name, frame_key(message.frame_id, message.is_extended_frame), path)
-            for (path, _), database in zip(files, databases, strict=True)
-            for message in database.messages
+            KnownMessage(message.name, frame_key(message.frame_id, message.is_extended_frame, bus), path, bus)
+            for path, (message, bus) in databases
         ),
-        overlooked=tuple(
-            f"{path}: {complaint}"
-            for (path, entry), database in zip(files, databases, strict=True)
-            if entry.lenient
-            for complaint in overlooked(database)
-        ),
+        overlooked=databases.overlooked(),
+        labels=tuple(link.label for link in bench.config.buses),
     )
 
 
-def _message(bench: Bench, databases: Sequence[Database], key: str, name: str) -> Message:
-    for database in databases:
-        if any(message.name == name for message in database.messages):
-            return find_message(database, name)
-    with _named(f"{bench.path}: {key}"):
-        return find_message(databases[0], name)
+def _output(on_bus: BusMessage, known: Sequence[str]) -> OutputMessage:
+    return output_message(on_bus.message, known, on_bus.bus)
 
 
-def _map_inputs(bench: Bench, databases: Sequence[Database]) -> tuple[Inputs, tuple[MessageLayout, ...]]:
-    by_message: dict[str, list[Role]] = {}
+def _map_inputs(bench: Bench, databases: BenchDatabases) -> tuple[Inputs, tuple[MessageLayout, ...]]:
+    by_message: dict[tuple[str, int], tuple[BusMessage, list[Role]]] = {}
     for role in ROLES:
-        by_message.setdefault(bench.config.signals.of(role).message, []).append(role)
+        config = bench.config.signals.of(role)
+        found = databases.find(f"signals.{role}.message", config.message, config.link)
+        by_message.setdefault((config.message, found.bus), (found, []))[1].append(role)
     tables = InputTables()
     layouts = []
-    streams = []
-    for name, roles in by_message.items():
-        message = _message(bench, databases, f"signals.{roles[0]}.message", name)
-        layout = protected_layout(message)
+    streams: list[tuple[BusMessage, list[Role]]] = []
+    for found, roles in by_message.values():
+        layout = protected_layout(*found)
         layouts.append(layout)
         row = _frame_row(layout)
-        streams += [(message, together) for together in _map_message(bench, message, roles, row, tables)]
-    timing = map_timing(bench, streams, tables.stream_samples)
+        streams += [(found, together) for together in _map_message(bench, found.message, roles, row, tables)]
+    timing = map_timing(
+        bench,
+        [(found.message, roles) for found, roles in streams],
+        [bench.config.buses[found.bus].config for found, _ in streams],
+        tables.stream_samples,
+    )
     _require_one_rate(bench, streams, timing["steps"].tolist())
     return tables.inputs(timing), tuple(layouts)
 
@@ -166,7 +185,7 @@ def _map_inputs(bench: Bench, databases: Sequence[Database]) -> tuple[Inputs, tu
 def _frame_row(layout: MessageLayout) -> NDArray[np.void]:
     """What tells whether a frame is a good one of this message; the rest is 0."""
     row = np.zeros((), INPUT_MESSAGE)
-    row["key"] = frame_key(layout.frame_id, layout.is_extended)
+    row["key"] = frame_key(layout.frame_id, layout.is_extended, layout.bus)
     row["length"] = layout.length
     row["padded_length"] = can.util.dlc2len(can.util.len2dlc(layout.length))
     row["e2e_profile"] = layout.e2e_profile or UNPROTECTED
@@ -175,16 +194,16 @@ def _frame_row(layout: MessageLayout) -> NDArray[np.void]:
 
 
 def _map_slow(
-    bench: Bench, databases: Sequence[Database], inputs: Sequence[MessageLayout]
+    bench: Bench, databases: BenchDatabases, inputs: Sequence[MessageLayout]
 ) -> tuple[SlowMessage, ...]:
-    by_message: dict[str, list[tuple[OptionalRole, SlowSignalConfig]]] = {}
+    by_message: dict[tuple[str, int], tuple[BusMessage, list[tuple[OptionalRole, SlowSignalConfig]]]] = {}
     for role, config in bench.config.signals.optional:
-        by_message.setdefault(config.message, []).append((role, config))
+        found = databases.find(f"signals.{role}.message", config.message, config.link)
+        by_message.setdefault((config.message, found.bus), (found, []))[1].append((role, config))
     slow = []
-    for name, mappings in by_message.items():
-        message = _message(bench, databases, f"signals.{mappings[0][0]}.message", name)
-        layout = protected_layout(message)
-        signals = tuple(_slow_signal(bench, message, layout, role, config) for role, config in mappings)
+    for found, mappings in by_message.values():
+        layout = protected_layout(*found)
+        signals = tuple(_slow_signal(bench, found.message, layout, role, config) for role, config in mappings)
         slow.append(SlowMessage(layout, _frame_row(layout)[None], signals, layout in inputs))
     return tuple(slow)
 
@@ -193,7 +212,7 @@ def _slow_signal(
     bench: Bench, message: Message, layout: MessageLayout, role: OptionalRole, config: SlowSignalConfig
 ) -> SlowSignal:
     place = f"{bench.path}: signals.{role}"
-    with _named(place):
+    with named(place):
         find_signal(message, config.signal)
     factor, origin, untold, timeout = 1.0, 0.0, math.nan, math.inf
     if isinstance(config, FuelTemperatureConfig):
@@ -201,7 +220,7 @@ def _slow_signal(
         untold = bench.injector.fluid.reference_temperature or math.nan
     elif isinstance(config, SlowQuantityConfig):
         factor = _from_unit(place, message, config.signal, config.unit, MASS_UNITS)
-    with _named(place):
+    with named(place):
         signal = slow_signal(message, role, config.signal, factor, origin)
     if isinstance(config, LearningEnableConfig) and not signal.has_not_available:
         untold = 1.0  # a frame made of a recording must not switch learning off
@@ -226,7 +245,7 @@ def _map_message(
     samples: dict[Role, tuple[str, ...]] = {}
     streams: dict[tuple[SampleGroup, ...], list[Role]] = {}
     for role in roles:
-        with _named(f"{bench.path}: signals.{role}"):
+        with named(f"{bench.path}: signals.{role}"):
             samples[role] = signal_names(message, bench.config.signals.of(role).names)
             groups = sample_groups(message, samples[role])
         if row["samples"] not in (0, len(samples[role])):
@@ -240,7 +259,7 @@ def _map_message(
     for groups, together in streams.items():
         number = number_signal(bench, message, together)
         if number is not None:
-            with _named(f"{bench.path}: signals.{together[0]}"):
+            with named(f"{bench.path}: signals.{together[0]}"):
                 require_carried(message, number.name, groups)
         if any(group.conditions for group in groups) and (number is None or number.length != INDEX_BITS):
             raise UserError(
@@ -263,26 +282,17 @@ def _map_message(
 
 
 def _require_one_rate(
-    bench: Bench, streams: Sequence[tuple[Message, list[Role]]], steps: Sequence[int]
+    bench: Bench, streams: Sequence[tuple[BusMessage, list[Role]]], steps: Sequence[int]
 ) -> None:
     """Streams of one message share its index."""
-    names = [message.name for message, _ in streams]
-    for (message, roles), ratio in zip(streams, steps, strict=True):
-        if ratio > 1 and names.count(message.name) > 1:
+    names = [(found.message.name, found.bus) for found, _ in streams]
+    for name, (_, roles), ratio in zip(names, streams, steps, strict=True):
+        if ratio > 1 and names.count(name) > 1:
             raise UserError(
                 f"{bench.path}: signals.{roles[0]}.rate_hz",
-                f"{message.name} carries other signals under the same sample index",
+                f"{name[0]} carries other signals under the same sample index",
                 "leave rate_hz out: all signals of one message are sampled alike",
             )
-
-
-@contextmanager
-def _named(place: str) -> Iterator[None]:
-    """Errors that name message and signal also name the place in the bench file."""
-    try:
-        yield
-    except UserError as error:
-        raise UserError(place, f"{error.place} {error.problem}", error.remedy) from None
 
 
 def _factor(bench: Bench, message: Message, role: Role, samples: Sequence[str]) -> float:

@@ -86,8 +86,8 @@ class RateMessage:
     samples: int
 
 
-def output_message(message: Message, known: Sequence[str]) -> OutputMessage:
-    """The message with those of the `known` signals that it has.
+def output_message(message: Message, known: Sequence[str], bus: int = 0) -> OutputMessage:
+    """The message, sent on the bus of this number, with those of the `known` signals that it has.
 
     Raises:
         UserError: its protection is not supported, or a signal cannot be encoded.
@@ -95,19 +95,19 @@ def output_message(message: Message, known: Sequence[str]) -> OutputMessage:
     present = {signal.name for signal in message.signals}
     conditions = {name: conditions_of(message, name) for name in known if name in present}
     return OutputMessage(
-        protected_layout(message),
+        protected_layout(message, bus),
         tuple(_page(message, conditions, kind) for kind in frame_kinds(conditions.values())),
     )
 
 
-def rate_message(message: Message) -> RateMessage:
-    """The message with its rates and those of `HEADER_SIGNALS` that it has.
+def rate_message(message: Message, bus: int = 0) -> RateMessage:
+    """The message, sent on the bus of this number, with its rates and those of `HEADER_SIGNALS` that it has.
 
     Raises:
         UserError: it has no rates, is multiplexed, or cannot be encoded.
     """
     rates = signal_names(message, RATE_PATTERN)
-    output = output_message(message, (*HEADER_SIGNALS, *rates))
+    output = output_message(message, (*HEADER_SIGNALS, *rates), bus)
     if len(output.pages) > 1:
         raise UserError(
             f"message {message.name}",
@@ -122,9 +122,9 @@ def _page(message: Message, conditions: Mapping[str, Conditions], kind: Mapping[
     return OutputPage(names, signal_table(message, names), blank_frame(message, kind))
 
 
-def protected_layout(message: Message) -> MessageLayout:
-    """Layout of a message whose end-to-end protection, if any, is supported. Raises `UserError` otherwise."""
-    layout = MessageLayout.of(message)
+def protected_layout(message: Message, bus: int) -> MessageLayout:
+    """Layout of a message, on the bus of this number; raises `UserError` unless its protection is supported."""
+    layout = MessageLayout.of(message, bus)
     if layout.e2e_profile not in (None, *PROFILES):
         raise UserError(
             f"message {layout.name}",

@@ -18,7 +18,12 @@ class PythonCanLink(Link):
     """Time stamps are as good as python-can's float seconds: 0.24 us at best."""
 
     def __init__(
-        self, interface: str, channel: str, fd: bool, receive_ids: Sequence[tuple[int, bool]] | None
+        self,
+        interface: str,
+        channel: str,
+        fd: bool,
+        receive_ids: Sequence[tuple[int, bool]] | None,
+        computer_time: bool = False,
     ) -> None:
         """See `open_link`."""
         if interface not in can.VALID_INTERFACES:
@@ -27,6 +32,8 @@ class PythonCanLink(Link):
         self._interface, self._channel, self._fd = interface, channel, fd
         self._name = f"{interface} channel {channel}"
         self._receive_ids = None if receive_ids is None else frozenset(receive_ids)
+        self._by_arrival = computer_time or interface == "virtual"
+        self._computer_time = computer_time
         self._condition = BusCondition()
         self._open()
 
@@ -60,10 +67,11 @@ class PythonCanLink(Link):
             if message.is_remote_frame:
                 continue
             if self._receive_ids is None or key in self._receive_ids:
+                stamp_ns = 0 if self._computer_time else round(message.timestamp * 1e9)
                 return Frame(
                     message.arbitration_id,
                     bytes(message.data),
-                    round(message.timestamp * 1e9) or time.time_ns(),  # not every driver has stamps
+                    stamp_ns or time.time_ns(),  # not every driver has stamps
                     message.is_extended_id,
                     message.is_fd,
                     message.is_fd and message.bitrate_switch,
@@ -122,7 +130,7 @@ class PythonCanLink(Link):
 
     @property
     def stamp_source(self) -> StampSource:
-        return StampSource.ARRIVAL if self._interface == "virtual" else StampSource.DRIVER
+        return StampSource.ARRIVAL if self._by_arrival else StampSource.DRIVER
 
     def close(self) -> None:
         with contextlib.suppress(can.CanError, OSError):  # the device may be gone

@@ -45,13 +45,20 @@ _TOLD_ERRORS = ErrorClass.CONTROLLER | ErrorClass.BUS_OFF | ErrorClass.RESTARTED
 class SocketCanLink(Link):
     """Raw socket on one interface, such as `can0` or `vcan0`."""
 
-    def __init__(self, channel: str, fd: bool, receive_ids: Sequence[tuple[int, bool]] | None) -> None:
+    def __init__(
+        self,
+        channel: str,
+        fd: bool,
+        receive_ids: Sequence[tuple[int, bool]] | None,
+        computer_time: bool = False,
+    ) -> None:
         """See `open_link`."""
         if not hasattr(socket, "AF_CAN"):
             raise UserError("link.interface", "socketcan needs Linux", "use another python-can interface")
         self._channel = channel
         self._fd = fd
         self._receive_ids = receive_ids
+        self._computer_time = computer_time
         self._dropped = 0
         self._condition = BusCondition()
         self._warnings: list[str] = []
@@ -85,7 +92,7 @@ class SocketCanLink(Link):
             self._socket.setsockopt(socket.SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, int(_TOLD_ERRORS))
             self._warnings = self._size_receive_buffer()
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
-        self._stamps = StampReader(self._socket, self._channel)
+        self._stamps = StampReader(self._socket, self._channel, self._computer_time)
         self._socket.bind((self._channel,))
         self._socket.setblocking(False)
         pending = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
@@ -227,6 +234,10 @@ class SocketCanLink(Link):
     @property
     def stamp_source(self) -> StampSource:
         return StampSource.HARDWARE if self._stamps.by_hardware else StampSource.KERNEL
+
+    @property
+    def descriptor(self) -> int:
+        return self._socket.fileno()
 
     @property
     def warnings(self) -> Sequence[str]:

@@ -28,9 +28,9 @@ class StampReader:
     computer's load or changes of its time; from that time they differ by what the two have drifted apart since.
     """
 
-    def __init__(self, can_socket: socket.socket, channel: str) -> None:
-        """Switch stamps on. Raises OSError."""
-        self.by_hardware = _offers_hardware_stamps(can_socket, channel)
+    def __init__(self, can_socket: socket.socket, channel: str, computer_time: bool = False) -> None:
+        """Switch stamps on; computer_time: never those of the interface. Raises OSError."""
+        self.by_hardware = not computer_time and _offers_hardware_stamps(can_socket, channel)
         self._offset: int | None = None
         if self.by_hardware:
             wanted = _RX_HARDWARE | _RAW_HARDWARE | _RX_SOFTWARE | _SOFTWARE

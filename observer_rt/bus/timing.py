@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from observer_rt.bus.database import MessageLayout, find_signal
 from observer_rt.bus.e2e import UNPROTECTED, counter_values
 from observer_rt.bus.load import frame_time
-from observer_rt.config import Bench, LinkConfig, Role
+from observer_rt.config import Bench, Role
 from observer_rt.errors import UserError
+from observer_rt.link_config import LinkConfig
 from observer_rt.units import MICROSECOND, MILLISECOND
 
 SLOTS = 1 << 12  # samples that may wait for another message
@@ -82,16 +83,19 @@ class Following(NamedTuple):
 
 
 def map_timing(
-    bench: Bench, messages: Sequence[tuple[Message, Sequence[Role]]], samples: Sequence[int]
+    bench: Bench,
+    messages: Sequence[tuple[Message, Sequence[Role]]],
+    links: Sequence[LinkConfig],
+    samples: Sequence[int],
 ) -> NDArray[np.void]:
-    """One row TIMING for each message with its roles; `samples` of every role in one of its frames.
+    """One row TIMING for each message with its roles; `links` they come by, `samples` of every role in a frame.
 
     Raises `UserError` naming bench file and key.
     """
     rows = np.zeros(len(messages), TIMING)
     leading = next(n for n, (_, roles) in enumerate(messages) if Role.LINE_PRESSURE in roles)
-    for row, (message, roles), size in zip(rows, messages, samples, strict=True):
-        _map_message(bench, message, roles, size, row)
+    for row, (message, roles), link, size in zip(rows, messages, links, samples, strict=True):
+        _map_message(bench, message, roles, link, size, row)
     grid = bench.config.signals.of(Role.LINE_PRESSURE)
     if rows[leading]["steps"] != 1:
         raise UserError(
@@ -175,7 +179,9 @@ def _index_signal(bench: Bench, message: Message, roles: Sequence[Role], name: s
     return signal
 
 
-def _map_message(bench: Bench, message: Message, roles: Sequence[Role], samples: int, row: np.void) -> None:
+def _map_message(
+    bench: Bench, message: Message, roles: Sequence[Role], link: LinkConfig, samples: int, row: np.void
+) -> None:
     layout = MessageLayout.of(message)
     signal = number_signal(bench, message, roles)
     if signal is not None and signal.length == INDEX_BITS:
@@ -195,7 +201,7 @@ def _map_message(bench: Bench, message: Message, roles: Sequence[Role], samples:
     if tuple(roles) == (Role.RAIL_PRESSURE,):
         row["tolerance"] = max(RAIL_TOLERANCE, SLOW_TOLERANCE * row["interval"])
     delay = _agreed(bench, message, roles, "delay_us")
-    on_bus = _time_on_bus(layout, bench.config.link)
+    on_bus = _time_on_bus(layout, link)
     row["delay"] = on_bus if delay is None else delay * MICROSECOND
     row["shortest"] = SHORTEST * on_bus
     _set_hold(bench, message, roles, samples, row)

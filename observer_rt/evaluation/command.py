@@ -39,8 +39,8 @@ class EvaluateOptions:
     output: Path | None
     plot: Path | None
     json: bool
-    from_channel: str | None = None
-    """Channel of a CAN log, where the inputs are on several."""
+    from_channel: Sequence[str] = ()
+    """Channels of a CAN log, of buses."""
 
 
 def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions, console: Console) -> None:

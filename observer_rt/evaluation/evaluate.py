@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.link import Frame
-from observer_rt.bus.mapping import BusMap, map_bus
+from observer_rt.bus.link import BusFrame, Frame
+from observer_rt.bus.mapping import BusMap, frame_key, map_bus
 from observer_rt.config import Bench
 from observer_rt.errors import UserError
 from observer_rt.evaluation.logged import LoggedRecording
@@ -192,7 +192,7 @@ class _Run:
         self._nominal = Core(bench, bus, learning=False, fuel_temperature=fuel_temperature)
         self._framer = Framer(bus)
         self._delays = {
-            (layout.frame_id, layout.is_extended): round(
+            frame_key(layout.frame_id, layout.is_extended, layout.bus): round(
                 float(message_timing(bus, number)["delay"]) * NANOSECONDS
             )
             for number, layout in enumerate(bus.input_layouts)
@@ -211,26 +211,29 @@ class _Run:
         frames = self._framer.frames(recording, whole(recording))
         self.take_frames(recording, first_index, (self._received(frame, start) for frame in frames))
 
-    def take_frames(self, recording: Recording, first_index: int, frames: Iterable[Frame]) -> None:
+    def take_frames(self, recording: Recording, first_index: int, frames: Iterable[BusFrame]) -> None:
         """Observe frames, which carry the samples of a recording from an index on."""
         self._parts.append(_Part(recording, first_index))
-        for count, frame in enumerate(frames):
+        for count, (bus, frame) in enumerate(frames):
             frame_id, is_extended, payload, stamp = (
                 frame.frame_id,
                 frame.is_extended,
                 frame.payload,
                 frame.stamp_ns,
             )
-            self._frames += self._core.handle(frame_id, is_extended, payload, stamp)
-            self._nominal.handle(frame_id, is_extended, payload, stamp)
+            self._frames += self._core.handle(frame_id, is_extended, payload, stamp, bus)
+            self._nominal.handle(frame_id, is_extended, payload, stamp, bus)
             if count % _READ_EVERY == 0:
                 self._read()
         self._read()
         self._ends.append((self._core.counters, self._core.standstill))
 
-    def _received(self, frame: TimedFrame, start: int) -> Frame:
-        stamp = start + frame.stamp_ns + self._delays[frame.frame_id, frame.is_extended]
-        return Frame(frame.frame_id, frame.payload, stamp, frame.is_extended, frame.is_fd)
+    def _received(self, frame: TimedFrame, start: int) -> BusFrame:
+        delay = self._delays[frame_key(frame.frame_id, frame.is_extended, frame.bus)]
+        stamp = start + frame.stamp_ns + delay
+        return BusFrame(
+            frame.bus, Frame(frame.frame_id, frame.payload, stamp, frame.is_extended, frame.is_fd)
+        )
 
     def finish(self) -> None:
         self._frames += self._core.finish()

@@ -1,6 +1,6 @@
 """A CAN log as a recording: its frames through the daemon's own path, and what the observer was given of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from observer_rt.config import Bench
 from observer_rt.errors import UserError
 from observer_rt.recording.input_frames import InputFrames
 from observer_rt.recording.log import NANOSECONDS
+from observer_rt.recording.log_channels import chosen_channels
 from observer_rt.recording.recording import Recording
 from observer_rt.service.constants import bench_constants
 from observer_rt.service.core import Core
@@ -40,22 +41,24 @@ class LoggedRecording:
 def read_logged(
     bench: Bench,
     path: Path,
-    channel: str | None = None,
+    from_channels: Sequence[str] = (),
     progress: Callable[[float], None] = lambda _: None,
 ) -> LoggedRecording:
-    """Decode a log; channel: of the log, if the same messages are on several; progress: share done, 0 to 1.
+    """Decode a log; from_channels: texts of `--from-channel`; progress: share done, 0 to 1.
 
     Raises `UserError` for a log that is malformed, holds no input of the bench, or in which the sample index begins
     anew.
     """
     bus = map_bus(bench)
-    frames = InputFrames(path, bus, channel)
+    needed = {layout.bus for layout in bus.input_layouts}
+    channels = chosen_channels(path, bench.config.buses, needed, from_channels)
+    frames = InputFrames(path, bus, channels)
     core = Core(bench, bus, learning=False)
     pieces: list[NDArray[np.void]] = []
     seen = 0
     stamps = _Stamps()
-    for count, frame in enumerate(frames):
-        core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
+    for count, (on, frame) in enumerate(frames):
+        core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, on)
         stamps.note(frame)
         if count % READ_EVERY == 0:
             pieces.append(core.rows(seen, core.processed))

@@ -17,8 +17,8 @@ from observer_rt.screen import progress_bar, say, say_if_compiling
 Source = Recording | LoggedRecording
 
 
-def read_source(path: Path, bench: Bench | None, channel: str | None, console: Console) -> Source:
-    """Read a file; what is odd about a log is said. channel: of the log, where the inputs are on several.
+def read_source(path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console) -> Source:
+    """Read a file; what is odd about a log is said. from_channels: of the log, as `--from-channel` names them.
 
     Raises `UserError` for an unknown suffix, a file that will not do, and a log without a bench file.
     """
@@ -33,7 +33,7 @@ def read_source(path: Path, bench: Bench | None, channel: str | None, console: C
         )
     say_if_compiling(console)
     with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
-        logged = read_logged(bench, path, channel, progress)
+        logged = read_logged(bench, path, from_channels, progress)
     for note in logged.notes:
         say(console, note)
     return logged

@@ -61,6 +61,8 @@ class TimedFrame(NamedTuple):
     bit_rate_switch: bool = True
     """Of a CAN FD frame; as is the next."""
     error_state_indicator: bool = False
+    bus: int = 0
+    """Number of the bench's bus it is sent on."""
 
     @property
     def stamp_ns(self) -> int:
@@ -179,7 +181,9 @@ class Framer:
 
 
 def _timed(layout: MessageLayout, time: float, payload: NDArray[np.uint8]) -> TimedFrame:
-    return TimedFrame(time, layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes())
+    return TimedFrame(
+        time, layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes(), bus=layout.bus
+    )
 
 
 @njit(cache=True, nogil=True)

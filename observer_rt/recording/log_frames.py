@@ -1,7 +1,7 @@
 """A CAN log, or a part of it, as the frames that are replayed: as recorded, once or again and again."""
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -11,13 +11,14 @@ from observer_rt.recording.framing import TimedFrame
 from observer_rt.recording.log import NANOSECONDS
 from observer_rt.recording.logs import open_log
 from observer_rt.recording.recording_frames import Extent, refuse_unordered
+from observer_rt.recording.remapping import Sent
 
 
 @dataclass(frozen=True)
 class LogExtent(Extent):
-    """Extent of a log, the (identifier, is extended) and channels of its frames, and what is odd about it."""
+    """Extent of a log, what of it is sent where, from which channels, and what is odd about it."""
 
-    identifiers: frozenset[tuple[int, bool]]
+    identifiers: frozenset[Sent]
     channels: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -26,15 +27,15 @@ class LogExtent(Extent):
 class LogPart:
     """Selected frames of a log, on a time that begins at 0: [start, stop) in seconds after the log's first frame.
 
-    The replay begins at `start`, or with the first frame. leave_out: (identifier, is extended) of frames not to
-    send, such as results that were recorded beside the inputs. channels: only frames of these; None: of all.
+    The replay begins at `start`, or with the first frame. leave_out: frames not to send, such as results that were
+    recorded beside the inputs. buses: only frames of these channels, onto these buses; None: all, onto the first.
     """
 
     path: Path
     start: float | None = None
     stop: float | None = None
-    leave_out: Collection[tuple[int, bool]] = frozenset()
-    channels: Collection[str] | None = None
+    leave_out: Collection[Sent] = frozenset()
+    buses: Mapping[str, int] | None = None
 
     def __iter__(self) -> Iterator[TimedFrame]:
         """Read the log once. Raises `UserError`, also while iterating: malformed, or nothing is selected."""
@@ -46,11 +47,11 @@ class LogPart:
         refuse_unordered(self.start, self.stop)
         seen = _Seen()
         duration, frames = 0.0, 0
-        identifiers: set[tuple[int, bool]] = set()
+        identifiers: set[Sent] = set()
         channels: dict[str, None] = {}
         for frame in self._frames(seen):
             duration, frames = frame.time, frames + 1
-            identifiers.add((frame.frame_id, frame.is_extended))
+            identifiers.add(Sent(frame.bus, frame.frame_id, frame.is_extended))
             channels[frame.channel] = None
         return LogExtent(duration, frames, frozenset(identifiers), tuple(channels), tuple(seen.notes))
 
@@ -67,10 +68,11 @@ class LogPart:
                 first_stamp = frame.stamp_ns
             seen.channels.add(entry.channel)
             seen.until = (frame.stamp_ns - first_stamp) / NANOSECONDS
+            bus = 0 if self.buses is None else self.buses.get(entry.channel)
             if (
-                start <= seen.until < stop
-                and (frame.frame_id, frame.is_extended) not in leave_out
-                and (self.channels is None or entry.channel in self.channels)
+                bus is not None
+                and start <= seen.until < stop
+                and (bus, frame.frame_id, frame.is_extended) not in leave_out
             ):
                 selected += 1
                 yield TimedFrame(
@@ -82,6 +84,7 @@ class LogPart:
                     entry.channel,
                     frame.bit_rate_switch,
                     frame.error_state_indicator,
+                    bus,
                 )
         seen.notes = log.notes()
         if not selected:
@@ -93,7 +96,7 @@ class LogPart:
             raise UserError(
                 str(self.path), f"holds no data frame{notes}", "record it while frames are on the bus"
             )
-        missing = sorted(set(self.channels or ()) - seen.channels)
+        missing = sorted(set(self.buses or ()) - seen.channels)
         if missing:
             raise UserError(
                 f"channel {', '.join(missing)}",

@@ -60,20 +60,20 @@ def play(
     speed: float,
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
-    by_channel: Mapping[str, Link] | None = None,
+    by_bus: Mapping[int, Link] | None = None,
 ) -> PlayStatistics:
     """Send each frame at start + its time / `speed` by the monotonic clock; late ones at once, so nothing drifts.
 
     speed: > 0; math.inf sends as fast as the link takes, and lateness is not measured. `progress` is told the
-    time [s] reached in the recording, some ten times a second. `stop`: end early. `by_channel`: links for frames of
-    these channels of a log, instead of `link`.
+    time [s] reached in the recording, some ten times a second. `stop`: end early. `by_bus`: links for frames on
+    these buses, instead of `link`.
 
     Raises:
         RunError: the link failed.
         UserError: from reading the frames.
     """
     stop = stop or threading.Event()
-    links = by_channel or {}
+    links = by_bus or {}
     report = _Progress(progress)
     lateness = LatenessCounter()
     sent = 0
@@ -87,7 +87,7 @@ def play(
             _sleep(due - now, stop)
             report.reached(frame.time - max(0, due - time.monotonic_ns()) / NANOSECONDS * speed)
             continue
-        links.get(frame.channel, link).send(
+        links.get(frame.bus, link).send(
             frame.frame_id,
             frame.payload,
             frame.is_extended,

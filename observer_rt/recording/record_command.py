@@ -1,5 +1,7 @@
-"""`observer-rt record`: a bus into a file, with a live line on the screen."""
+"""`observer-rt record`: the buses of a bench into a file, with a live line on the screen."""
 
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from rich.console import Console
@@ -7,29 +9,43 @@ from rich.live import Live
 from rich.text import Text
 
 from observer_rt.bus.link import open_link
-from observer_rt.config import LinkConfig
 from observer_rt.destinations import check_folder
+from observer_rt.link_config import NamedLink
 from observer_rt.recording.recorder import RecordLimits, RecordStatistics, check_recording_path, record
 from observer_rt.screen import say
 from observer_rt.signals import stop_on_signals
 
 
-def record_bus(
-    config: LinkConfig, path: Path, limits: RecordLimits, force: bool, console: Console
+def record_buses(
+    buses: Sequence[NamedLink], path: Path, limits: RecordLimits, force: bool, console: Console
 ) -> RecordStatistics:
-    """Record until SIGINT, SIGTERM or a limit.
+    """Record all buses into one log until SIGINT, SIGTERM or a limit.
 
     Raises `UserError` for a file that must not be written, `RunError` when link or disk fail.
     """
     check_recording_path(path, limits, force)
     check_folder("--out", path.absolute().parent)
+    channels = [bus.config.channel for bus in buses]
+    names = [
+        bus.name if channels.count(bus.config.channel) > 1 and bus.name else bus.config.channel
+        for bus in buses
+    ]
     with (
         stop_on_signals() as stop,
-        open_link(config.interface, config.channel, config.fd) as link,
+        ExitStack() as stack,
         Live(console=console, auto_refresh=False, transient=True) as live,
     ):
-        say(console, f"recording {config.interface} {config.channel}")
-        return record(link, config.channel, path, limits, stop, _Line(live, console))
+        links = [
+            stack.enter_context(
+                open_link(
+                    bus.config.interface, bus.config.channel, bus.config.fd, computer_time=len(buses) > 1
+                )
+            )
+            for bus in buses
+        ]
+        say(console, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
+        further = list(zip(links[1:], names[1:], strict=True))
+        return record(links[0], names[0], path, limits, stop, _Line(live, console), further)
 
 
 class _Line:

@@ -2,12 +2,13 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from observer_rt.bus.link import Frame, Link, LinkDownError
+from observer_rt.bus.link import BusFrame, Frame, Link, LinkDownError
+from observer_rt.bus.reading import BusDownError, reading
 from observer_rt.errors import UserError
 from observer_rt.recording.blf_writer import BlfWriter
 from observer_rt.recording.candump_log import CandumpWriter
@@ -92,33 +93,38 @@ def record(
     limits: RecordLimits,
     stop: threading.Event,
     report: Callable[[RecordStatistics], None] = lambda _: None,
+    further: Sequence[tuple[Link, str]] = (),
 ) -> RecordStatistics:
     """Write every frame of a link until `stop` is set or a limit reached; a file begins with its first frame.
+
+    `channel`: the link's name in the log. `further`: other links, with their names, for the same log.
 
     An interface that goes away is waited for. `report` is called some times a second.
 
     Raises:
         RunError: the link failed for good, or the disk is full; what was written before can be read.
     """
-    files = _Files(path, channel, limits)
-    receiver = _Receiver(link, stop)
+    links = [link, *(other for other, _ in further)]
+    channels = [channel, *(name for _, name in further)]
+    files = _Files(path, limits)
+    receiver = _Receiver(links)
     statistics = RecordStatistics(files=files.paths)
     start = time.monotonic_ns()
     next_flush, next_report = start + FLUSH_PERIOD, start
-    lost_before = link.dropped
+    lost_before = sum(each.dropped for each in links)
     with file_errors(path):
         try:
             while not stop.is_set():
-                frame = receiver.next()
+                received = receiver.next()
                 now = time.monotonic_ns()
                 statistics.outages = receiver.outages
                 statistics.duration = (now - start) / NANOSECONDS
-                lost = link.dropped - lost_before
+                lost = sum(each.dropped for each in links) - lost_before
                 if lost > statistics.lost:
                     files.write_lost(lost - statistics.lost)
                     statistics.lost = lost
-                if frame is not None:
-                    files.write(frame, now)
+                if received is not None:
+                    files.write(received.frame, channels[received.bus], now)
                     statistics.frames += 1
                 if now >= next_flush:
                     files.flush()
@@ -129,6 +135,7 @@ def record(
                 if _reached(statistics, limits):
                     break
         finally:
+            receiver.close()
             files.close()
     return statistics
 
@@ -140,42 +147,53 @@ def _reached(statistics: RecordStatistics, limits: RecordLimits) -> bool:
 
 
 class _Receiver:
-    """Frames of a link whose interface may go away and come back."""
+    """Frames of links whose interfaces may go away and come back."""
 
-    def __init__(self, link: Link, stop: threading.Event) -> None:
+    def __init__(self, links: Sequence[Link]) -> None:
         self.outages = 0
-        self._link = link
-        self._stop = stop
-        self._is_down = False
+        self._links = links
+        self._reading = reading(links)
+        self._down: dict[int, float] = {}  # buses, and when to try them again
 
-    def next(self) -> Frame | None:
+    def next(self) -> BusFrame | None:
         """The next frame; None if none came for a while, or none can."""
+        for bus, due in list(self._down.items()):
+            if time.monotonic() >= due:
+                self._reconnect(bus)
         try:
-            if self._is_down:
-                self._link.reconnect()
-                self._is_down = False
-            return self._link.receive(RECEIVE_TIMEOUT)
-        except LinkDownError:
-            self.outages += not self._is_down
-            self._is_down = True
-            self._stop.wait(RECONNECT_PERIOD)
+            return self._reading.receive(RECEIVE_TIMEOUT)
+        except BusDownError as error:
+            self.outages += 1
+            self._reading.leave_out(error.bus)
+            self._down[error.bus] = time.monotonic() + RECONNECT_PERIOD
             return None
+
+    def close(self) -> None:
+        self._reading.close()
+
+    def _reconnect(self, bus: int) -> None:
+        try:
+            self._links[bus].reconnect()
+        except LinkDownError:
+            self._down[bus] = time.monotonic() + RECONNECT_PERIOD
+        else:
+            del self._down[bus]
+            self._reading.take_back(bus)
 
 
 class _Files:
     """The file being written, and its successors."""
 
-    def __init__(self, path: Path, channel: str, limits: RecordLimits) -> None:
+    def __init__(self, path: Path, limits: RecordLimits) -> None:
         self.paths: list[Path] = []
         self._path = path
-        self._channel = channel
         self._limits = limits
         self._writer: BlfWriter | CandumpWriter | None = None
         self._begun = 0
         self._lost = 0  # before the first frame of a file
 
-    def write(self, frame: Frame, now: int) -> None:
-        """Append a frame; `now`: monotonic time [ns]."""
+    def write(self, frame: Frame, channel: str, now: int) -> None:
+        """Append a frame of a channel; `now`: monotonic time [ns]."""
         if self._writer is not None and self._is_full(now, self._writer):
             self.close()
         if self._writer is None:
@@ -190,7 +208,7 @@ class _Files:
         if self._lost:
             self._writer.write_lost(self._lost)
             self._lost = 0
-        self._writer.write(LogFrame(frame, self._channel))
+        self._writer.write(LogFrame(frame, channel))
 
     def write_lost(self, frames: int) -> None:
         """Say, before the next frame, that frames were lost."""

@@ -1,10 +1,19 @@
 """Other identifiers and channels than those of the file, as `FROM=TO` on the command line."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from observer_rt.errors import UserError
 from observer_rt.recording.framing import TimedFrame
 from observer_rt.recording.log import EXTENDED_MASK, STANDARD_MASK
+
+
+class Sent(NamedTuple):
+    """A kind of frames that is sent on a bus."""
+
+    bus: int
+    identifier: int
+    is_extended: bool
 
 
 def channel_map(texts: Sequence[str]) -> dict[str, str]:
@@ -25,27 +34,25 @@ def remapped(frames: Iterator[TimedFrame], identifiers: Mapping[int, int]) -> It
     return (frame._replace(frame_id=identifiers.get(frame.frame_id, frame.frame_id)) for frame in frames)
 
 
-def remapped_identifiers(
-    known: Collection[tuple[int, bool]], identifiers: Mapping[int, int]
-) -> frozenset[tuple[int, bool]]:
-    """The (identifier, is extended) that will be sent.
+def remapped_identifiers(known: Collection[Sent], identifiers: Mapping[int, int]) -> frozenset[Sent]:
+    """What will be sent.
 
     Raises `UserError` for an old identifier that is not among the known ones, for a new one too long for the kind
     of frame, and for one under which two kinds of frames would be sent.
     """
     for old in identifiers:
-        if old not in {identifier for identifier, _ in known}:
+        if old not in {identifier for _, identifier, _ in known}:
             raise UserError("--map-id", f"no frame with identifier 0x{old:X} will be sent", "correct it")
-    result = []
-    for identifier, is_extended in sorted(known):
+    result: list[Sent] = []
+    for bus, identifier, is_extended in sorted(known):
         new = identifiers.get(identifier, identifier)
         if new > STANDARD_MASK and not is_extended:
             raise UserError(
                 "--map-id", f"0x{new:X} is too long for the standard frame 0x{identifier:X}", "at most 0x7FF"
             )
-        if (new, is_extended) in result:
+        if Sent(bus, new, is_extended) in result:
             raise UserError("--map-id", f"two kinds of frames would become 0x{new:X}", "choose another")
-        result.append((new, is_extended))
+        result.append(Sent(bus, new, is_extended))
     return frozenset(result)
 
 

@@ -1,25 +1,27 @@
 """`observer-rt replay`: a file onto a bus."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
-from observer_rt.bus.link import Link, open_link
+from observer_rt.bus.link import open_link
 from observer_rt.bus.mapping import BusMap, map_bus
-from observer_rt.config import Bench, LinkConfig
+from observer_rt.config import Bench
 from observer_rt.errors import UserError
+from observer_rt.link_config import LinkConfig, NamedLink
 from observer_rt.recording.bus_range import recorded_out_of_range
 from observer_rt.recording.files import READERS, read_recording
 from observer_rt.recording.framing import TimedFrame, bench_for
+from observer_rt.recording.log_channels import matched_channels
 from observer_rt.recording.log_frames import LogPart, log_frames
 from observer_rt.recording.logs import LOG_READERS, is_log
 from observer_rt.recording.player import PlayStatistics, play
 from observer_rt.recording.recording_frames import Extent, recording_extent, recording_frames
-from observer_rt.recording.remapping import channel_map, identifier_map, remapped, remapped_identifiers
+from observer_rt.recording.remapping import Sent, channel_map, identifier_map, remapped, remapped_identifiers
 from observer_rt.recording.traffic import refuse_traffic
 from observer_rt.screen import progress_bar, say
 from observer_rt.signals import stop_on_signals
@@ -30,7 +32,8 @@ class ReplayOptions:
     """Options of the command.
 
     speed 0: as fast as the bus takes; loop 0: for ever; start, stop [s] of the recording's own time. map_id,
-    map_channel: texts `FROM=TO`; force: send although others send the same identifiers.
+    map_channel: texts `FROM=TO`, the latter's TO a channel or a name of `[links]`; force: send although others send
+    the same identifiers.
     """
 
     speed: float = 1.0
@@ -45,15 +48,16 @@ class ReplayOptions:
 
 @dataclass(frozen=True)
 class _Source:
-    """What is to be sent: frames as they are in the file, how many, and which (identifier, is extended)."""
+    """What is to be sent: frames as they are in the file, how many, which kinds of frames, on which buses."""
 
     frames: Iterator[TimedFrame]
     extent: Extent
-    identifiers: frozenset[tuple[int, bool]]
+    identifiers: frozenset[Sent]
+    buses: Mapping[int, LinkConfig]
 
 
 def replay_onto(bench: Bench, path: Path, options: ReplayOptions, console: Console) -> PlayStatistics:
-    """Send a recording, encoded by the bench file, or a CAN log, as recorded, onto the bench's bus.
+    """Send a recording, encoded by the bench file, or a CAN log, as recorded, onto the bench's buses.
 
     Raises `UserError` for a file that does not fit and for identifiers that others send already, `RunError` when
     the bus fails.
@@ -69,51 +73,86 @@ def replay_onto(bench: Bench, path: Path, options: ReplayOptions, console: Conso
     identifiers = identifier_map(options.map_id)
     bus = map_bus(bench)
     if is_log(path):
-        source = _log(path, bus, options, tuple(channels) or None, console)
+        source = _log(bench, path, bus, options, channels, console)
     else:
         source = _recording(bench, path, bus, options, console)
         if channels:
             raise UserError("--map-channel", f"{path} is no CAN log: it has no channels", "leave it out")
     sent = remapped_identifiers(source.identifiers, identifiers)
-    link_config = bench.config.link
     total = source.extent.duration * options.loop if options.loop else None
     with stop_on_signals() as stop, ExitStack() as stack:
-        targets = sorted(set(channels.values())) or [link_config.channel]
         if not options.force:
-            refuse_traffic(link_config, targets, sorted(sent), stop)
-        links = {target: stack.enter_context(_sender(link_config, target)) for target in targets}
+            refuse_traffic(source.buses, sent, stop)
+        links = {
+            number: stack.enter_context(open_link(config.interface, config.channel, config.fd, []))
+            for number, config in source.buses.items()
+        }
         progress = stack.enter_context(progress_bar(console, f"replaying {path.name}", total))
-        return play(
-            remapped(source.frames, identifiers),
-            links[targets[0]],
-            options.speed or math.inf,
-            progress,
-            stop,
-            {channel: links[target] for channel, target in channels.items()},
-        )
-
-
-def _sender(config: LinkConfig, channel: str) -> Link:
-    return open_link(config.interface, channel, config.fd, [])
+        frames = remapped(source.frames, identifiers)
+        return play(frames, min(links.items())[1], options.speed or math.inf, progress, stop, links)
 
 
 def _log(
-    path: Path, bus: BusMap, options: ReplayOptions, channels: tuple[str, ...] | None, console: Console
+    bench: Bench,
+    path: Path,
+    bus: BusMap,
+    options: ReplayOptions,
+    channels: Mapping[str, str],
+    console: Console,
 ) -> _Source:
     if options.windowed:
         raise UserError("--windowed", "a log is sent as it was recorded", "leave out --windowed")
+    links = bench.config.buses
+    buses = {0: links[0].config}
+    routes: dict[str, int] | None = None
+    if channels:
+        routes, buses = _chosen_routes(links, channels)
+    elif len(links) > 1:
+        routes = _matched_routes(path, bus, links)
+        buses = {number: links[number].config for number in routes.values()}
     # results recorded beside the inputs are not sent again: the daemon sends its own
-    results = [(m.layout.frame_id, m.layout.is_extended) for m in (bus.rate, bus.summary, bus.status) if m]
-    part = LogPart(path, options.start, options.stop, results, channels)
+    results = frozenset(
+        Sent(number, layout.frame_id, layout.is_extended)
+        for number in buses
+        for layout in bus.sent
+        if layout.bus == number or len(links) == 1 or number >= len(links)
+    )
+    part = LogPart(path, options.start, options.stop, results, routes)
     extent = part.extent()
     for note in extent.notes:
         say(console, note)
-    if len(extent.channels) > 1 and channels is None:
+    if len(extent.channels) > 1 and routes is None:
         say(
             console,
             f"frames of {', '.join(extent.channels)} all go onto one bus; --map-channel CHANNEL=BUS chooses",
         )
-    return _Source(log_frames(part, options.loop), extent, extent.identifiers)
+    if routes is not None and not channels:
+        say(console, ", ".join(f"{channel} goes onto {links[to].label}" for channel, to in routes.items()))
+    return _Source(log_frames(part, options.loop), extent, extent.identifiers, buses)
+
+
+def _chosen_routes(
+    links: Sequence[NamedLink], channels: Mapping[str, str]
+) -> tuple[dict[str, int], dict[int, LinkConfig]]:
+    """Bus numbers by channel of the log, and the buses: those of the bench by name or channel, others beside them."""
+    buses: dict[int, LinkConfig] = {}
+    routes: dict[str, int] = {}
+    others = sorted(set(channels.values()))
+    for channel, target in channels.items():
+        found = [n for n, link in enumerate(links) if target in (link.name, link.config.channel)]
+        number = found[0] if found else len(links) + others.index(target)
+        routes[channel] = number
+        first = links[0].config
+        buses[number] = links[number].config if found else first.model_copy(update={"channel": target})
+    return routes, buses
+
+
+def _matched_routes(path: Path, bus: BusMap, links: Sequence[NamedLink]) -> dict[str, int]:
+    needed = {layout.bus for layout in bus.input_layouts}
+    found = matched_channels(
+        path, links, needed, {}, lambda number: f"--map-channel CHANNEL={links[number].config.channel}"
+    )
+    return {channel: number for number, channel in sorted(found.items())}
 
 
 def _recording(bench: Bench, path: Path, bus: BusMap, options: ReplayOptions, console: Console) -> _Source:
@@ -123,5 +162,6 @@ def _recording(bench: Bench, path: Path, bus: BusMap, options: ReplayOptions, co
         say(console, f"warning: {warning}")
     extent = recording_extent(recording, bus, options.windowed, options.start, options.stop)
     frames = recording_frames(recording, bus, options.windowed, options.loop, options.start, options.stop)
-    inputs = frozenset((layout.frame_id, layout.is_extended) for layout in bus.input_layouts)
-    return _Source(frames, extent, inputs)
+    inputs = frozenset(Sent(layout.bus, layout.frame_id, layout.is_extended) for layout in bus.input_layouts)
+    buses = {each.bus: bench.config.buses[each.bus].config for each in inputs}
+    return _Source(frames, extent, inputs, buses)

@@ -2,41 +2,43 @@
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping
 from contextlib import ExitStack
 
 from observer_rt.bus.link import open_link
-from observer_rt.config import LinkConfig
 from observer_rt.errors import UserError
+from observer_rt.link_config import LinkConfig
+from observer_rt.recording.remapping import Sent
 
 LISTENING = 0.5  # s; a windowed source pauses for about a tenth
-_TURN = 0.02  # s, of one channel among several
+_TURN = 0.02  # s, of one bus among several
 
 
-def refuse_traffic(
-    config: LinkConfig,
-    channels: Sequence[str],
-    identifiers: Sequence[tuple[int, bool]],
-    stop: threading.Event,
-) -> None:
-    """Listen a moment on all channels. `stop` ends it early.
+def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop: threading.Event) -> None:
+    """Listen a moment on all buses. `stop` ends it early.
 
     Raises:
-        UserError: one of the (identifier, is extended) is sent already.
+        UserError: something of what will be sent is sent already, on the same bus.
         RunError: the interface cannot be used.
     """
     with ExitStack() as stack:
         links = {
-            channel: stack.enter_context(open_link(config.interface, channel, config.fd, identifiers))
-            for channel in channels
+            bus: stack.enter_context(
+                open_link(config.interface, config.channel, config.fd, _identifiers(sent, bus))
+            )
+            for bus, config in buses.items()
         }
         end = time.monotonic() + LISTENING
         while time.monotonic() < end and not stop.is_set():
-            for channel, link in links.items():
+            for bus, link in links.items():
                 frame = link.receive(_TURN)
                 if frame is not None:
                     raise UserError(
-                        f"{config.interface} {channel}",
+                        f"{buses[bus].interface} {buses[bus].channel}",
                         f"another sender is active: frames with identifier 0x{frame.frame_id:X} come in already",
                         "stop it, send under another identifier (--map-id), or send all the same (--force)",
                     )
+
+
+def _identifiers(sent: Collection[Sent], bus: int) -> list[tuple[int, bool]]:
+    return sorted((each.identifier, each.is_extended) for each in sent if each.bus == bus)

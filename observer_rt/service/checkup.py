@@ -52,9 +52,10 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     findings += _integration(bench)
     findings += _observer(bench)
     findings += real_time_findings(this_host())
-    if bench.config.link.interface == "socketcan":
-        link = bench.config.link
-        findings += interface_findings(link, read_controller(link.channel))
+    for link in bench.config.buses:
+        if link.config.interface == "socketcan":
+            controller = read_controller(link.config.channel)
+            findings += interface_findings(link.config, controller, place=link.place)
     return findings
 
 

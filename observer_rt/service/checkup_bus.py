@@ -1,6 +1,5 @@
 """Findings about the bus: mapping, sampling, frames, identifiers, load."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +8,8 @@ from observer_rt.bus.database import MessageLayout
 from observer_rt.bus.inputs import ROLES
 from observer_rt.bus.load import frame_time
 from observer_rt.bus.mapping import BusMap, frame_key
-from observer_rt.config import PACKAGE_DATA, Bench, LinkConfig, Role
+from observer_rt.config import PACKAGE_DATA, Bench, Role
+from observer_rt.link_config import LinkConfig
 from observer_rt.recording.bus_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.recording.framing import message_timing
 from observer_rt.service.checkup_slow import slow_findings
@@ -36,37 +36,44 @@ class BusLoad:
 
 def bus_findings(bench: Bench, bus: BusMap) -> list[Finding]:
     """All findings about the bus of a bench."""
-    findings = [_mapping(bench, bus, role) for role in ROLES] + slow_findings(bus)
+    findings = _buses(bench, bus)
+    findings += [_mapping(bench, bus, role) for role in ROLES] + slow_findings(bus)
     findings += _sample_periods(bench, bus)
     findings += _identifiers(bus) + _databases(bus)
-    frames = _frames(bench.config.link, _layouts(bus))
-    findings += frames
-    if all(finding.level is Level.OK for finding in frames):
-        findings += _load_findings(expected_load(bench, bus), bench.config.link)
+    links = bench.config.buses
+    frames = [finding for number in range(len(links)) for finding in _frames(bench, bus, number)]
+    if frames:
+        return findings + frames
+    findings.append(Finding("frames", Level.OK, "every message fits its kind of frame"))
+    for number, link in enumerate(links):
+        on = f"{link.label}, " if len(links) > 1 else ""
+        findings += _load_findings(expected_load(bench, bus, number), link.config, on)
     return findings
 
 
-def expected_load(bench: Bench, bus: BusMap) -> BusLoad:
-    """Load by everything that is sent; windowed: only `WINDOW` of samples for each injection.
+def expected_load(bench: Bench, bus: BusMap, number: int = 0) -> BusLoad:
+    """Load of the bus of this number by all that is sent; windowed: only `WINDOW` of samples for each injection.
 
     A message of optional inputs without a cycle time counts as sent once an injection.
 
     Raises:
         ValueError: a message does not fit its kind of frame.
     """
-    link = bench.config.link
+    link = bench.config.buses[number].config
     rate = bench.config.sampling.rate_hz
 
     def time_of(layout: MessageLayout) -> float:
+        if layout.bus != number:
+            return 0.0
         return frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
 
     blocks = [
         (
             time_of(layout) * int(message["kind_count"]),
             int(message["samples"]),
-            1 / float(message_timing(bus, number)["interval"]),
+            1 / float(message_timing(bus, n)["interval"]),
         )
-        for number, (layout, message) in enumerate(zip(bus.input_layouts, bus.inputs.messages, strict=True))
+        for n, (layout, message) in enumerate(zip(bus.input_layouts, bus.inputs.messages, strict=True))
     ]
     if bus.rate is not None:
         blocks.append((time_of(bus.rate.layout), bus.rate.samples, rate))
@@ -90,8 +97,26 @@ def expected_load(bench: Bench, bus: BusMap) -> BusLoad:
 
 
 def _layouts(bus: BusMap) -> list[MessageLayout]:
-    outputs = [bus.rate, bus.summary, bus.status]
-    return [*bus.received, *(output.layout for output in outputs if output is not None)]
+    return [*bus.received, *bus.sent]
+
+
+def _buses(bench: Bench, bus: BusMap) -> list[Finding]:
+    """What comes in and goes out on each bus, where there are several."""
+    links = bench.config.buses
+    if len(links) == 1:
+        return []
+    findings = []
+    for number, link in enumerate(links):
+        ways = (
+            f"{way} {', '.join(names)}"
+            for way, layouts in (("in", bus.received), ("out", bus.sent))
+            if (names := [layout.name for layout in layouts if layout.bus == number])
+        )
+        carried = ", ".join(ways)
+        text = f"{link.label}, {link.config.interface}: {carried or 'nothing'}"
+        remedy = f"state link for a [[dbc]], a signal or the outputs, or leave [{link.place}] out"
+        findings.append(graded("buses", bool(carried), text, remedy))
+    return findings
 
 
 def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:
@@ -104,7 +129,7 @@ def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:
     resolution = role_resolution(bus, role, needed)
     noise: float = getattr(configured_noise(bench), role.value)
     text = (
-        f"{role}: {layout.name} 0x{layout.frame_id:X}, {_division(message)} in "
+        f"{role}: {bus.name_of(layout)} 0x{layout.frame_id:X}, {_division(message)} in "
         f"{_unit(role, role_factor(bus, role))}, {limits.lowest / factor:.6g} to "
         f"{limits.highest / factor:.6g} {unit} in steps of {resolution / factor:.3g} {unit}"
     )
@@ -170,28 +195,31 @@ def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) 
 
 
 def _identifiers(bus: BusMap) -> list[Finding]:
-    owners: dict[int, list[str]] = {}
+    owners: dict[int, list[MessageLayout]] = {}
     for layout in _layouts(bus):
-        owners.setdefault(frame_key(layout.frame_id, layout.is_extended), []).append(layout.name)
+        key = frame_key(layout.frame_id, layout.is_extended, layout.bus)
+        owners.setdefault(key, []).append(layout)
     clashes = [
         Finding(
             "identifiers",
             Level.ERROR,
-            f"{' and '.join(names)} share 0x{key & 0x1FFFFFFF:X}; give every message its own identifier",
+            f"{' and '.join(map(bus.name_of, layouts))} share 0x{key & 0x1FFFFFFF:X}; give every message its own "
+            "identifier",
         )
-        for key, names in owners.items()
-        if len(names) > 1
+        for key, layouts in owners.items()
+        if len(layouts) > 1
     ]
-    used = {layout.name for layout in _layouts(bus)}
+    used = {(layout.name, layout.bus) for layout in _layouts(bus)}
     others = [
         Finding(
             "identifiers",
             Level.WARNING,
-            f"{owners[message.key][0]} shares 0x{message.key & 0x1FFFFFFF:X} with {message.name} of {message.path}; "
+            f"{bus.name_of(owners[message.key][0])} shares 0x{message.key & 0x1FFFFFFF:X} with {message.name} of "
+            f"{message.path}; "
             "if that one is on this bus too, give one of them another identifier",
         )
         for message in bus.known
-        if message.key in owners and message.name not in used
+        if message.key in owners and (message.name, message.bus) not in used
     ]
     return clashes + others or [Finding("identifiers", Level.OK, f"{len(owners)} messages, all different")]
 
@@ -200,7 +228,9 @@ def _databases(bus: BusMap) -> list[Finding]:
     """Names that several databases define, and what is wrong with those read leniently."""
     findings = []
     for layout in _layouts(bus):
-        files = [str(message.path) for message in bus.known if message.name == layout.name]
+        named = [message for message in bus.known if message.name == layout.name]
+        of_bus = [message for message in named if message.bus == layout.bus]
+        files = [str(message.path) for message in of_bus or named]
         if len(files) > 1:
             text = f"{layout.name} is in {' and in '.join(files)}; the first is used, rename the other"
             findings.append(Finding("databases", Level.WARNING, text))
@@ -208,29 +238,34 @@ def _databases(bus: BusMap) -> list[Finding]:
     return findings
 
 
-def _frames(link: LinkConfig, layouts: Sequence[MessageLayout]) -> list[Finding]:
+def _frames(bench: Bench, bus: BusMap, number: int) -> list[Finding]:
+    """Messages on the bus of this number that no frame of their kind can hold."""
     findings = []
-    for layout in layouts:
+    link = bench.config.buses[number]
+    for layout in (layout for layout in _layouts(bus) if layout.bus == number):
         if not layout.is_fd and layout.length > CLASSIC_LENGTH:
             problem = (
                 f"{layout.name} is a classic CAN message of {layout.length} bytes, more than {CLASSIC_LENGTH}; "
                 "set its VFrameFormat to 14 (StandardCAN_FD) or 15 (ExtendedCAN_FD)"
             )
-        elif layout.is_fd and not link.fd:
-            problem = f"{layout.name} is a CAN FD message, but link.fd is false; set link.fd = true"
+        elif layout.is_fd and not link.config.fd:
+            problem = (
+                f"{layout.name} is a CAN FD message, but {link.place}.fd is false; set {link.place}.fd = true"
+            )
         else:
             continue
         findings.append(Finding("frames", Level.ERROR, problem))
-    return findings or [Finding("frames", Level.OK, "every message fits its kind of frame")]
+    return findings
 
 
-def _load_findings(load: BusLoad, link: LinkConfig) -> list[Finding]:
+def _load_findings(load: BusLoad, link: LinkConfig, on: str) -> list[Finding]:
+    """on: which bus it is, where there are several."""
     rates = f"at {link.bit_rate / 1e3:g}k{f'/{link.data_bit_rate / 1e6:g}M' if link.fd else ''} bit/s"
     windowed = (
-        f"windowed, {INJECTIONS_PER_SECOND:g} injections/s of {WINDOW / MILLISECOND:g} ms: "
+        f"{on}windowed, {INJECTIONS_PER_SECOND:g} injections/s of {WINDOW / MILLISECOND:g} ms: "
         f"{load.windowed:.0%} {rates}"
     )
-    continuous = f"continuous: {load.continuous:.0%} {rates}"
+    continuous = f"{on}continuous: {load.continuous:.0%} {rates}"
     return [
         Finding("bus load", _level(load.windowed, load.windowed), windowed),
         Finding(

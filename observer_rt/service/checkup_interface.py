@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from observer_rt.config import LinkConfig
+from observer_rt.link_config import LinkConfig
 from observer_rt.service.findings import Finding, Level, graded
 
 SHORTEST_QUEUE = 100  # frames
@@ -82,9 +82,12 @@ def _timing(content: dict[str, Any], key: str) -> BitTiming | None:
 
 
 def interface_findings(
-    link: LinkConfig, controller: Controller | None = None, network: Path = NETWORK
+    link: LinkConfig, controller: Controller | None = None, network: Path = NETWORK, place: str = "link"
 ) -> list[Finding]:
-    """What is to be said of the interface with its folder below `network` and, where there is one, a controller."""
+    """What is to be said of the interface with its folder below `network` and, where there is one, a controller.
+
+    place: the section of the bench file.
+    """
     name = link.channel
     folder = network / name
     try:
@@ -95,7 +98,7 @@ def interface_findings(
     except OSError:
         return [Finding(TOPIC, Level.WARNING, f"{name} does not exist; {_create(link)}")]
     if kind != _CAN_INTERFACE:
-        return [Finding(TOPIC, Level.WARNING, f"{name} is no CAN interface; set link.channel to one")]
+        return [Finding(TOPIC, Level.WARNING, f"{name} is no CAN interface; set {place}.channel to one")]
     is_up = bool(flags & _INTERFACE_IS_UP) and state != "down"
     is_off = controller is not None and controller.state == "BUS-OFF"  # which also takes the carrier away
     findings = (
@@ -114,11 +117,11 @@ def interface_findings(
         )
     )
     if controller is not None:
-        findings += _controller_findings(link, controller)
+        findings += _controller_findings(link, controller, place)
     return findings
 
 
-def _controller_findings(link: LinkConfig, controller: Controller) -> list[Finding]:
+def _controller_findings(link: LinkConfig, controller: Controller, place: str) -> list[Finding]:
     name = link.channel
     findings = []
     if controller.state in ("BUS-OFF", "ERROR-PASSIVE"):
@@ -131,7 +134,7 @@ def _controller_findings(link: LinkConfig, controller: Controller) -> list[Findi
         ("data bit rate", controller.data if link.fd else None, link.data_bit_rate),
     ):
         if timing is not None:
-            findings.append(_rate_finding(link, phase, timing, wanted))
+            findings.append(_rate_finding(link, phase, timing, wanted, place))
     if controller.restart_ms is not None:
         findings.append(
             graded(
@@ -148,14 +151,14 @@ def _controller_findings(link: LinkConfig, controller: Controller) -> list[Findi
     return findings
 
 
-def _rate_finding(link: LinkConfig, phase: str, timing: BitTiming, wanted: float) -> Finding:
+def _rate_finding(link: LinkConfig, phase: str, timing: BitTiming, wanted: float, place: str) -> Finding:
     point = "" if timing.sample_point is None else f", sampled at {timing.sample_point:.1%}"
     key = phase.replace(" ", "_")
     return graded(
         TOPIC,
         abs(timing.bit_rate - wanted) <= RATE_TOLERANCE * wanted,
         f"{link.channel}: {phase} {timing.bit_rate} bit/s{point}",
-        f"the bench file says {wanted:.0f}: set link.{key}, or {_set_up_anew(link)}",
+        f"the bench file says {wanted:.0f}: set {place}.{key}, or {_set_up_anew(link)}",
     )
 
 

@@ -15,7 +15,9 @@ SHOWN_TEMPERATURES = 20.0, 40.0, 80.0  # degC
 def slow_findings(bus: BusMap) -> list[Finding]:
     """A finding for every optional input of a bench."""
     return [
-        _finding(f"{signal.role}: {slow.layout.name} 0x{slow.layout.frame_id:X}, {signal.name}", signal)
+        _finding(
+            f"{signal.role}: {bus.name_of(slow.layout)} 0x{slow.layout.frame_id:X}, {signal.name}", signal
+        )
         for slow in bus.slow
         for signal in slow.signals
     ]

@@ -23,14 +23,14 @@ def time_findings(bus: BusMap) -> list[Finding]:
     """One finding for each input message, warnings where something of its time cannot be seen."""
     findings = []
     for stream, timing in enumerate(bus.inputs.timing):
-        layout = layout_of(bus, stream)
-        text = f"{layout.name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
+        name = bus.name_of(layout_of(bus, stream))
+        text = f"{name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
         findings.append(Finding("time", Level.OK, text))
         if timing["numbering"] == Numbering.STAMPS:
-            findings.append(_no_counter(layout.name))
+            findings.append(_no_counter(name))
         carries_lift = (int(bus.inputs.streams[stream]["roles"]) >> ROLES.index(Role.NEEDLE_LIFT)) & 1
         if carries_lift and timing["joining"] == Joining.CLOCK and timing["interval"] > COARSE:
-            findings.append(_coarse_lift(layout.name, float(timing["interval"])))
+            findings.append(_coarse_lift(name, float(timing["interval"])))
     if any(timing["joining"] == Joining.CLOCK for timing in bus.inputs.timing):
         findings.append(
             Finding(

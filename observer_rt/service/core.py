@@ -102,14 +102,16 @@ class Core:
         self._first_version = start.phi_version
         self._frames: list[OutputFrame] = []
 
-    def handle(self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int) -> list[OutputFrame]:
-        """Take one received frame; frames that are not ours are ignored. Returns the frames to send.
+    def handle(
+        self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int, bus: int = 0
+    ) -> list[OutputFrame]:
+        """Take one frame received on a bus; frames that are not ours are ignored. Returns the frames to send.
 
-        stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames. Where all
-        messages of one time base carry an index, it changes no result.
+        stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames of all
+        buses. Where all messages of one time base carry an index, it changes no result.
         """
         data = np.frombuffer(payload, np.uint8)
-        key = frame_key(frame_id, is_extended)
+        key = frame_key(frame_id, is_extended, bus)
         if self._bus.slow:
             self._heed_optional(key, data)
         waiting = handle(self._pipeline, key, data, stamp_ns)
@@ -277,7 +279,9 @@ class Core:
             return
         for frame in publisher.out[:count]:
             payload = frame["payload"][: int(frame["length"])].tobytes()
-            self._frames.append(OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload))
+            self._frames.append(
+                OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload, layout.bus)
+            )
         publisher.memory["frames"] = 0
 
     def _taken_frames(self) -> list[OutputFrame]:

@@ -1,36 +1,34 @@
-"""The daemon: a thin loop round the core, from a link back onto it."""
+"""The daemon: a thin loop round the core, from the buses back onto them."""
 
-import contextlib
 import gc
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from observer_rt.bus.database import database_hash
 from observer_rt.bus.link import Link, LinkDownError
 from observer_rt.bus.mapping import BusMap
+from observer_rt.bus.reading import BusDownError, reading
 from observer_rt.config import Bench
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.observer.state import Reason, State
 from observer_rt.service.core import Core
-from observer_rt.service.link_watch import LinkWatch
 from observer_rt.service.measured_mass import MeasuredMass
-from observer_rt.service.outbox import RETRY, Outbox
+from observer_rt.service.outbox import RETRY
 from observer_rt.service.output import FrameWriter, OutputFrame
+from observer_rt.service.port import Port
 from observer_rt.service.report import InjectionReport
 from observer_rt.service.state_file import model_hash
 from observer_rt.service.status import LinkFigures, status_values
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data
-RECONNECT_PERIOD = 0.1  # s between tries while the interface is down or away
-SILENCE = 10.0  # s without an outage, after which the same one is told again: some devices come and go
 LAST_FRAMES = 0.5  # s for the last results to be sent in
 
 
 class Daemon:
-    """Observes what comes in on a link until told to stop."""
+    """Observes what comes in on the links of a bench until told to stop."""
 
     def __init__(
         self,
@@ -41,25 +39,33 @@ class Daemon:
         on_report: Callable[[InjectionReport], None] | None = None,
         on_message: Callable[[str], None] | None = None,
         on_measured: Callable[[MeasuredMass], None] | None = None,
+        further: Sequence[Link] = (),
     ) -> None:
-        """knowledge: restored from an earlier run.
+        """link, further: of the first bus and of the others, in order. knowledge: restored from an earlier run.
 
         on_report is called from the loop with every injection, on_measured with those whose mass was measured,
-        on_message with what goes wrong on the link.
+        on_message with what goes wrong on a link.
         """
-        self.link = link
-        self._outbox = Outbox(link)
-        self._channel = bench.config.link.channel
-        self._watch = LinkWatch(self._channel, link, self._outbox)
-        self._on_message = on_message or (lambda _: None)
-        self._outages = 0
-        self._last_outage = ("", -SILENCE)  # what was the matter, and when
+        self._links = (link, *further)
+        self.ports = tuple(
+            Port(
+                named.label,
+                named.config.channel,
+                each,
+                any(layout.bus == number for layout in bus.received),
+                on_message or (lambda _: None),
+            )
+            for number, (named, each) in enumerate(zip(bench.config.buses, self._links, strict=True))
+        )
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning")
+        self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
         self._bench = bench
         self.core = Core(bench, bus, knowledge, self._executor, on_report=on_report, on_measured=on_measured)
         self._status_writer = FrameWriter(bus.status)
         self._status_period = round(bench.config.outputs.status_period_ms * 1e6)
         self._hashes = (int(model_hash(bench.injector)[:8], 16), database_hash(bench.databases))
+        self._is_waiting = False  # whether results wait for room on some bus
+        self._down: list[int] = []  # buses
         self._frames_seen = 0
         self._last_input = 0
         self.ready = threading.Event()
@@ -67,75 +73,75 @@ class Daemon:
     def run(self, stop: threading.Event) -> None:
         """Serve until `stop` is set, then publish what is complete and a last status frame.
 
-        An interface that goes down or away is waited for. Call `warm_up` before the link is opened: what is not
-        compiled yet would be compiled while frames come in. Raises `RunError` when the link fails otherwise.
+        An interface that goes down or away is waited for, while the others are served. Call `warm_up` before the
+        links are opened: what is not compiled yet would be compiled while frames come in. Raises `RunError` when
+        a link fails otherwise.
         """
         gc.collect()
         gc.freeze()  # a full collection would stop the loop for tens of milliseconds
         self._last_input = self._next_status = time.monotonic_ns()
+        self._reading = reading(self._links)
         self.ready.set()
         try:
             while not stop.is_set():
-                try:
-                    self._serve_once()
-                except LinkDownError as error:
-                    self._await_link(error, stop)
+                self._serve_once()
             self._finish()
         finally:
+            self._reading.close()
+            self._menders.shutdown()
             self._executor.shutdown(cancel_futures=True)
             gc.unfreeze()
 
     def _serve_once(self) -> None:
         """One frame, or none within the time-out; results, and status when it is due."""
-        frame = self.link.receive(RETRY if self._outbox else RECEIVE_TIMEOUT)
+        try:
+            received = self._reading.receive(RETRY if self._is_waiting else RECEIVE_TIMEOUT)
+        except BusDownError as error:
+            self._lose(error.bus, error)
+            return
         now = time.monotonic_ns()
-        if frame is not None:
-            self._outbox.post(
-                self.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
-            )
-        elif self._outbox:
-            self._outbox.flush()
+        if received is not None:
+            bus, frame = received
+            results = self.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, bus)
+            if results or self._is_waiting:
+                self._post(results)
+        elif self._is_waiting:
+            self._post(())
         if now >= self._next_status:
             self._next_status = now + self._status_period
-            self._outbox.post(self._status(now))
-            for message in self._watch.messages(now):
-                self._on_message(message)
+            self._post(self._status(now))
+            for port in self.ports:
+                port.tell(now)
+        for bus in list(self._down):
+            if self.ports[bus].mend(self._menders):
+                self._down.remove(bus)
+                self._reading.take_back(bus)
 
-    def _await_link(self, error: LinkDownError, stop: threading.Event) -> None:
-        """Until the interface is back or `stop` is set; says why it waits."""
-        self._outages += 1
-        self._frames_seen, self._last_input = self.core.counters.frames, 0  # what came before is past
-        self._outbox.discard()  # by then they would be too old for anybody
-        told = False
-        while not stop.is_set():
-            told = self._tell_outage(str(error)) or told
-            stop.wait(RECONNECT_PERIOD)
+    def _post(self, frames: Sequence[OutputFrame]) -> None:
+        """Results to their buses, behind those that wait there."""
+        for bus, port in enumerate(self.ports):
             try:
-                self.link.reconnect()
-            except LinkDownError as again:
-                error = again
-            else:
-                if told:
-                    self._on_message(f"{self._channel} is back")
-                return
+                port.post(frame for frame in frames if frame.bus == bus)
+            except LinkDownError as error:
+                self._lose(bus, error)
+        self._is_waiting = any(port.is_waiting for port in self.ports)
 
-    def _tell_outage(self, reason: str) -> bool:
-        """Whether there was something new to tell."""
-        before, when = self._last_outage
-        now = time.monotonic()
-        self._last_outage = reason, now
-        is_new = reason != before or now - when > SILENCE
-        if is_new:
-            self._on_message(f"waiting for the interface: {reason}")
-        return is_new
+    def _lose(self, bus: int, error: LinkDownError) -> None:
+        """A link failed: go on without it until it is mended."""
+        self._reading.leave_out(bus)
+        self._down.append(bus)
+        self.ports[bus].go_down(error)
+        self._frames_seen, self._last_input = self.core.counters.frames, 0  # what came before is past
 
     def _finish(self) -> None:
-        """Publish what is complete, and a last status frame, as far as the link takes them."""
-        with contextlib.suppress(LinkDownError):
-            self._outbox.post(self.core.finish())
-            self._outbox.post(self._status(time.monotonic_ns()))
-            self._outbox.drain(LAST_FRAMES)
-        self._outbox.discard()
+        """Publish what is complete, and a last status frame, as far as the links take them."""
+        self._post(self.core.finish())
+        self._post(self._status(time.monotonic_ns()))
+        for bus, port in enumerate(self.ports):
+            try:
+                port.drain(LAST_FRAMES)
+            except LinkDownError as error:
+                self._lose(bus, error)
 
     def state(self, now: int) -> tuple[State, Reason]:
         """State and reason at a monotonic time [ns], inputs that stay away included."""
@@ -145,6 +151,8 @@ class Daemon:
             self._last_input = now
         if frames == 0:
             return State.WAITING_FOR_DATA, Reason.STARTING
+        if any(self.ports[bus].has_inputs for bus in self._down):
+            return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
         if now - self._last_input > INPUT_TIMEOUT * 1e9:
             return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
         return self.core.state
@@ -152,18 +160,17 @@ class Daemon:
     @property
     def dropped(self) -> int:
         """Frames lost before they reached the loop."""
-        return self.link.dropped
+        return sum(port.link.dropped for port in self.ports)
 
     @property
     def unsent(self) -> int:
-        """Results given up because the link had no room for them, or was down."""
-        return self._outbox.unsent
+        """Results given up because their link had no room for them, or was down."""
+        return sum(port.unsent for port in self.ports)
 
     @property
     def troubles(self) -> int:
-        """How often the interface went down or away, and its controller error-passive or bus-off."""
-        condition = self.link.condition
-        return self._outages + condition.passives + condition.bus_offs
+        """How often an interface went down or away, and its controller error-passive or bus-off."""
+        return sum(port.troubles for port in self.ports)
 
     def _status(self, now: int) -> list[OutputFrame]:
         state, reason = self.state(now)

@@ -12,8 +12,13 @@ class LinkWatch:
 
     def __init__(self, channel: str, link: Link, outbox: Outbox) -> None:
         self._channel, self._link, self._outbox = channel, link, outbox
-        self._condition, self._dropped, self._unsent = link.condition, link.dropped, outbox.unsent
+        self._condition, self._dropped = link.condition, link.dropped
         self._next = 0
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """The link is up again: what was not sent meanwhile is no news."""
+        self._unsent = self._outbox.unsent
 
     def messages(self, now: int) -> list[str]:
         """News at a monotonic time [ns]; none within `PERIOD` after the last ones."""
@@ -23,7 +28,8 @@ class LinkWatch:
         self._condition = self._link.condition
         if self._link.dropped > self._dropped:
             told.append(
-                f"{self._link.dropped - self._dropped} frames were lost before this process could read them\n"
+                f"{self._link.dropped - self._dropped} frames of {self._channel} were lost before this process could "
+                "read them\n"
                 "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
             )
             self._dropped = self._link.dropped

@@ -2,6 +2,8 @@
 
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 from rich.console import Console, RenderableType
@@ -43,11 +45,7 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
     pressure_scale = bench.injector.scaling.pressure
     knowledge = restored_knowledge(state, model, pressure_scale, console)
     _announce(bench, bus, console)
-    link_config = bench.config.link
-    wanted = [(layout.frame_id, layout.is_extended) for layout in bus.received]
-    screen = View(
-        f"observer_rt: {link_config.interface} {link_config.channel}", bench.config.sampling.rate_hz
-    )
+    screen = View(f"observer_rt: {_buses(bench)}", bench.config.sampling.rate_hz)
 
     def on_report(report: InjectionReport) -> None:
         if view:
@@ -68,9 +66,9 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
     with stop_on_signals() as stop:
         say_if_compiling(console)
         warm_up(bench, bus)
-        with open_link(link_config.interface, link_config.channel, link_config.fd, wanted) as link:
-            _announce_link(link, console)
-            daemon = Daemon(bench, bus, link, knowledge, on_report, on_message, on_measured)
+        with ExitStack() as stack:
+            link, *further = [stack.enter_context(each) for each in _opened(bench, bus, console)]
+            daemon = Daemon(bench, bus, link, knowledge, on_report, on_message, on_measured, further)
             screen.watch(daemon)
             say(console, "ready")
             try:
@@ -99,31 +97,41 @@ def restored_knowledge(
     return restored.knowledge if restored.knowledge and restored.knowledge.events else None
 
 
+def _opened(bench: Bench, bus: BusMap, console: Console) -> Iterator[Link]:
+    """The links of all buses, opened one after another, with what is to be said of them."""
+    links = bench.config.buses
+    for number, named in enumerate(links):
+        config = named.config
+        link = open_link(config.interface, config.channel, config.fd, bus.received_on(number), len(links) > 1)
+        yield link
+        on = f"{named.label}: " if len(links) > 1 else ""
+        say(console, f"{on}time stamps: {link.stamp_source}")
+        for warning in link.warnings:
+            say(console, f"warning: {warning}")
+
+
+def _buses(bench: Bench) -> str:
+    """Interfaces and channels of all buses."""
+    return ", ".join(f"{link.config.interface} {link.label}" for link in bench.config.buses)
+
+
 def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
     constants = bench_constants(bench)
-    link = bench.config.link
-    inputs = ", ".join(layout.name for layout in bus.received)
-    sent = [output for output in (bus.rate, bus.summary, bus.status) if output is not None]
-    outputs = ", ".join(output.layout.name for output in sent)
+    inputs = ", ".join(map(bus.name_of, bus.received))
+    outputs = ", ".join(map(bus.name_of, bus.sent))
     rate = bench.config.sampling.rate_hz
     lookahead = constants.timing.lookahead
     say(
         console,
-        f"{link.interface} {link.channel}: {inputs} at {rate:g} Hz -> {outputs}\n"
+        f"{_buses(bench)}: {inputs} at {rate:g} Hz -> {outputs}\n"
         f"{constants.substeps} integration steps a sample, look-ahead {lookahead} samples "
         f"({lookahead / rate / MICROSECOND:g} us)",
     )
-    if link.interface == "virtual":
+    if any(link.config.interface == "virtual" for link in bench.config.buses):
         say(
             console,
             "the virtual bus ends at this process: nothing will come in (vcan0 reaches other programs)",
         )
-
-
-def _announce_link(link: Link, console: Console) -> None:
-    say(console, f"time stamps: {link.stamp_source}")
-    for warning in link.warnings:
-        say(console, f"warning: {warning}")
 
 
 def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event, console: Console) -> None:

@@ -69,5 +69,5 @@ def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:
         if timing["joining"] == Joining.CLOCK:
             unknown = float(grid["residual"] + clock["residual"]) / SECOND
         drift = float(clock["drift"]) / float(clock["interval"])
-        result.append(MessageTiming(layout_of(bus, stream).name, jitter_of(clock), drift, unknown))
+        result.append(MessageTiming(bus.name_of(layout_of(bus, stream)), jitter_of(clock), drift, unknown))
     return tuple(result)

@@ -50,6 +50,10 @@ class Outbox:
             self.flush()
         self.discard()
 
+    def give_up(self, frames: Iterable[OutputFrame]) -> None:
+        """Send none of the frames."""
+        self.unsent += sum(1 for _ in frames)
+
     def discard(self) -> None:
         """Give up all that waits."""
         self.unsent += len(self._waiting)

@@ -19,6 +19,8 @@ class OutputFrame(NamedTuple):
     is_extended: bool
     is_fd: bool
     payload: bytes
+    bus: int = 0
+    """Number of the bus it goes out on."""
 
 
 class FrameWriter:
@@ -44,7 +46,7 @@ class FrameWriter:
             self._counter,
         )
         self._counter += 1
-        return OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes())
+        return OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes(), layout.bus)
 
 
 def summary_values(

@@ -77,7 +77,8 @@ class View:
     def render(self, now: int, width: int, height: int) -> RenderableType:
         """The whole view at a monotonic time [ns], for a terminal of `width` x `height` characters."""
         shown = list(self._shown)
-        lines = max(0, height - ABOVE)
+        further = len(self._daemon.ports) - 1 if self._daemon else 0
+        lines = max(0, height - ABOVE - further)
         rows = max(1, min(SHOWN, lines // 3))
         size = min(width, WIDEST) - AROUND, max(LOWEST, min(HIGHEST, lines - rows))
         parts: list[RenderableType] = [self._status(now)]
@@ -107,13 +108,15 @@ class View:
             f"dropped {self._daemon.dropped}  CRC {counters.crc_errors}  sequence {counters.sequence_errors}\n",
             style="dim",
         )
-        link = self._daemon.link
-        line.append(
-            f" link {link.condition.state}, stamps by {link.stamp_source}, unsent {self._daemon.unsent}, "
-            f"troubles {self._daemon.troubles}",
-            style="dim",
-        )
-        line.append(f"\n {summary_of(self._daemon.core.timing)}", style="dim")
+        for port in self._daemon.ports:
+            name = "link" if len(self._daemon.ports) == 1 else f"{port.label} dropped {port.link.dropped},"
+            condition = str(port.link.condition.state) if port.is_up else "down"
+            line.append(
+                f" {name} {condition}, stamps by {port.link.stamp_source}, unsent {port.unsent}, "
+                f"troubles {port.troubles}\n",
+                style="bold red" if port.is_in_trouble else "dim",
+            )
+        line.append(f" {summary_of(self._daemon.core.timing)}", style="dim")
         temperature = self._daemon.core.fuel_temperature
         if temperature is not None:
             line.append(f"  fuel {temperature - ZERO_CELSIUS:.1f} °C", style="dim")

@@ -25,11 +25,11 @@ def warm_up(bench: Bench, bus: BusMap) -> None:
     recording = Recording(time, pressure, np.zeros(_SAMPLES), pressure)
     core = Core(bench, bus)
     for frame in Framer(bus).frames(recording, whole(recording)):
-        core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
+        core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, frame.bus)
     for layout, frame in ((slow.layout, slow.frame[0]) for slow in bus.slow):
         payload = np.zeros(layout.length, np.uint8)
         protect(payload, layout.length, int(frame["e2e_profile"]), int(frame["data_id"]), 0)
-        core.handle(layout.frame_id, layout.is_extended, payload.tobytes(), 0)
+        core.handle(layout.frame_id, layout.is_extended, payload.tobytes(), 0, layout.bus)
     core.finish()
     constants = bench_constants(bench)
     scale = constants.coefficients.pressure_scale

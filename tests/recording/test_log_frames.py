@@ -7,6 +7,7 @@ import pytest
 from observer_rt.errors import UserError
 from observer_rt.recording.framing import TimedFrame
 from observer_rt.recording.log_frames import LogPart, log_frames
+from observer_rt.recording.remapping import Sent
 
 LOG = """(1700000000.000000) can0 100##1AA01
 (1700000000.250000) can0 200#0102
@@ -40,7 +41,7 @@ def test_a_part_of_a_log_begins_at_its_start(log: Path) -> None:
 
 
 def test_frames_can_be_left_out_of_a_log(log: Path) -> None:
-    frames = list(LogPart(log, leave_out=[(0x200, False), (0x1ABCDEF0, False)]))
+    frames = list(LogPart(log, leave_out=[Sent(0, 0x200, False), Sent(0, 0x1ABCDEF0, False)]))
     assert [frame.frame_id for frame in frames] == [0x100, 0x1ABCDEF0, 0x100]
 
 
@@ -73,16 +74,16 @@ def test_an_empty_part_of_a_log_names_its_range(log: Path) -> None:
 
 
 def test_frames_of_some_channels_only(log: Path) -> None:
-    assert [frame.payload for frame in LogPart(log, channels=("can1",))] == [b"\xaa\x02"]
+    assert [frame.payload for frame in LogPart(log, buses={"can1": 0})] == [b"\xaa\x02"]
     with pytest.raises(UserError, match=r"channel can7: is not in .* which has can0, can1"):
-        LogPart(log, channels=("can7",)).extent()
+        LogPart(log, buses={"can7": 0}).extent()
 
 
 def test_what_a_log_holds(log: Path) -> None:
     with log.open("a") as file:
         file.write("(1700000001.000000) can1 100#R\n(1700000001.000000) can1 20000004#0001000000000000\n")
-    extent = LogPart(log, channels=("can1",)).extent()
-    assert extent.identifiers == {(0x100, False)}
+    extent = LogPart(log, buses={"can1": 2}).extent()
+    assert extent.identifiers == {Sent(2, 0x100, False)}
     assert extent.channels == ("can1",)
     assert extent.notes == (f"{log}: left out: 1 error frame, 1 remote frame",)
 

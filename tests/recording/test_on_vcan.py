@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.link import Link, open_link
-from observer_rt.config import LinkConfig
 from observer_rt.errors import UserError
+from observer_rt.link_config import LinkConfig
 from observer_rt.recording.framing import TimedFrame
 from observer_rt.recording.log_frames import LogPart, log_frames
 from observer_rt.recording.logs import open_log
 from observer_rt.recording.player import play
 from observer_rt.recording.recorder import RecordLimits, RecordStatistics, record
+from observer_rt.recording.remapping import Sent
 from observer_rt.recording.traffic import refuse_traffic
 
 pytestmark = pytest.mark.vcan
@@ -92,9 +93,9 @@ def test_other_senders_are_noticed(vcan: str) -> None:
     sender.start()
     try:
         config = LinkConfig(channel=vcan)
-        refuse_traffic(config, [vcan], [(0x123, True), (0x124, False)], threading.Event())
+        refuse_traffic({0: config}, [Sent(0, 0x123, True), Sent(0, 0x124, False)], threading.Event())
         with pytest.raises(UserError, match="identifier 0x123 come in already"):
-            refuse_traffic(config, [vcan], [(0x123, False)], threading.Event())
+            refuse_traffic({0: config}, [Sent(0, 0x123, False)], threading.Event())
     finally:
         over.set()
         sender.join()

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.config import LinkConfig
+from observer_rt.link_config import LinkConfig
 from observer_rt.service.checkup_interface import (
     BitTiming,
     Controller,

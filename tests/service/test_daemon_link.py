@@ -180,4 +180,4 @@ def test_frames_lost_before_the_loop_are_told(bench: Path) -> None:
     with serving(daemon_on(bench, link, messages)):
         link.lost = 7
         until(lambda: bool(messages))
-    assert messages[0].startswith("7 frames were lost before")
+    assert messages[0].startswith("7 frames of can5 were lost before")

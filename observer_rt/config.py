@@ -1,19 +1,15 @@
 """The user's files `bench.toml` and `injector.toml`: read, validated, refused with file, key and remedy."""
 
-import tomllib
-from collections.abc import Mapping
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from observer_rt.effect_names import check_effects
-from observer_rt.errors import UserError
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.names import nearest
+from observer_rt.toml_file import read_toml, validated
 
 PACKAGE_DATA = Path(str(files("observer_rt.data")))
 NOMINAL_INJECTOR = PACKAGE_DATA / "crin3_nominal.toml"
@@ -197,7 +193,7 @@ class Bench(_Section):
 
 def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     """Read `injector.toml`. Raises `UserError` naming file, key, problem and remedy."""
-    parameters = _validated(InjectorParameters, _read_toml(path), path)
+    parameters = validated(InjectorParameters, read_toml(path), path)
     check_effects(f"{path}: ", parameters.effects)
     return parameters
 
@@ -207,7 +203,7 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None) -> Bench:
 
     Raises `UserError` naming file, key, problem and remedy.
     """
-    config = _validated(BenchConfig, _read_toml(path), path)
+    config = validated(BenchConfig, read_toml(path), path)
     injector_path = model
     if injector_path is None:
         injector_path = path.parent / config.model.file if config.model.file else NOMINAL_INJECTOR
@@ -226,71 +222,3 @@ def _database_path(bench: Path, name: str) -> Path:
     if not beside.exists() and shipped.exists():
         return shipped
     return beside
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as file:
-            return tomllib.load(file)
-    except FileNotFoundError:
-        raise UserError(str(path), "no such file", "correct the path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(str(path), f"cannot be read: {error}") from None
-    except RecursionError:
-        raise UserError(str(path), "is not valid TOML: nested too deeply", "mend it") from None
-    except ValueError as error:  # TOMLDecodeError, or a number of more digits than Python reads
-        raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
-
-
-_Model = TypeVar("_Model", bound=BaseModel)
-
-
-def _validated(model: type[_Model], content: dict[str, Any], path: Path) -> _Model:
-    try:
-        return model.model_validate(content)
-    except ValidationError as error:
-        errors = error.errors()
-        # a misspelt key also shows as a missing one: name the cause
-        first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
-        location = first["loc"]
-        place = f"{path}: {'.'.join(str(part) for part in location) or 'file'}"
-        raise UserError(place, *_explanation(model, location, first)) from None
-
-
-def _explanation(model: type[BaseModel], location: tuple[Any, ...], error: Any) -> tuple[str, str]:
-    """Problem and remedy for one pydantic error."""
-    if error["type"] == "extra_forbidden":
-        known = _keys_at(model, location[:-1])
-        near = nearest(str(location[-1]), known)
-        hint = f"did you mean '{near}'? " if near else ""
-        return "unknown key", f"{hint}known keys: {', '.join(known)}"
-    if error["type"] == "missing":
-        kind = "injector" if model is InjectorParameters else "bench"
-        return "is missing", f"add it; `observer-rt run --print-example-{kind}` shows a complete file"
-    message = str(error["msg"]).removeprefix("Value error, ")
-    found = error.get("input")
-    shown = f"{found!r} " if isinstance(found, str | int | float | bool) else ""
-    return f"{shown}is not allowed: {message[:1].lower()}{message[1:]}", "correct the value"
-
-
-def _keys_at(model: type[BaseModel], location: tuple[Any, ...]) -> list[str]:
-    """Names of the keys a section may have; `location` leads to it through nested sections and lists."""
-    names_follow = False  # the next part is a name the user chose, not one of ours
-    for part in location:
-        if isinstance(part, int) or names_follow:
-            names_follow = False
-            continue
-        annotation = model.model_fields[part].annotation
-        names_follow = get_origin(annotation) is Mapping
-        model = _section_in(annotation)
-    return list(model.model_fields)
-
-
-def _section_in(annotation: Any) -> type[BaseModel]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    if get_origin(annotation) in (tuple, Union, UnionType):
-        return _section_in(get_args(annotation)[0])
-    if get_origin(annotation) is Mapping:
-        return _section_in(get_args(annotation)[1])
-    raise TypeError(f"not a section: {annotation}")

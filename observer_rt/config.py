@@ -57,8 +57,8 @@ class DatabaseConfig(_Section):
     lenient: bool = False  # read it although signals overlap or do not fit
 
 
-class SignalConfig(_Section):
-    """Which signals of which message carry a role: one of `signal`, `signals`, `pattern`."""
+class SampledConfig(_Section):
+    """Which signals of which message carry samples, and which: one of `signal`, `signals`, `pattern`."""
 
     message: str
     signal: str | None = None
@@ -66,9 +66,6 @@ class SignalConfig(_Section):
     pattern: str | None = None
     time_base: str = "device"
     index: str | None = None  # signal with the index of the frame's first sample; "": none
-    counter: str | None = None  # signal that counts the frames of a message without index
-    rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
-    max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
     delay_us: Annotated[float, Field(ge=0, le=1e6)] | None = None  # from a frame's last sample to its stamp
     unit: str | None = None  # replaces the unit of the bus database
 
@@ -82,6 +79,21 @@ class SignalConfig(_Section):
     def names(self) -> str | tuple[str, ...]:
         """The signals, as `bus.database.signal_names` takes them."""
         return self.signal or self.pattern or self.signals or ()
+
+
+class SignalConfig(SampledConfig):
+    """The same of a role."""
+
+    counter: str | None = None  # signal that counts the frames of a message without index
+    rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
+    max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
+
+
+class EnergizingConfig(SampledConfig):
+    """The same of the energizing of the injector: with a unit of time its duration, else a level."""
+
+    # from the start of energizing, within which the needle opens
+    missing_after_ms: Annotated[float, Field(ge=0.1, le=50)] = 3.0
 
 
 class SlowSignalConfig(_Section):
@@ -103,6 +115,7 @@ class SignalsConfig(_Section):
     line_pressure: SignalConfig
     learning_enable: SlowSignalConfig | None = None
     measured_mass: SlowQuantityConfig | None = None  # of an injection
+    energizing: EnergizingConfig | None = None
 
     def of(self, role: Role) -> SignalConfig:
         """The mapping of a role."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.database import MessageLayout, find_message, find_signal, signal_names
 from observer_rt.bus.database_file import load_database, overlooked
 from observer_rt.bus.e2e import UNPROTECTED
+from observer_rt.bus.energizing import Energizing, map_energizing, say_no_energizing
 from observer_rt.bus.inputs import INPUT_GROUP, INPUT_MESSAGE, ROLES, Inputs, InputTables
 from observer_rt.bus.outputs import (
     STATUS_SIGNALS,
@@ -23,9 +24,9 @@ from observer_rt.bus.outputs import (
     protected_layout,
     rate_message,
 )
-from observer_rt.bus.sample_groups import SampleGroup, require_carried, sample_groups
+from observer_rt.bus.sample_groups import SampleGroup, require_carried, require_one_rate, sample_groups
 from observer_rt.bus.slow_inputs import SlowMessage, set_unknown, slow_signal
-from observer_rt.bus.timing import INDEX_BITS, Following, following, map_timing, number_signal
+from observer_rt.bus.timing import INDEX_BITS, Following, Joining, following, map_timing, number_signal
 from observer_rt.config import Bench, OptionalRole, Role, SlowQuantityConfig, SlowSignalConfig
 from observer_rt.errors import UserError
 from observer_rt.units import LENGTH_UNITS, MASS_UNITS, PRESSURE_UNITS
@@ -60,6 +61,7 @@ class BusMap:
     input_layouts: tuple[MessageLayout, ...]
     slow: tuple[SlowMessage, ...]
     """Messages with optional inputs."""
+    energizing: Energizing | None
     following: tuple[Following | None, ...]  # how a stream that is not on the grid follows it
     rate: RateMessage | None
     """None: the injection rate is not published."""
@@ -98,7 +100,13 @@ def map_bus(bench: Bench) -> BusMap:
     databases = [load_database(path, entry.lenient) for path, entry in files]
     inputs, layouts = _map_inputs(bench, databases)
     slow = _map_slow(bench, databases, layouts)
-    _say_nothing(inputs, slow)
+    energizing = None
+    if bench.config.signals.energizing is not None:
+        message = _message(bench, databases, "signals.energizing", bench.config.signals.energizing.message)
+        carrier = next(one for one in slow if one.layout.name == message.name)
+        leading = next(row for row in inputs.timing if row["joining"] == Joining.INDEX)
+        energizing = map_energizing(bench, message, carrier, leading)
+    _say_nothing(inputs, slow, energizing)
     outputs = bench.config.outputs
     rate = None
     if outputs.injection_rate:
@@ -107,6 +115,7 @@ def map_bus(bench: Bench) -> BusMap:
         inputs=inputs,
         input_layouts=layouts,
         slow=slow,
+        energizing=energizing,
         following=tuple(following(bench, inputs.timing, inputs.streams["roles"].tolist())),
         rate=rate,
         summary=output_message(
@@ -150,7 +159,7 @@ def _map_inputs(bench: Bench, databases: Sequence[Database]) -> tuple[Inputs, tu
         row = _frame_row(layout)
         streams += [(message, together) for together in _map_message(bench, message, roles, row, tables)]
     timing = map_timing(bench, streams, tables.stream_samples)
-    _require_one_rate(bench, streams, timing["steps"].tolist())
+    require_one_rate(bench, streams, timing["steps"].tolist())
     return tables.inputs(timing), tuple(layouts)
 
 
@@ -171,9 +180,13 @@ def _map_slow(
     by_message: dict[str, list[tuple[OptionalRole, SlowSignalConfig]]] = {}
     for role, config in bench.config.signals.optional:
         by_message.setdefault(config.message, []).append((role, config))
+    energizing = bench.config.signals.energizing
+    if energizing is not None:
+        by_message.setdefault(energizing.message, [])
     slow = []
     for name, mappings in by_message.items():
-        message = _message(bench, databases, f"signals.{mappings[0][0]}.message", name)
+        first = mappings[0][0] if mappings else "energizing"
+        message = _message(bench, databases, f"signals.{first}.message", name)
         signals = []
         for role, config in mappings:
             with _named(f"{bench.path}: signals.{role}"):
@@ -188,13 +201,15 @@ def _map_slow(
     return tuple(slow)
 
 
-def _say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
+def _say_nothing(inputs: Inputs, slow: Sequence[SlowMessage], energizing: Energizing | None) -> None:
     """Frames made of recordings, which have no optional inputs, must not tell any."""
     for message in slow:
         for row in inputs.messages[inputs.messages["key"] == message.frame[0]["key"]]:
             first = int(row["first_kind"])
             for kind in inputs.kinds[first : first + int(row["kind_count"])]:
                 set_unknown(message, kind["blank"])
+                if energizing is not None and energizing.layout == message.layout:
+                    say_no_energizing(energizing, kind["blank"])
 
 
 def _map_message(
@@ -238,20 +253,6 @@ def _map_message(
         tables.add_stream(int(row["samples"]), sum(1 << ROLES.index(role) for role in together))
     tables.add_message(row, message, [group for groups in streams for group in groups])
     return list(streams.values())
-
-
-def _require_one_rate(
-    bench: Bench, streams: Sequence[tuple[Message, list[Role]]], steps: Sequence[int]
-) -> None:
-    """Streams of one message share its index."""
-    names = [message.name for message, _ in streams]
-    for (message, roles), ratio in zip(streams, steps, strict=True):
-        if ratio > 1 and names.count(message.name) > 1:
-            raise UserError(
-                f"{bench.path}: signals.{roles[0]}.rate_hz",
-                f"{message.name} carries other signals under the same sample index",
-                "leave rate_hz out: all signals of one message are sampled alike",
-            )
 
 
 @contextmanager

@@ -30,7 +30,8 @@ from observer_rt.observer.observer import (
 from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import INJECTIONS, RING, Constants, Reason, State
 from observer_rt.paper.network import FreeNetwork
-from observer_rt.service.counters import Counters
+from observer_rt.service.counters import Counters, counted
+from observer_rt.service.energizing import EnergizingFigures, Mismatch
 from observer_rt.service.learners import LearnerFactory, make_learner
 from observer_rt.service.measured_mass import MeasuredMass
 from observer_rt.service.message_timing import MessageTiming, timing_of
@@ -93,11 +94,13 @@ class Core:
         learning: bool | None = None,
         on_report: Callable[[InjectionReport], None] | None = None,
         on_measured: Callable[[MeasuredMass], None] | None = None,
+        on_mismatch: Callable[[Mismatch], None] | None = None,
         learner_of: LearnerFactory = make_learner,
     ) -> None:
         """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep).
 
-        on_report is called with every injection, on_measured then, or later, with those whose mass was measured.
+        on_report is called with every injection, on_measured then, or later, with those whose mass was measured,
+        on_mismatch with those that are missing after a command, or have none.
         """
         config = bench.config
         self._bus = bus
@@ -106,7 +109,6 @@ class Core:
         noise = configured_noise(bench)
         start = knowledge or no_knowledge(noise, self._pressure_scale)
         learning = config.learning.enabled if learning is None else learning
-        self._optional = OptionalInputs(bus.slow, learning, on_measured)
         self._injector_id = config.outputs.injector_id
         learner = learner_of(bench, self._constants, start)
         lockstep = executor is None or config.learning.lockstep
@@ -122,6 +124,8 @@ class Core:
             self._observer,
             make_publisher(bus.rate, learning),
         )
+        watched = self._pipeline.keeping, self._observer
+        self._optional = OptionalInputs(bus, learning, *watched, on_measured, on_mismatch)
         self._rate_layout = bus.rate.layout if bus.rate else None
         self._summary_writer = FrameWriter(bus.summary)
         self._on_report = on_report or (lambda _: None)
@@ -140,7 +144,7 @@ class Core:
         """
         data = np.frombuffer(payload, np.uint8)
         key = frame_key(frame_id, is_extended)
-        if self._optional.take(key, data, self._observer):
+        if self._optional.take(key, data, stamp_ns):
             self._pipeline.publisher.memory["learning"] = self.learning
         waiting = handle(self._pipeline, key, data, stamp_ns)
         return self._go_on(waiting)
@@ -185,6 +189,11 @@ class Core:
         return self._optional.learning
 
     @property
+    def energizing(self) -> EnergizingFigures | None:
+        """Commands, openings and their delay so far; None for a bench without energizing."""
+        return self._optional.energizing
+
+    @property
     def last_index(self) -> int:
         """Device index of the last processed sample, 0 before the first."""
         return int(self._observer.ring[(self.processed - 1) % RING]["index"]) if self.processed else 0
@@ -207,26 +216,8 @@ class Core:
     @property
     def counters(self) -> Counters:
         """What was counted so far."""
-        receiver = self._pipeline.receiver[0]
-        alignment = self._pipeline.alignment.memory[0]
-        memory = self._observer.memory[0]
-        return Counters(
-            samples=self.processed,
-            lost_samples=int(alignment["lost"]),
-            interpolated_samples=int(memory["interpolated"]),
-            frames=int(receiver["frames"]),
-            crc_errors=int(receiver["crc_errors"]) + self._optional.crc_errors,
-            length_errors=int(receiver["length_errors"]) + self._optional.length_errors,
-            sequence_errors=int(receiver["sequence_errors"]),
-            repeated_frames=int(alignment["repeated"]),
-            old_frames=int(alignment["old"]),
-            restarts=int(alignment["restarts"]),
-            jumps=int(alignment["jumps"]),
-            events=int(memory["events_judged"]),
-            injections=int(memory["injections_reported"]),
-            adoptions=int(memory["phi_version"]) - self._first_version,
-            rejected_adoptions=self._rejected,
-            late_adoptions=self._training.late,
+        return counted(
+            self._pipeline, self._optional, self._first_version, self._rejected, self._training.late
         )
 
     def _go_on(self, waiting: bool) -> list[OutputFrame]:
@@ -238,6 +229,7 @@ class Core:
             waiting = proceed(self._pipeline)
             self._submit_events()
             self._collect_rate_frames()
+        self._optional.look()
         return self._taken_frames()
 
     def _submit_events(self) -> None:
@@ -271,7 +263,8 @@ class Core:
                 break
             memory["injections_reported"] += 1
             carried = in_force(self._observer), self._free_rows
-            report = report_of(injection, event, outcome, *carried, self._constants.coefficients)
+            commanded = self._optional.opening_of(injection)
+            report = report_of(injection, event, outcome, *carried, self._constants.coefficients, commanded)
             values = summary_values(report, self._injector_id, self.learning, self._pressure_scale)
             self._frames += self._summary_writer.write(values)
             self._on_report(report)

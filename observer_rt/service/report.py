@@ -11,6 +11,7 @@ from observer_rt.observer.interval import is_revised, rate_sigma, volume_interva
 from observer_rt.observer.knowledge import Outcome
 from observer_rt.observer.state import Reason, State
 from observer_rt.paper.network import FreeNetwork
+from observer_rt.service.energizing import CommandedOpening
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +21,8 @@ class InjectionReport:
     start, end are positions in the stream of samples, the indices those of the device. `volume` [m3], `mass`
     [kg] and `peak_rate` [m3/s] are nan when some sample had no rate; `mass_ci95` [kg] is
     known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard deviation of the published
-    rate at the n samples from start to end; `rail_pressure` [Pa] at the opening.
+    rate at the n samples from start to end; `rail_pressure` [Pa] at the opening; `commanded`
+    is None where it is not known.
     """
 
     number: int
@@ -40,6 +42,7 @@ class InjectionReport:
     state: State
     phi_version: int
     indicators: Indicators
+    commanded: CommandedOpening | None
 
 
 def report_of(
@@ -49,11 +52,12 @@ def report_of(
     in_force: NDArray[np.float64],
     free_rows: FreeNetwork | None,
     c: Coefficients,
+    commanded: CommandedOpening | None,
 ) -> InjectionReport:
     """What to say of an injection (row of dtype `observer.state.INJECTION`) once its event (`EVENT`) is judged.
 
     outcome: what was learned from the event, None when nothing was; in_force: theta (m,) the observer carries,
-    free_rows: the paper's network where that is what it carries.
+    free_rows: the paper's network where that is what it carries; commanded: by which command it opened.
     """
     judgement = outcome.findings[0].reason if outcome is not None and outcome.findings else Reason.NONE
     reason = Reason(int(injection["reason"])) or judgement
@@ -94,4 +98,5 @@ def report_of(
         state=State(int(injection["state"])),
         phi_version=int(injection["phi_version"]),
         indicators=indicators,
+        commanded=commanded,
     )

@@ -1,5 +1,6 @@
 """The terminal view: the last injection as a curve, the recent ones as a table, counters of the bus."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -77,7 +78,8 @@ class View:
     def render(self, now: int, width: int, height: int) -> RenderableType:
         """The whole view at a monotonic time [ns], for a terminal of `width` x `height` characters."""
         shown = list(self._shown)
-        lines = max(0, height - ABOVE)
+        is_watched = self._daemon is not None and self._daemon.core.energizing is not None
+        lines = max(0, height - ABOVE - is_watched)
         rows = max(1, min(SHOWN, lines // 3))
         size = min(width, WIDEST) - AROUND, max(LOWEST, min(HIGHEST, lines - rows))
         parts: list[RenderableType] = [self._status(now)]
@@ -114,6 +116,10 @@ class View:
             style="dim",
         )
         line.append(f"\n {summary_of(self._daemon.core.timing)}", style="dim")
+        energizing = self._daemon.core.energizing
+        if energizing is not None:
+            is_odd = energizing.missing > 0 or energizing.uncommanded > 0
+            line.append(f"\n {energizing.as_text()}", style="yellow" if is_odd else "dim")
         return line
 
 
@@ -139,6 +145,9 @@ def _table(shown: Sequence[_Shown]) -> Table:
     is_measured = any(item.measured for item in shown)
     if is_measured:
         names += ["measured\nmg", "error\n%"]
+    is_commanded = any(item.report.commanded for item in shown)
+    if is_commanded:
+        names += ["command\nno", "delay\nus"]
     for heading in ("\nno", "rail\nMPa", "mass\nmg", *names, "v_H\n-", ""):
         table.add_column(Text(heading), justify="right", no_wrap=True)
     for item in shown:
@@ -151,6 +160,7 @@ def _table(shown: Sequence[_Shown]) -> Table:
             f"{report.mass / MILLIGRAM:.2f}",
             *(f"{reference.mass / MILLIGRAM:.2f}" for reference in item.references),
             *(_measured(item) if is_measured else ()),
+            *(_commanded(item.report) if is_commanded else ()),
             f"{wear.value:+.3f}{sigma}",
             "[green]valid" if report.valid else f"[yellow]{report.reason.name}",
         )
@@ -162,3 +172,12 @@ def _measured(shown: _Shown) -> tuple[str, str]:
     if shown.measured is None:
         return "-", "-"
     return f"{shown.measured.mass / MILLIGRAM:.2f}", f"{100 * shown.measured.error:+.2f}"
+
+
+def _commanded(report: InjectionReport) -> tuple[str, str]:
+    """Number of the command, and opening delay."""
+    commanded = report.commanded
+    if commanded is None:
+        return "-", "-"
+    delay = commanded.opening_delay
+    return str(commanded.command), "-" if math.isnan(delay) else f"{delay / MICROSECOND:.0f}"

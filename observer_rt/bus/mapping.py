@@ -16,6 +16,7 @@ from observer_rt.bus.e2e import UNPROTECTED
 from observer_rt.bus.energizing import Energizing, map_energizing, say_no_energizing
 from observer_rt.bus.inputs import INPUT_GROUP, INPUT_MESSAGE, ROLES, Inputs, InputTables
 from observer_rt.bus.outputs import (
+    ENERGIZING_STATUS_SIGNALS,
     STATUS_SIGNALS,
     SUMMARY_SIGNALS,
     OutputMessage,
@@ -122,7 +123,10 @@ def map_bus(bench: Bench) -> BusMap:
             _message(bench, databases, "outputs.injection_summary", outputs.injection_summary),
             SUMMARY_SIGNALS,
         ),
-        status=output_message(_message(bench, databases, "outputs.status", outputs.status), STATUS_SIGNALS),
+        status=output_message(
+            _message(bench, databases, "outputs.status", outputs.status),
+            (*STATUS_SIGNALS, *ENERGIZING_STATUS_SIGNALS),
+        ),
         known=tuple(
             KnownMessage(message.name, frame_key(message.frame_id, message.is_extended_frame), path)
             for (path, _), database in zip(files, databases, strict=True)

@@ -129,7 +129,9 @@ def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
 
 
 def _commanded_json(commanded: CommandedOpening | None) -> dict[str, Any] | None:
-    return commanded and {
+    if commanded is None:
+        return None
+    return {
         "command": commanded.command,
         "opening_delay_us": _known(commanded.opening_delay / MICROSECOND),
         "energizing_time_us": _known(commanded.energizing_time / MICROSECOND),

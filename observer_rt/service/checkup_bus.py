@@ -12,6 +12,7 @@ from observer_rt.bus.mapping import BusMap, frame_key
 from observer_rt.config import PACKAGE_DATA, Bench, LinkConfig, Role
 from observer_rt.recording.bus_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.recording.framing import message_timing
+from observer_rt.service.checkup_energizing import energizing_findings
 from observer_rt.service.checkup_slow import slow_findings
 from observer_rt.service.core import configured_noise
 from observer_rt.service.findings import Finding, Level, graded
@@ -37,6 +38,7 @@ class BusLoad:
 def bus_findings(bench: Bench, bus: BusMap) -> list[Finding]:
     """All findings about the bus of a bench."""
     findings = [_mapping(bench, bus, role) for role in ROLES] + slow_findings(bus)
+    findings += energizing_findings(bench, bus)
     findings += _sample_periods(bench, bus)
     findings += _identifiers(bus) + _databases(bus)
     frames = _frames(bench.config.link, _layouts(bus))

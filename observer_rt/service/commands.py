@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 from observer_rt.bus.energizing import Energizing, Reading
 from observer_rt.bus.timing import SLOTS
+from observer_rt.units import MILLISECOND
 
 INDICES = 1 << 32  # after which a sample index begins again
 REMEMBERED = 8  # spans in which commands may have been lost
+OVERTAKEN = 10 * MILLISECOND  # by which a frame may be older than the one before; more is a new count
 NANOSECONDS = 1e9
 
 
@@ -73,7 +75,7 @@ class CommandReader:
         else:
             first = reading.taken - round((self._samples - 1) * self._units)
         since = math.inf if self._last is None else self._distance(self._last, first)
-        if self.by_index and -SLOTS < since <= 0:
+        if self.by_index and -OVERTAKEN * self._sample_rate < since <= 0:
             return []  # repeated, or overtaken
         if self._last is None or since < 0:  # the first one, or all begins anew
             self._last = None

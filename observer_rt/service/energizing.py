@@ -108,7 +108,8 @@ class EnergizingWatch:
         self._waiting: deque[tuple[Command, int]] = deque(
             maxlen=REMEMBERED
         )  # and samples processed when it came
-        self._unasked: deque[int] = deque(maxlen=REMEMBERED)  # indices of openings without a command
+        # indices of openings without a command, and samples processed when they were reported
+        self._unasked: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
         self._delays: deque[float] = deque(maxlen=RECENT)
         self._newest = 0  # index of the last processed sample
         self._commands = self._missing = self._uncommanded = 0
@@ -133,7 +134,7 @@ class EnergizingWatch:
         if command is None:
             if is_seen and self._commands and not self._may_be_lost(opening):
                 self._uncommanded += 1
-                self._unasked.append(opening)
+                self._unasked.append((opening, self._processed))
                 self._tell(False, int(injection["number"]), opening)
             return None
         command.has_opened = True
@@ -158,7 +159,7 @@ class EnergizingWatch:
             is_over = samples_between(end, self._newest) > 0 and self._processed - came > self._window
             if is_over and not any(samples_between(opening, end) >= 0 for opening in undecided):
                 self._waiting.remove((command, came))
-                self._judge(command)
+                self._judge(command, came)
 
     @property
     def figures(self) -> EnergizingFigures:
@@ -226,13 +227,16 @@ class EnergizingWatch:
         self._waiting.clear()
         self._waiting.extend(kept)
 
-    def _judge(self, command: Command) -> None:
-        """The window of a command is over and its openings are decided."""
+    def _judge(self, command: Command, came: int) -> None:
+        """The window of a command is over and its openings are decided; came: samples processed when it came."""
         if command.has_opened or not command.is_certain:
             return
         start = self._place(command.start)
-        if any(abs(samples_between(start, opening)) <= self._window for opening in self._unasked):
-            return  # the command came after its opening was reported
+        if any(
+            came >= reported and 0.0 <= samples_between(start, opening) <= self._window
+            for opening, reported in self._unasked
+        ):
+            return  # the command of an opening that was already reported
         begin = start - command.margin
         begin = self._newest - samples_between(begin, self._newest)
         if was_shut(self._observer, begin, begin + 2 * command.margin + self._window):

@@ -1,7 +1,7 @@
 """A pulse generator that tells when it energizes the injector: its database, and its frames by plain cantools."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -207,8 +207,10 @@ class Watched:
         return [one.number for one in self.mismatches if not one.is_missing]
 
 
-def watch(bench: Path, *sources: Iterable[Sent], learning: bool = False) -> Watched:
-    """The frames of all sources through a core, in order of time."""
+def watch(
+    bench: Path, *sources: Iterable[Sent], learning: bool = False, stamps: Sequence[int] = ()
+) -> Watched:
+    """The frames of all sources through a core, in order of time; stamps: theirs, else that time."""
     loaded = load_bench(bench)
     reports: list[InjectionReport] = []
     mismatches: list[Mismatch] = []
@@ -220,8 +222,17 @@ def watch(bench: Path, *sources: Iterable[Sent], learning: bool = False) -> Watc
         on_mismatch=mismatches.append,
     )
     out: list[OutputFrame] = []
-    for sent in sorted((one for source in sources for one in source), key=lambda one: one.time):
-        stamp = EPOCH + round(sent.time * 1e9)
+    frames = sorted((one for source in sources for one in source), key=lambda one: one.time)
+    for number, sent in enumerate(frames):
+        stamp = stamps[number] if stamps else EPOCH + round(sent.time * 1e9)
         out += core.handle(sent.frame.frame_id, False, sent.frame.payload, stamp)
     out += core.finish()
     return Watched(core, out, reports, mismatches)
+
+
+def misfired(recording: Recording, *spans: tuple[float, float]) -> Recording:
+    """The needle stays shut in spans of time [s]."""
+    lift = recording.needle_lift.copy()
+    for begin, end in spans:
+        lift[round(begin * SAMPLE_RATE) : round(end * SAMPLE_RATE)] = 0.0
+    return replace(recording, needle_lift=lift)

@@ -18,7 +18,6 @@ from observer_rt.recording.framing import Framer, TimedFrame, bench_for, message
 from observer_rt.recording.recording import Recording
 from observer_rt.service.core import Core
 from observer_rt.service.counters import Counters
-from observer_rt.service.energizing import EnergizingFigures
 from observer_rt.service.learners import LearnerFactory, make_learner
 from observer_rt.service.measured_mass import MeasuredMass
 from observer_rt.service.output import OutputFrame
@@ -60,8 +59,8 @@ class Evaluation:
     standstill: Standstill
     measured: tuple[MeasuredMass, ...] = ()
     """Masses measured online, as a log of the bus has them."""
-    energizing: EnergizingFigures | None = None
-    """Commands and openings up to its end; None where the bench has no such input."""
+    has_energizing: bool = False
+    """Whether the bench has this input, so that reports and counters tell of commands."""
 
 
 @dataclass(frozen=True)
@@ -197,7 +196,7 @@ class _Run:
         self._seen = 0
         self._nominal_seen = 0
         self._parts: list[_Part] = []
-        self._ends: list[tuple[Counters, Standstill, EnergizingFigures | None]] = []
+        self._ends: list[tuple[Counters, Standstill]] = []
 
     def take(self, recording: Recording) -> None:
         if self._parts:
@@ -222,7 +221,7 @@ class _Run:
             if count % _READ_EVERY == 0:
                 self._read()
         self._read()
-        self._ends.append(self._end())
+        self._ends.append((self._core.counters, self._core.standstill))
 
     def _received(self, frame: TimedFrame, start: int) -> Frame:
         stamp = start + frame.stamp_ns + self._delays[frame.frame_id, frame.is_extended]
@@ -232,15 +231,12 @@ class _Run:
         self._frames += self._core.finish()
         self._nominal.finish()
         self._read()
-        self._ends[-1] = self._end()
-
-    def _end(self) -> tuple[Counters, Standstill, EnergizingFigures | None]:
-        return self._core.counters, self._core.standstill, self._core.energizing
+        self._ends[-1] = (self._core.counters, self._core.standstill)
 
     def history(self) -> History:
         evaluations = []
         before = self._ends[0][0].since(self._ends[0][0])
-        for part, (counters, standstill, energizing) in zip(self._parts, self._ends, strict=True):
+        for part, (counters, standstill) in zip(self._parts, self._ends, strict=True):
             end = part.first_index + part.recording.samples
             reports = tuple(r for r in self._reports if part.first_index <= r.start_index < end)
             measured = tuple(m for m in self._measured if part.first_index <= m.report.start_index < end)
@@ -255,7 +251,7 @@ class _Run:
                     counters.since(before),
                     standstill,
                     measured,
-                    energizing,
+                    self._core.energizing is not None,
                 )
             )
             before = counters

@@ -111,42 +111,47 @@ def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
         "lost_samples": evaluation.counters.lost_samples,
         "checks": [vars(check) for check in checks(evaluation, c)],
         "injections": [
-            _injection_json(result, c)
-            | (
-                {}
-                if evaluation.energizing is None
-                else {"energizing": _commanded_json(result.report.commanded)}
-            )
+            _injection_json(result, c) | _commanded_json(evaluation, result.report.commanded)
             for result in results
         ],
         "summary": {
             "valid_share": valid / len(results) if results else 0.0,
             "adoptions": evaluation.counters.adoptions,
             "rejected_adoptions": evaluation.counters.rejected_adoptions,
-            **({} if evaluation.energizing is None else {"energizing": _energizing_json(evaluation)}),
+            **_energizing_json(evaluation),
         },
     }
 
 
-def _commanded_json(commanded: CommandedOpening | None) -> dict[str, Any] | None:
+def _commanded_json(evaluation: Evaluation, commanded: CommandedOpening | None) -> dict[str, Any]:
+    """Of one injection; nothing where the bench has no energizing, as the next."""
+    if not evaluation.has_energizing:
+        return {}
     if commanded is None:
-        return None
+        return {"energizing": None}
     return {
-        "command": commanded.command,
-        "opening_delay_us": _known(commanded.opening_delay / MICROSECOND),
-        "energizing_time_us": _known(commanded.energizing_time / MICROSECOND),
+        "energizing": {
+            "command": commanded.command,
+            "opening_delay_us": _known(commanded.opening_delay / MICROSECOND),
+            "energizing_time_us": _known(commanded.energizing_time / MICROSECOND),
+        }
     }
 
 
 def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
-    """What of the commands is more than that of single injections."""
+    """Of the recording as a whole."""
+    if not evaluation.has_energizing:
+        return {}
     delays = [report.commanded.opening_delay for report in evaluation.reports if report.commanded]
     known = [delay / MICROSECOND for delay in delays if not math.isnan(delay)]
     return {
-        "missing_injections": evaluation.counters.missing_injections,
-        "uncommanded_injections": evaluation.counters.uncommanded_injections,
-        "mean_opening_delay_us": float(np.mean(known)) if known else None,
-        "opening_delay_sigma_us": float(np.std(known)) if known else None,
+        "energizing": {
+            "commands": evaluation.counters.commands,
+            "missing_injections": evaluation.counters.missing_injections,
+            "uncommanded_injections": evaluation.counters.uncommanded_injections,
+            "mean_opening_delay_us": float(np.mean(known)) if known else None,
+            "opening_delay_sigma_us": float(np.std(known)) if known else None,
+        }
     }
 
 

@@ -26,8 +26,9 @@ class Counters:
     adoptions: int
     rejected_adoptions: int
     late_adoptions: int
+    commands: int
+    """Energizings of the injector; 0, as the next, where that is no input."""
     missing_injections: int
-    """After a command; 0, as the next, where energizing is no input."""
     uncommanded_injections: int
 
     def since(self, earlier: "Counters") -> "Counters":
@@ -60,6 +61,7 @@ def counted(
         adoptions=int(memory["phi_version"]) - first_version,
         rejected_adoptions=rejected,
         late_adoptions=late,
+        commands=energizing.commands if energizing else 0,
         missing_injections=energizing.missing if energizing else 0,
         uncommanded_injections=energizing.uncommanded if energizing else 0,
     )

@@ -94,6 +94,11 @@ def map_energizing(bench: Bench, message: Message, slow: SlowMessage, grid: np.v
     if factor is not None and len(names) > 1:
         problem = f"names {len(names)} durations a frame of {message.name}"
         raise UserError(place, problem, "name one; only levels may come as several samples")
+    beside = _samples_beside(bench, message)
+    expected = len(signal_names(message, beside[0].names)) if beside else len(names)
+    if len(names) not in (1, expected):
+        problem = f"names {len(names)} levels a frame, {message.name} has {expected} samples of other signals"
+        raise UserError(place, problem, "name as many, or one")
     delay = config.delay_us
     return Energizing(
         layout=slow.layout,
@@ -104,7 +109,7 @@ def map_energizing(bench: Bench, message: Message, slow: SlowMessage, grid: np.v
         index=index,
         factor=factor,
         delay=time_on_bus(slow.layout, bench.config.link) if delay is None else delay * MICROSECOND,
-        cycle=_cycle(bench, message, names, slow.layout),
+        cycle=_cycle(bench, slow.layout, expected, bool(beside) or len(names) > 1),
         window=config.missing_after_ms * MILLISECOND,
     )
 
@@ -135,11 +140,9 @@ def _samples_beside(bench: Bench, message: Message) -> list[SignalConfig]:
     return [mapping for mapping in mappings if mapping.message == message.name]
 
 
-def _cycle(bench: Bench, message: Message, names: tuple[str, ...], layout: MessageLayout) -> float | None:
-    """Time [s] from frame to frame, as far as samples or the database tell it."""
-    beside = _samples_beside(bench, message)
-    samples = len(signal_names(message, beside[0].names)) if beside else len(names)
-    if samples > 1 or beside:
+def _cycle(bench: Bench, layout: MessageLayout, samples: int, is_block: bool) -> float | None:
+    """Time [s] from frame to frame, as far as the samples of one or the database tell it."""
+    if is_block:
         return samples / bench.config.sampling.rate_hz
     return layout.cycle_time_ns / NANOSECONDS if layout.cycle_time_ns else None
 

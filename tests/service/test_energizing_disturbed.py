@@ -178,6 +178,16 @@ def test_a_lost_command_costs_one_alarm(tmp_path: Path) -> None:
     assert (watched.missing, watched.uncommanded) == ([], [2])
 
 
+def test_a_pulse_generator_that_restarts_costs_nothing(tmp_path: Path) -> None:
+    """Its counter begins anew."""
+    schedule, recording = injected(4)
+    pulses = commands(schedule)
+    sent = [*safe_durations(pulses[:2]), *safe_durations(pulses[2:])]
+    watched = watch(pulse_bench(tmp_path, SAFE), samples(recording), sent)
+    assert watched.commands == [1, 2, 3, 4]
+    assert watched.mismatches == []
+
+
 @pytest.mark.parametrize("frame", [2, 3])
 def test_a_lost_level_costs_one_alarm_at_most(tmp_path: Path, frame: int) -> None:
     """The start or the end of the second energizing."""

@@ -14,6 +14,7 @@ from observer_rt.errors import UserError
 from observer_rt.evaluation.evaluate import evaluate, evaluate_log
 from observer_rt.evaluation.logged import read_logged
 from observer_rt.evaluation.results import recording_json
+from observer_rt.evaluation.table import print_evaluation
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.framing import Framer, TimedFrame, whole
 from observer_rt.recording.log import LogFrame
@@ -97,6 +98,11 @@ def test_check_says_what_to_expect(
         (LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
         (LEVEL + 'time_base = "other"\n', "signals.energizing.index", "stamps"),
         (
+            'message = "SampleBlock"\nsignals = ["RailPressure_00", "RailPressure_01"]\nunit = "-"\n',
+            "signals.energizing",
+            "9 samples",
+        ),
+        (
             'message = "PulseBlock"\nsignals = ["Level_00", "Level_01"]\nunit = "us"\n',
             "signals.energizing",
             "levels",
@@ -129,7 +135,8 @@ def test_document_of_a_log(tmp_path: Path) -> None:
     log = tmp_path / "bus.log"
     write_log(log, [_logged(sent) for sent in traffic()])
     evaluation = evaluate_log(bench, read_logged(bench, log), learning=False).evaluations[0]
-    document = recording_json(evaluation, effective_model(bench.injector).coefficients)
+    c = effective_model(bench.injector).coefficients
+    document = recording_json(evaluation, c)
     first, third = (one["energizing"] for one in document["injections"])
     assert third is None
     assert first["command"] == 1
@@ -142,6 +149,9 @@ def test_document_of_a_log(tmp_path: Path) -> None:
         "mean_opening_delay_us": pytest.approx(first["opening_delay_us"]),
         "opening_delay_sigma_us": 0.0,
     }
+    screen = io.StringIO()
+    print_evaluation(evaluation, c, Console(file=screen, width=80, color_system=None))
+    assert "2 commands, 1 injections missing, 1 without a command" in screen.getvalue()
 
 
 def _logged(sent: Sent) -> LogFrame:

@@ -53,8 +53,8 @@ class DatabaseConfig(_Section):
     link: str | None = None  # the bus its messages are on; None: the first
 
 
-class SignalConfig(_Section):
-    """Which signals of which message carry a role: one of `signal`, `signals`, `pattern`."""
+class SampledConfig(_Section):
+    """Which signals of which message carry samples, and which: one of `signal`, `signals`, `pattern`."""
 
     message: str
     signal: str | None = None
@@ -62,9 +62,6 @@ class SignalConfig(_Section):
     pattern: str | None = None
     time_base: str = "device"
     index: str | None = None  # signal with the index of the frame's first sample; "": none
-    counter: str | None = None  # signal that counts the frames of a message without index
-    rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
-    max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
     delay_us: Annotated[float, Field(ge=0, le=1e6)] | None = None  # from a frame's last sample to its stamp
     unit: str | None = None  # replaces the unit of the bus database
     link: str | None = None  # the bus the message is on, instead of its database's
@@ -79,6 +76,21 @@ class SignalConfig(_Section):
     def names(self) -> str | tuple[str, ...]:
         """The signals, as `bus.database.signal_names` takes them."""
         return self.signal or self.pattern or self.signals or ()
+
+
+class SignalConfig(SampledConfig):
+    """The same of a role."""
+
+    counter: str | None = None  # signal that counts the frames of a message without index
+    rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
+    max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
+
+
+class EnergizingConfig(SampledConfig):
+    """The same of the energizing of the injector: with a unit of time its duration, else a level."""
+
+    # from the start of energizing, within which the needle opens
+    missing_after_ms: Annotated[float, Field(ge=0.1, le=50)] = 3.0
 
 
 class SlowSignalConfig(_Section):
@@ -110,6 +122,7 @@ class SignalsConfig(_Section):
     learning_enable: LearningEnableConfig | None = None
     measured_mass: SlowQuantityConfig | None = None  # of an injection
     fuel_temperature: FuelTemperatureConfig | None = None  # in the feed line
+    energizing: EnergizingConfig | None = None
 
     def of(self, role: Role) -> SignalConfig:
         """The mapping of a role."""

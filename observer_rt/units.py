@@ -17,6 +17,7 @@ ZERO_CELSIUS = 273.15  # K
 PRESSURE_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": MEGAPASCAL, "bar": 1e5}
 LENGTH_UNITS = {"m": 1.0, "mm": MILLIMETRE, "um": MICROMETRE, "µm": MICROMETRE, "μm": MICROMETRE}
 MASS_UNITS = {"kg": 1.0, "g": 1e-3, "mg": MILLIGRAM, "mg/stroke": MILLIGRAM}
+TIME_UNITS = {"s": 1.0, "ms": MILLISECOND, "us": MICROSECOND, "µs": MICROSECOND, "μs": MICROSECOND}
 
 # value_si = value + origin; all have kelvins as steps
 TEMPERATURE_ORIGINS = {

@@ -1,7 +1,7 @@
 """Bus databases: looking up messages and signals, and the layout attributes the observer needs."""
 
 import hashlib
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -223,3 +223,20 @@ def _expand(pattern: str, known: Sequence[str], place: str) -> tuple[str, ...]:
 def _nearest(name: str, known: Sequence[str]) -> str:
     best = nearest(name, known)
     return f"there are: {', '.join(known)}" if best is None else f"nearest name: {best}"
+
+
+def from_unit(
+    place: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]
+) -> float:
+    """What `units` holds for the unit of a signal: `unit` of the bench file, or else what the database states.
+
+    Raises `UserError` naming `place` of the bench file for a unit that is none of them.
+    """
+    stated = unit or find_signal(message, signal).unit or ""
+    if stated not in units:
+        raise UserError(
+            place,
+            f"unit {stated!r} of {message.name} is not known" if stated else f"{message.name} states no unit",
+            f'add unit = "..." with one of {", ".join(units)}',
+        )
+    return units[stated]

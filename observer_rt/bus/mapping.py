@@ -1,20 +1,20 @@
 """From bench file and bus database to arrays: which frames carry which samples, which carry the results."""
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-import can.util
 import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.bench_databases import BenchDatabases, BusMessage, named
-from observer_rt.bus.database import MessageLayout, find_signal, signal_names
-from observer_rt.bus.e2e import UNPROTECTED
-from observer_rt.bus.inputs import INPUT_GROUP, INPUT_MESSAGE, ROLES, Inputs, InputTables
+from observer_rt.bus.database import MessageLayout, from_unit, signal_names
+from observer_rt.bus.energizing import Energizing
+from observer_rt.bus.frame_key import frame_key, frame_row
+from observer_rt.bus.inputs import INPUT_GROUP, ROLES, Inputs, InputTables
 from observer_rt.bus.outputs import (
+    ENERGIZING_STATUS_SIGNALS,
     STATUS_SIGNALS,
     SUMMARY_SIGNALS,
     OutputMessage,
@@ -23,34 +23,19 @@ from observer_rt.bus.outputs import (
     protected_layout,
     rate_message,
 )
-from observer_rt.bus.sample_groups import SampleGroup, require_carried, sample_groups
-from observer_rt.bus.slow_inputs import SlowMessage, SlowSignal, say_nothing, slow_signal, slow_timeout
+from observer_rt.bus.sample_groups import SampleGroup, require_carried, require_one_rate, sample_groups
+from observer_rt.bus.slow_inputs import SlowMessage
+from observer_rt.bus.slow_mapping import map_optional
 from observer_rt.bus.timing import INDEX_BITS, Following, following, map_timing, number_signal
-from observer_rt.config import (
-    Bench,
-    FuelTemperatureConfig,
-    LearningEnableConfig,
-    OptionalRole,
-    Role,
-    SlowQuantityConfig,
-    SlowSignalConfig,
-)
+from observer_rt.config import Bench, Role
 from observer_rt.errors import UserError
-from observer_rt.units import LENGTH_UNITS, MASS_UNITS, PRESSURE_UNITS, TEMPERATURE_ORIGINS
+from observer_rt.units import LENGTH_UNITS, PRESSURE_UNITS
 
-# Added to the id of a frame, so that one number names it on all buses.
-EXTENDED = 1 << 32
-BUS = 1 << 33  # for each bus before its own
 _UNITS = {
     Role.RAIL_PRESSURE: PRESSURE_UNITS,
     Role.NEEDLE_LIFT: LENGTH_UNITS,
     Role.LINE_PRESSURE: PRESSURE_UNITS,
 }
-
-
-def frame_key(frame_id: int, is_extended: bool, bus: int = 0) -> int:
-    """One number for id and format of a frame on a bus."""
-    return frame_id + (EXTENDED if is_extended else 0) + BUS * bus
 
 
 @dataclass(frozen=True)
@@ -71,6 +56,7 @@ class BusMap:
     input_layouts: tuple[MessageLayout, ...]
     slow: tuple[SlowMessage, ...]
     """Messages with optional inputs."""
+    energizing: Energizing | None
     following: tuple[Following | None, ...]  # how a stream that is not on the grid follows it
     rate: RateMessage | None
     """None: the injection rate is not published."""
@@ -128,8 +114,7 @@ def map_bus(bench: Bench) -> BusMap:
     """
     databases = BenchDatabases(bench)
     inputs, layouts = _map_inputs(bench, databases)
-    slow = _map_slow(bench, databases, layouts)
-    _say_nothing(inputs, slow)
+    slow, energizing = map_optional(bench, databases, inputs, layouts)
     outputs = bench.config.outputs
 
     def output(key: str, name: str) -> BusMessage:
@@ -139,12 +124,13 @@ def map_bus(bench: Bench) -> BusMap:
         inputs=inputs,
         input_layouts=layouts,
         slow=slow,
+        energizing=energizing,
         following=tuple(following(bench, inputs.timing, inputs.streams["roles"].tolist())),
         rate=rate_message(*output("injection_rate", outputs.injection_rate))
         if outputs.injection_rate
         else None,
         summary=_output(output("injection_summary", outputs.injection_summary), SUMMARY_SIGNALS),
-        status=_output(output("status", outputs.status), STATUS_SIGNALS),
+        status=_output(output("status", outputs.status), (*STATUS_SIGNALS, *ENERGIZING_STATUS_SIGNALS)),
         known=tuple(
             KnownMessage(message.name, frame_key(message.frame_id, message.is_extended_frame, bus), path, bus)
             for path, (message, bus) in databases
@@ -170,7 +156,7 @@ def _map_inputs(bench: Bench, databases: BenchDatabases) -> tuple[Inputs, tuple[
     for found, roles in by_message.values():
         layout = protected_layout(*found)
         layouts.append(layout)
-        row = _frame_row(layout)
+        row = frame_row(layout)
         streams += [(found, together) for together in _map_message(bench, found.message, roles, row, tables)]
     timing = map_timing(
         bench,
@@ -178,64 +164,8 @@ def _map_inputs(bench: Bench, databases: BenchDatabases) -> tuple[Inputs, tuple[
         [bench.config.buses[found.bus].config for found, _ in streams],
         tables.stream_samples,
     )
-    _require_one_rate(bench, streams, timing["steps"].tolist())
+    require_one_rate(bench, streams, timing["steps"].tolist())
     return tables.inputs(timing), tuple(layouts)
-
-
-def _frame_row(layout: MessageLayout) -> NDArray[np.void]:
-    """What tells whether a frame is a good one of this message; the rest is 0."""
-    row = np.zeros((), INPUT_MESSAGE)
-    row["key"] = frame_key(layout.frame_id, layout.is_extended, layout.bus)
-    row["length"] = layout.length
-    row["padded_length"] = can.util.dlc2len(can.util.len2dlc(layout.length))
-    row["e2e_profile"] = layout.e2e_profile or UNPROTECTED
-    row["data_id"] = layout.e2e_data_id or 0
-    return row
-
-
-def _map_slow(
-    bench: Bench, databases: BenchDatabases, inputs: Sequence[MessageLayout]
-) -> tuple[SlowMessage, ...]:
-    by_message: dict[tuple[str, int], tuple[BusMessage, list[tuple[OptionalRole, SlowSignalConfig]]]] = {}
-    for role, config in bench.config.signals.optional:
-        found = databases.find(f"signals.{role}.message", config.message, config.link)
-        by_message.setdefault((config.message, found.bus), (found, []))[1].append((role, config))
-    slow = []
-    for found, mappings in by_message.values():
-        layout = protected_layout(*found)
-        signals = tuple(_slow_signal(bench, found.message, layout, role, config) for role, config in mappings)
-        slow.append(SlowMessage(layout, _frame_row(layout)[None], signals, layout in inputs))
-    return tuple(slow)
-
-
-def _slow_signal(
-    bench: Bench, message: Message, layout: MessageLayout, role: OptionalRole, config: SlowSignalConfig
-) -> SlowSignal:
-    place = f"{bench.path}: signals.{role}"
-    with named(place):
-        find_signal(message, config.signal)
-    factor, origin, untold, timeout = 1.0, 0.0, math.nan, math.inf
-    if isinstance(config, FuelTemperatureConfig):
-        origin = _from_unit(place, message, config.signal, config.unit, TEMPERATURE_ORIGINS)
-        untold = bench.injector.fluid.reference_temperature or math.nan
-    elif isinstance(config, SlowQuantityConfig):
-        factor = _from_unit(place, message, config.signal, config.unit, MASS_UNITS)
-    with named(place):
-        signal = slow_signal(message, role, config.signal, factor, origin)
-    if isinstance(config, LearningEnableConfig) and not signal.has_not_available:
-        untold = 1.0  # a frame made of a recording must not switch learning off
-    if isinstance(config, FuelTemperatureConfig | LearningEnableConfig):
-        timeout = slow_timeout(config.timeout_ms, layout.cycle_time_ns)
-    return replace(signal, untold=untold, timeout=timeout)
-
-
-def _say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
-    """Frames made of recordings, which have no optional inputs, must not tell any."""
-    for message in slow:
-        for row in inputs.messages[inputs.messages["key"] == message.frame[0]["key"]]:
-            first = int(row["first_kind"])
-            for kind in inputs.kinds[first : first + int(row["kind_count"])]:
-                say_nothing(message, kind["blank"])
 
 
 def _map_message(
@@ -281,34 +211,6 @@ def _map_message(
     return list(streams.values())
 
 
-def _require_one_rate(
-    bench: Bench, streams: Sequence[tuple[BusMessage, list[Role]]], steps: Sequence[int]
-) -> None:
-    """Streams of one message share its index."""
-    names = [(found.message.name, found.bus) for found, _ in streams]
-    for name, (_, roles), ratio in zip(names, streams, steps, strict=True):
-        if ratio > 1 and names.count(name) > 1:
-            raise UserError(
-                f"{bench.path}: signals.{roles[0]}.rate_hz",
-                f"{name[0]} carries other signals under the same sample index",
-                "leave rate_hz out: all signals of one message are sampled alike",
-            )
-
-
 def _factor(bench: Bench, message: Message, role: Role, samples: Sequence[str]) -> float:
     place = f"{bench.path}: signals.{role}"
-    return _from_unit(place, message, samples[0], bench.config.signals.of(role).unit, _UNITS[role])
-
-
-def _from_unit(
-    place: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]
-) -> float:
-    """What `units` holds for the unit of a signal: `unit` of the bench file, or else what the database states."""
-    stated = unit or find_signal(message, signal).unit or ""
-    if stated not in units:
-        raise UserError(
-            place,
-            f"unit {stated!r} of {message.name} is not known" if stated else f"{message.name} states no unit",
-            f'add unit = "..." with one of {", ".join(units)}',
-        )
-    return units[stated]
+    return from_unit(place, message, samples[0], bench.config.signals.of(role).unit, _UNITS[role])

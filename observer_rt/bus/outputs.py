@@ -58,6 +58,8 @@ STATUS_SIGNALS = (
     "RejectedAdoptions",
     "LateAdoptions",
 )
+# Our layouts have no room for these; a status message of a user's own may have them.
+ENERGIZING_STATUS_SIGNALS = ("MissingInjections", "UncommandedInjections")
 
 
 @dataclass(frozen=True)

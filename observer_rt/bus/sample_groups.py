@@ -6,7 +6,9 @@ from itertools import combinations, groupby
 
 from cantools.database.can import Message
 
+from observer_rt.bus.bench_databases import BusMessage
 from observer_rt.bus.multiplexing import Conditions, are_exclusive, conditions_of
+from observer_rt.config import Bench, Role
 from observer_rt.errors import UserError
 
 
@@ -48,4 +50,18 @@ def require_carried(message: Message, index: str, groups: Sequence[SampleGroup])
                 f"message {message.name}",
                 f"sends {index} only with other samples than the {group.count} from number {group.offset} on",
                 "name an index that is in every frame with these samples",
+            )
+
+
+def require_one_rate(
+    bench: Bench, streams: Sequence[tuple[BusMessage, list[Role]]], steps: Sequence[int]
+) -> None:
+    """Raise `UserError` where a stream is slower, by its step of the index, than others of its message."""
+    names = [(found.message.name, found.bus) for found, _ in streams]
+    for name, (_, roles), ratio in zip(names, streams, steps, strict=True):
+        if ratio > 1 and names.count(name) > 1:
+            raise UserError(
+                f"{bench.path}: signals.{roles[0]}.rate_hz",
+                f"{name[0]} carries other signals under the same sample index",
+                "leave rate_hz out: all signals of one message are sampled alike",
             )

@@ -110,7 +110,7 @@ class SlowReceiver:
         self.length_errors = 0
 
     def is_ours(self, key: int) -> bool:
-        """Whether the frames `key` (`mapping.frame_key`) names may carry an optional input."""
+        """Whether the frames `key` (`frame_key.frame_key`) names may carry an optional input."""
         return key in self._messages
 
     def values(self, key: int, payload: NDArray[np.uint8]) -> Iterator[tuple[OptionalRole, float]]:

@@ -131,6 +131,18 @@ def place_of(keeping: Timekeeping, message: int, index: int) -> float:
 
 
 @njit(cache=True, nogil=True)
+def place_at(keeping: Timekeeping, time: int) -> float:
+    """Where on the grid a sample lies that was taken at `time` [ns], by the clock of the stamps; nan: not known."""
+    leading = keeping.memory[0].leading
+    grid = keeping.clocks[leading]
+    if not grid.begun:
+        return math.nan
+    return float(
+        index_at(grid, time - grid.first_stamp + 1e9 * keeping.timing[leading].delay, grid.first_stamp)
+    )
+
+
+@njit(cache=True, nogil=True)
 def doubt_of(keeping: Timekeeping) -> int:
     """`Doubt` in the times of samples that come together now."""
     if not keeping.memory[0].by_stamps:

@@ -141,7 +141,7 @@ def number_signal(bench: Bench, message: Message, roles: Sequence[Role]) -> Sign
                 f"message {message.name} has an index, {index}, which tells its frames apart already",
                 "leave out 'counter', or set index = \"\"",
             )
-        return _index_signal(bench, message, roles, index)
+        return index_signal(f"{bench.path}: signals.{roles[0]}.index", message, index)
     if not counter:
         return None
     place = f"{bench.path}: signals.{roles[0]}.counter"
@@ -160,8 +160,11 @@ def number_signal(bench: Bench, message: Message, roles: Sequence[Role]) -> Sign
     return signal
 
 
-def _index_signal(bench: Bench, message: Message, roles: Sequence[Role], name: str) -> Signal:
-    place = f"{bench.path}: signals.{roles[0]}.index"
+def index_signal(place: str, message: Message, name: str) -> Signal:
+    """The signal `name` that is to be the sample index of a message.
+
+    Raises `UserError` at `place`, a key of the bench file, when there is none, or one that cannot serve.
+    """
     if not any(signal.name == name for signal in message.signals):
         raise UserError(
             place,
@@ -201,14 +204,14 @@ def _map_message(
     if tuple(roles) == (Role.RAIL_PRESSURE,):
         row["tolerance"] = max(RAIL_TOLERANCE, SLOW_TOLERANCE * row["interval"])
     delay = _agreed(bench, message, roles, "delay_us")
-    on_bus = _time_on_bus(layout, link)
+    on_bus = time_on_bus(layout, link)
     row["delay"] = on_bus if delay is None else delay * MICROSECOND
     row["shortest"] = SHORTEST * on_bus
     _set_hold(bench, message, roles, samples, row)
 
 
-def _time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
-    """s that a frame takes; none where the bus is not a real one."""
+def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
+    """Time [s] that a frame takes; none where the bus is not a real one."""
     if link.interface == "virtual" or link.channel.startswith("vcan"):
         return 0.0
     is_fd = (

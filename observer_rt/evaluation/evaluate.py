@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.frame_key import frame_key
 from observer_rt.bus.link import BusFrame, Frame
-from observer_rt.bus.mapping import BusMap, frame_key, map_bus
+from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.config import Bench
 from observer_rt.errors import UserError
 from observer_rt.evaluation.logged import LoggedRecording
@@ -59,6 +60,8 @@ class Evaluation:
     standstill: Standstill
     measured: tuple[MeasuredMass, ...] = ()
     """Masses measured online, as a log of the bus has them."""
+    has_energizing: bool = False
+    """Whether the bench has this input, so that reports and counters tell of commands."""
 
 
 @dataclass(frozen=True)
@@ -259,6 +262,7 @@ class _Run:
                     counters.since(before),
                     standstill,
                     measured,
+                    self._core.energizing is not None,
                 )
             )
             before = counters

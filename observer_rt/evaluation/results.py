@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.indicators import Estimate
+from observer_rt.service.energizing import CommandedOpening
 from observer_rt.service.report import InjectionReport
-from observer_rt.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
+from observer_rt.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
 
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
@@ -107,12 +108,48 @@ def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
         "sample_rate_hz": evaluation.recording.sample_rate,
         "lost_samples": evaluation.counters.lost_samples,
         "checks": [vars(check) for check in checks(evaluation, c)],
-        "injections": [_injection_json(result, c) for result in results],
+        "injections": [
+            _injection_json(result, c) | _commanded_json(evaluation, result.report.commanded)
+            for result in results
+        ],
         "summary": {
             "valid_share": valid / len(results) if results else 0.0,
             "adoptions": evaluation.counters.adoptions,
             "rejected_adoptions": evaluation.counters.rejected_adoptions,
+            **_energizing_json(evaluation),
         },
+    }
+
+
+def _commanded_json(evaluation: Evaluation, commanded: CommandedOpening | None) -> dict[str, Any]:
+    """Of one injection; nothing where the bench has no energizing, as the next."""
+    if not evaluation.has_energizing:
+        return {}
+    if commanded is None:
+        return {"energizing": None}
+    return {
+        "energizing": {
+            "command": commanded.command,
+            "opening_delay_us": _known(commanded.opening_delay / MICROSECOND),
+            "energizing_time_us": _known(commanded.energizing_time / MICROSECOND),
+        }
+    }
+
+
+def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
+    """Of the recording as a whole."""
+    if not evaluation.has_energizing:
+        return {}
+    delays = [report.commanded.opening_delay for report in evaluation.reports if report.commanded]
+    known = [delay / MICROSECOND for delay in delays if not math.isnan(delay)]
+    return {
+        "energizing": {
+            "commands": evaluation.counters.commands,
+            "missing_injections": evaluation.counters.missing_injections,
+            "uncommanded_injections": evaluation.counters.uncommanded_injections,
+            "mean_opening_delay_us": float(np.mean(known)) if known else None,
+            "opening_delay_sigma_us": float(np.std(known)) if known else None,
+        }
     }
 
 

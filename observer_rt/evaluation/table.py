@@ -38,6 +38,12 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) 
         console.print(_table(injections, measured or recording.injection_rate is not None))
     else:
         say(console, "no injection found")
+    if evaluation.has_energizing:
+        say(
+            console,
+            f"{counters.commands} commands, {counters.missing_injections} injections missing, "
+            f"{counters.uncommanded_injections} without a command",
+        )
     for reason, numbers in _not_valid(injections).items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
     for line in _line_side(injections, c):

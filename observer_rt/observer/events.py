@@ -35,6 +35,8 @@ def begin_injection(observer: Observer, position: int) -> None:
     injection.start = max(position - timing.window_lead, memory.segment_start)
     injection.end = -1
     injection.start_index = observer.ring[injection.start & _MASK].index
+    injection.opening_index = row.index
+    injection.opening_seen = position > memory.segment_start
     injection.rail_pressure = row.rail_pressure
 
 

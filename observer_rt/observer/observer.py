@@ -1,10 +1,12 @@
 """Making an observer, handing over its events, putting what was learned into force."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.continuity import Break
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensor import sensor_of
@@ -127,6 +129,27 @@ def closed_injections(observer: Observer) -> int:
     begun = int(memory["injections_begun"])
     is_under_way = begun > 0 and memory["injections"][(begun - 1) % INJECTIONS]["end"] < 0
     return begun - int(is_under_way)
+
+
+def was_shut(observer: Observer, begin: float, end: float) -> bool:
+    """Whether the needle was shut at the index `begin`, and every sample from there to `end` was processed.
+
+    The legal pauses of a windowed source count as processed.
+    """
+    processed = int(observer.memory["processed"][0])
+    if processed == 0:
+        return False
+    newest = int(observer.ring[(processed - 1) % RING]["index"])
+    span = min(processed, RING, max(math.ceil(newest - begin) + 2, 0))
+    rows = observer.ring[np.arange(processed - span, processed) % RING]
+    anew = np.flatnonzero(rows["broken"] == Break.RESTART)
+    rows = rows[anew[-1] :] if anew.size else rows
+    first = int(np.searchsorted(rows["index"], begin, side="right")) - 1
+    last = int(np.searchsorted(rows["index"], end, side="left"))
+    if first < 0 or last == len(rows) or rows["seat_area"][first] > 0.0:
+        return False
+    broken = rows["broken"][first + 1 : last + 1]
+    return bool(np.isin(broken, (Break.NONE, Break.JUMP)).all())
 
 
 def in_force(observer: Observer) -> NDArray[np.float64]:

@@ -113,6 +113,8 @@ INJECTION = np.dtype(
         ("end_index", np.int64),
         ("volume", np.float64),  # m3
         ("peak_rate", np.float64),  # m3/s
+        ("opening_index", np.int64),  # of its first sample with the needle open
+        ("opening_seen", np.bool_),  # else it was open when the samples began
         ("rail_pressure", np.float64),  # at its opening, normalised
         ("valid", np.bool_),
         ("reason", np.int8),  # Reason of its first sample that is not valid

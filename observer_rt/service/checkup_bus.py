@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer_rt.bus.database import MessageLayout
+from observer_rt.bus.frame_key import frame_key
 from observer_rt.bus.inputs import ROLES
 from observer_rt.bus.load import frame_time
-from observer_rt.bus.mapping import BusMap, frame_key
+from observer_rt.bus.mapping import BusMap
 from observer_rt.config import PACKAGE_DATA, Bench, Role
 from observer_rt.link_config import LinkConfig
 from observer_rt.recording.bus_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.recording.framing import message_timing
+from observer_rt.service.checkup_energizing import energizing_findings
 from observer_rt.service.checkup_slow import slow_findings
 from observer_rt.service.constants import configured_noise
 from observer_rt.service.findings import Finding, Level, graded
@@ -38,6 +40,7 @@ def bus_findings(bench: Bench, bus: BusMap) -> list[Finding]:
     """All findings about the bus of a bench."""
     findings = _buses(bench, bus)
     findings += [_mapping(bench, bus, role) for role in ROLES] + slow_findings(bus)
+    findings += energizing_findings(bench, bus)
     findings += _sample_periods(bench, bus)
     findings += _identifiers(bus) + _databases(bus)
     links = bench.config.buses

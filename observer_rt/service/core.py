@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment_memory import make_alignment
-from observer_rt.bus.mapping import BusMap, frame_key, stream_of
+from observer_rt.bus.frame_key import frame_key
+from observer_rt.bus.mapping import BusMap, stream_of
 from observer_rt.bus.timekeeping import make_timekeeping
 from observer_rt.bus.timing import SLOTS
 from observer_rt.config import Bench, Role
@@ -27,7 +28,8 @@ from observer_rt.observer.standstill import Standstill, standstill_of
 from observer_rt.observer.state import INJECTIONS, RING, Reason, State
 from observer_rt.paper.network import FreeNetwork
 from observer_rt.service.constants import bench_constants, configured_noise
-from observer_rt.service.counters import Counters
+from observer_rt.service.counters import Counters, counted
+from observer_rt.service.energizing import EnergizingFigures, Mismatch
 from observer_rt.service.fuel import Fuel
 from observer_rt.service.learners import LearnerFactory, make_learner
 from observer_rt.service.measured_mass import MeasuredMass
@@ -56,12 +58,14 @@ class Core:
         learning: bool | None = None,
         on_report: Callable[[InjectionReport], None] | None = None,
         on_measured: Callable[[MeasuredMass], None] | None = None,
+        on_mismatch: Callable[[Mismatch], None] | None = None,
         learner_of: LearnerFactory = make_learner,
         fuel_temperature: float | None = None,
     ) -> None:
         """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep).
 
-        on_report is called with every injection, on_measured then, or later, with those whose mass was measured.
+        on_report is called with every injection, on_measured then, or later, with those whose mass was measured,
+        on_mismatch with those that are missing after a command, or have none.
         fuel_temperature [K]: on a bench that measures it, what to take until it is measured; None: nothing is valid.
         """
         config = bench.config
@@ -75,8 +79,6 @@ class Core:
         noise = configured_noise(bench)
         start = knowledge or no_knowledge(noise, self._pressure_scale)
         learning = config.learning.enabled if learning is None else learning
-        constants_at = partial(bench_constants, bench, is_restored)
-        self._optional = OptionalInputs(bus.slow, learning, on_measured, self._fuel, constants_at)
         self._injector_id = config.outputs.injector_id
         learner = learner_of(bench, self._fuel.constants, start)
         lockstep = executor is None or config.learning.lockstep
@@ -91,6 +93,11 @@ class Core:
             make_alignment(bus.following, dead_band(noise.needle_lift)[0]),
             self._observer,
             make_publisher(bus.rate, learning),
+        )
+        watched = self._pipeline.keeping, self._observer
+        constants_at = partial(bench_constants, bench, is_restored)
+        self._optional = OptionalInputs(
+            bus, learning, *watched, on_measured, on_mismatch, self._fuel, constants_at
         )
         self._rate_layout = bus.rate.layout if bus.rate else None
         self._summary_writer = FrameWriter(bus.summary)
@@ -113,7 +120,7 @@ class Core:
         data = np.frombuffer(payload, np.uint8)
         key = frame_key(frame_id, is_extended, bus)
         if self._bus.slow:
-            self._heed_optional(key, data)
+            self._heed_optional(key, data, stamp_ns)
         waiting = handle(self._pipeline, key, data, stamp_ns)
         return self._go_on(waiting)
 
@@ -162,6 +169,11 @@ class Core:
         return self._fuel.temperature
 
     @property
+    def energizing(self) -> EnergizingFigures | None:
+        """Commands, openings and their delay so far; None for a bench without energizing."""
+        return self._optional.energizing
+
+    @property
     def last_index(self) -> int:
         """Device index of the last processed sample, 0 before the first."""
         return int(self._observer.ring[(self.processed - 1) % RING]["index"]) if self.processed else 0
@@ -184,34 +196,16 @@ class Core:
     @property
     def counters(self) -> Counters:
         """What was counted so far."""
-        receiver = self._pipeline.receiver[0]
-        alignment = self._pipeline.alignment.memory[0]
-        memory = self._observer.memory[0]
-        return Counters(
-            samples=self.processed,
-            lost_samples=int(alignment["lost"]),
-            interpolated_samples=int(memory["interpolated"]),
-            frames=int(receiver["frames"]),
-            crc_errors=int(receiver["crc_errors"]) + self._optional.crc_errors,
-            length_errors=int(receiver["length_errors"]) + self._optional.length_errors,
-            sequence_errors=int(receiver["sequence_errors"]),
-            repeated_frames=int(alignment["repeated"]),
-            old_frames=int(alignment["old"]),
-            restarts=int(alignment["restarts"]),
-            jumps=int(alignment["jumps"]),
-            events=int(memory["events_judged"]),
-            injections=int(memory["injections_reported"]),
-            adoptions=int(memory["phi_version"]) - self._first_version,
-            rejected_adoptions=self._rejected,
-            late_adoptions=self._training.late,
+        return counted(
+            self._pipeline, self._optional, self._first_version, self._rejected, self._training.late
         )
 
-    def _heed_optional(self, key: int, payload: NDArray[np.uint8]) -> None:
+    def _heed_optional(self, key: int, payload: NDArray[np.uint8], stamp_ns: int) -> None:
         """What a frame brings by optional inputs, or that they stay away, takes effect before its samples do."""
         memory = self._observer.memory[0]
         newest = self._observer.ring[(int(memory["received"]) - 1) % RING]
         now = int(newest["index"]) * self._interval
-        self._optional.take(key, payload, self._observer, now)
+        self._optional.take(key, payload, stamp_ns, now)
         self._pipeline.publisher.memory["learning"] = self.learning
         fuel = self._optional.fuel
         if fuel is None:
@@ -231,6 +225,7 @@ class Core:
             waiting = proceed(self._pipeline)
             self._submit_events()
             self._collect_rate_frames()
+        self._optional.look()
         return self._taken_frames()
 
     def _submit_events(self) -> None:
@@ -265,7 +260,8 @@ class Core:
                 break
             memory["injections_reported"] += 1
             carried = in_force(self._observer), self._free_rows
-            report = report_of(injection, event, outcome, *carried, fuel)
+            commanded = self._optional.opening_of(injection)
+            report = report_of(injection, event, outcome, *carried, fuel, commanded)
             values = summary_values(report, self._injector_id, self.learning, self._pressure_scale)
             self._frames += self._summary_writer.write(values)
             self._on_report(report)

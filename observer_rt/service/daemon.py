@@ -14,6 +14,7 @@ from observer_rt.config import Bench
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.observer.state import Reason, State
 from observer_rt.service.core import Core
+from observer_rt.service.energizing import Mismatch
 from observer_rt.service.measured_mass import MeasuredMass
 from observer_rt.service.outbox import RETRY
 from observer_rt.service.output import FrameWriter, OutputFrame
@@ -39,12 +40,13 @@ class Daemon:
         on_report: Callable[[InjectionReport], None] | None = None,
         on_message: Callable[[str], None] | None = None,
         on_measured: Callable[[MeasuredMass], None] | None = None,
+        on_mismatch: Callable[[Mismatch], None] | None = None,
         further: Sequence[Link] = (),
     ) -> None:
         """link, further: of the first bus and of the others, in order. knowledge: restored from an earlier run.
 
         on_report is called from the loop with every injection, on_measured with those whose mass was measured,
-        on_message with what goes wrong on a link.
+        on_mismatch with those missing after a command or without one, on_message with what goes wrong on a link.
         """
         self._links = (link, *further)
         self.ports = tuple(
@@ -60,7 +62,8 @@ class Daemon:
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning")
         self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
         self._bench = bench
-        self.core = Core(bench, bus, knowledge, self._executor, on_report=on_report, on_measured=on_measured)
+        listeners = on_report, on_measured, on_mismatch
+        self.core = Core(bench, bus, knowledge, self._executor, None, *listeners)
         self._status_writer = FrameWriter(bus.status)
         self._status_period = round(bench.config.outputs.status_period_ms * 1e6)
         self._hashes = (int(model_hash(bench.injector)[:8], 16), database_hash(bench.databases))

@@ -17,6 +17,7 @@ from observer_rt.observer.knowledge import Knowledge
 from observer_rt.screen import say, say_if_compiling
 from observer_rt.service.constants import bench_constants
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.energizing import Mismatch
 from observer_rt.service.learners import refuse_state
 from observer_rt.service.measured_mass import MeasuredMass
 from observer_rt.service.report import InjectionReport
@@ -59,6 +60,10 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
         else:
             say(console, measured.as_text())
 
+    def on_mismatch(mismatch: Mismatch) -> None:
+        if not view:  # which counts them
+            say(console, mismatch.as_text())
+
     def on_message(text: str) -> None:
         say(console, text)
 
@@ -68,7 +73,8 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
         warm_up(bench, bus)
         with ExitStack() as stack:
             link, *further = [stack.enter_context(each) for each in _opened(bench, bus, console)]
-            daemon = Daemon(bench, bus, link, knowledge, on_report, on_message, on_measured, further)
+            listeners = on_report, on_message, on_measured, on_mismatch
+            daemon = Daemon(bench, bus, link, knowledge, *listeners, further=further)
             screen.watch(daemon)
             say(console, "ready")
             try:
@@ -176,12 +182,15 @@ def _line(report: InjectionReport) -> str:
         f"injection {report.number} at index {report.start_index}: {report.mass / MILLIGRAM:.2f} mg, "
         f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, v_H {report.indicators.nozzle.value:+.3f}, "
         f"phi {report.phi_version}, {fuel}{verdict}"
+        + (f", {report.commanded.as_text()}" if report.commanded else "")
     )
 
 
 def _farewell(daemon: Daemon, console: Console) -> None:
     for timing in daemon.core.timing:
         say(console, timing.as_text())
+    if daemon.core.energizing is not None:
+        say(console, f"energizing: {daemon.core.energizing.as_text()}")
     counters = daemon.core.counters
     say(
         console,

@@ -80,7 +80,7 @@ class Pipeline(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def handle(pipeline: Pipeline, key: int, payload: NDArray[np.uint8], stamp: int) -> bool:
-    """Take one frame, received at `stamp` [ns]; `key` as by `mapping.frame_key`.
+    """Take one frame, received at `stamp` [ns]; `key` as by `frame_key.frame_key`.
 
     Frames caused are in the publisher's `out`. Returns True when the observer waits for the judgement of an
     event (`observer.judge`), after which `proceed` goes on.

@@ -10,6 +10,7 @@ from observer_rt.observer.interval import is_revised, rate_sigma, volume_interva
 from observer_rt.observer.knowledge import Outcome
 from observer_rt.observer.state import Reason, State
 from observer_rt.paper.network import FreeNetwork
+from observer_rt.service.energizing import CommandedOpening
 from observer_rt.service.fuel import Fuel
 
 
@@ -21,7 +22,8 @@ class InjectionReport:
     [kg] and `peak_rate` [m3/s] are nan when some sample had no rate; `mass_ci95` [kg] is
     known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard deviation of the published
     rate at the n samples from start to end; `rail_pressure` [Pa] at the opening; `density` [kg/m3] and
-    `fuel_temperature` [K] of the fuel, the latter None where it is not measured.
+    `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is None where it is not
+    known.
     """
 
     number: int
@@ -43,6 +45,7 @@ class InjectionReport:
     indicators: Indicators
     density: float
     fuel_temperature: float | None
+    commanded: CommandedOpening | None
 
 
 def report_of(
@@ -52,11 +55,13 @@ def report_of(
     in_force: NDArray[np.float64],
     free_rows: FreeNetwork | None,
     fuel: Fuel,
+    commanded: CommandedOpening | None,
 ) -> InjectionReport:
     """What to say of an injection (row of dtype `observer.state.INJECTION`) once its event (`EVENT`) is judged.
 
     outcome: what was learned from the event, None when nothing was; in_force: theta (m,) the observer carries,
-    free_rows: the paper's network where that is what it carries; fuel: during the event.
+    free_rows: the paper's network where that is what it carries; fuel: during the event; commanded: by which command
+    it opened.
     """
     c = fuel.constants.coefficients
     judgement = outcome.findings[0].reason if outcome is not None and outcome.findings else Reason.NONE
@@ -100,4 +105,5 @@ def report_of(
         indicators=indicators,
         density=c.density,
         fuel_temperature=fuel.temperature,
+        commanded=commanded,
     )

@@ -54,4 +54,6 @@ def status_values(
         "Adoptions": counters.adoptions,
         "RejectedAdoptions": counters.rejected_adoptions,
         "LateAdoptions": counters.late_adoptions,
+        "MissingInjections": counters.missing_injections,
+        "UncommandedInjections": counters.uncommanded_injections,
     }

@@ -1,5 +1,6 @@
 """The terminal view: the last injection as a curve, the recent ones as a table, counters of the bus."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -77,7 +78,9 @@ class View:
     def render(self, now: int, width: int, height: int) -> RenderableType:
         """The whole view at a monotonic time [ns], for a terminal of `width` x `height` characters."""
         shown = list(self._shown)
-        further = len(self._daemon.ports) - 1 if self._daemon else 0
+        further = 0
+        if self._daemon is not None:
+            further = len(self._daemon.ports) - 1 + (self._daemon.core.energizing is not None)
         lines = max(0, height - ABOVE - further)
         rows = max(1, min(SHOWN, lines // 3))
         size = min(width, WIDEST) - AROUND, max(LOWEST, min(HIGHEST, lines - rows))
@@ -120,6 +123,10 @@ class View:
         temperature = self._daemon.core.fuel_temperature
         if temperature is not None:
             line.append(f"  fuel {temperature - ZERO_CELSIUS:.1f} °C", style="dim")
+        energizing = self._daemon.core.energizing
+        if energizing is not None:
+            is_odd = energizing.missing > 0 or energizing.uncommanded > 0
+            line.append(f"\n {energizing.as_text()}", style="yellow" if is_odd else "dim")
         return line
 
 
@@ -145,6 +152,9 @@ def _table(shown: Sequence[_Shown]) -> Table:
     is_measured = any(item.measured for item in shown)
     if is_measured:
         names += ["measured\nmg", "error\n%"]
+    is_commanded = any(item.report.commanded for item in shown)
+    if is_commanded:
+        names += ["command\nno", "delay\nus"]
     for heading in ("\nno", "rail\nMPa", "mass\nmg", *names, "v_H\n-", ""):
         table.add_column(Text(heading), justify="right", no_wrap=True)
     for item in shown:
@@ -157,6 +167,7 @@ def _table(shown: Sequence[_Shown]) -> Table:
             f"{report.mass / MILLIGRAM:.2f}",
             *(f"{reference.mass / MILLIGRAM:.2f}" for reference in item.references),
             *(_measured(item) if is_measured else ()),
+            *(_commanded(item.report) if is_commanded else ()),
             f"{wear.value:+.3f}{sigma}",
             "[green]valid" if report.valid else f"[yellow]{report.reason.name}",
         )
@@ -168,3 +179,12 @@ def _measured(shown: _Shown) -> tuple[str, str]:
     if shown.measured is None:
         return "-", "-"
     return f"{shown.measured.mass / MILLIGRAM:.2f}", f"{100 * shown.measured.error:+.2f}"
+
+
+def _commanded(report: InjectionReport) -> tuple[str, str]:
+    """Number of the command, and opening delay."""
+    commanded = report.commanded
+    if commanded is None:
+        return "-", "-"
+    delay = commanded.opening_delay
+    return str(commanded.command), "-" if math.isnan(delay) else f"{delay / MICROSECOND:.0f}"

@@ -7,7 +7,8 @@ import pytest
 from observer_rt.bus.database import find_message, not_available_code
 from observer_rt.bus.database_file import load_database
 from observer_rt.bus.e2e import UNPROTECTED
-from observer_rt.bus.mapping import BusMap, frame_key, map_bus
+from observer_rt.bus.frame_key import frame_key
+from observer_rt.bus.mapping import BusMap, map_bus
 from observer_rt.bus.outputs import STATUS_SIGNALS, SUMMARY_SIGNALS, output_message, rate_message
 from observer_rt.config import EXAMPLE_BENCH, PACKAGE_DATA, Role, load_bench
 from observer_rt.errors import UserError

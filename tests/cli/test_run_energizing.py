@@ -1,0 +1,65 @@
+"""`observer-rt run` with the energizing on the bus."""
+
+import math
+import os
+import re
+import signal
+import threading
+from pathlib import Path
+
+from observer_rt.bus.link import open_link
+from observer_rt.bus.mapping import map_bus
+from observer_rt.config import load_bench
+from observer_rt.recording.files import read_recording
+from observer_rt.recording.framing import Framer, TimedFrame, whole
+from observer_rt.recording.player import play
+from tests.cli.conftest import Command
+from tests.service.participants import listening, until
+from tests.service.pulse_frames import TEXT, TIME, durations
+
+# Those of the recording, and one that does nothing.
+PULSES = [(0.12, 0.5e-3), *((0.15 + 0.05 * number, 1.1e-3) for number in range(4))]
+LINE = re.compile(r"injection (\d+) at .* command (\d+), opened after (\d+) us")
+
+
+def test_commands_and_missing_injections_are_printed(
+    command: Command, bench: Path, worn: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "bed.dbc").write_text(TEXT)
+    text = (
+        bench.read_text().replace('"can0"', f'"{tmp_path.name}"').replace("enabled = true", "enabled = false")
+    )
+    bench.write_text(f'{text}\n[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{TIME}')
+    channel = load_bench(bench).config.link.channel
+    recording = read_recording(worn)
+    frames = [
+        *Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)),
+        *(
+            TimedFrame(one.time, one.frame.frame_id, False, False, one.frame.payload)
+            for one in durations(PULSES)
+        ),
+    ]
+    frames.sort(key=lambda frame: frame.time)
+
+    with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
+
+        def bench_engineer() -> None:
+            try:
+                until(lambda: bool(listener.heard.statuses))
+                play(frames, player, math.inf)
+                until(lambda: listener.heard.last_status()["SamplesProcessed"] >= recording.samples - 18)
+            finally:
+                os.kill(os.getpid(), signal.SIGTERM)
+
+        thread = threading.Thread(target=bench_engineer)
+        thread.start()
+        outcome = command("run", "--bench", bench)
+        thread.join()
+
+    assert outcome.code == 0
+    printed = " ".join(outcome.err.split())
+    assert "injection missing: the needle did not open within 3 ms of command 1 at index 6000" in printed
+    found = [[int(number) for number in one] for one in LINE.findall(outcome.err)]
+    assert [one[:2] for one in found] == [[1, 2], [2, 3], [3, 4], [4, 5]]
+    assert all(280 <= delay <= 360 for _, _, delay in found)
+    assert "energizing: 5 commands, 1 injections missing, 0 without a command, opening delay 3" in printed

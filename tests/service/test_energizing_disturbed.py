@@ -1,0 +1,336 @@
+"""Commands without openings, openings without commands, and what must not look like one: losses, pauses, restarts."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.simulation.schedule import Shot
+from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device
+from tests.service.pulse_frames import (
+    CYCLIC,
+    EPOCH,
+    LEVEL,
+    LEVELS_IN_BLOCK,
+    SAFE,
+    TIME,
+    TIME_BY_STAMP,
+    Sent,
+    blocks,
+    commands,
+    cyclic,
+    duration_frame,
+    durations,
+    index_at,
+    injected,
+    level_frame,
+    misfired,
+    on_change,
+    pulse_bench,
+    safe_durations,
+    samples,
+    watch,
+)
+
+PILOT_AND_MAIN = (Shot(0.3e-3, -1.5e-3), Shot(1.0e-3))
+Pulses = Sequence[tuple[float, float]]
+Source = Callable[[Pulses], list[Sent]]
+EVERY = {
+    "level": (LEVEL, on_change),
+    "duration": (TIME, durations),
+    "block": (LEVELS_IN_BLOCK, lambda pulses: blocks(pulses, 0.0, 0.3)),
+    "by stamp": (TIME_BY_STAMP, durations),
+    "protected": (SAFE, safe_durations),
+}
+
+
+@pytest.fixture(params=EVERY)
+def kind(request: pytest.FixtureRequest) -> tuple[str, Source]:
+    lines, source = EVERY[request.param]
+    return lines, source
+
+
+def test_pilot_and_main_have_a_command_each(tmp_path: Path, kind: tuple[str, Source]) -> None:
+    lines, source = kind
+    schedule, recording = injected(2, PILOT_AND_MAIN)
+    watched = watch(pulse_bench(tmp_path, lines), samples(recording), source(commands(schedule)))
+    assert [report.event for report in watched.reports] == [1, 1, 2, 2]
+    assert watched.commands == [1, 2, 3, 4]
+    assert watched.mismatches == []
+
+
+def test_a_misfire_is_missing(tmp_path: Path, kind: tuple[str, Source]) -> None:
+    lines, source = kind
+    schedule, recording = injected(3)
+    pulses = commands(schedule)
+    second = pulses[1][0]
+    watched = watch(
+        pulse_bench(tmp_path, lines), samples(misfired(recording, (second, second + 5e-3))), source(pulses)
+    )
+    assert watched.commands == [1, 3]
+    assert (watched.missing, watched.uncommanded) == ([2], [])
+    assert watched.mismatches[0].index == pytest.approx(second * SAMPLE_RATE, abs=1)
+    assert watched.mismatches[0].as_text().startswith("injection missing: ")
+    assert "3 ms of command 2 at index" in watched.mismatches[0].as_text()
+    assert watched.core.counters.missing_injections == 1
+
+
+def test_a_pilot_that_misfires_leaves_the_main_its_command(tmp_path: Path, kind: tuple[str, Source]) -> None:
+    lines, source = kind
+    schedule, recording = injected(2, PILOT_AND_MAIN)
+    pulses = commands(schedule)
+    shut = misfired(recording, (pulses[0][0], pulses[1][0]))
+    watched = watch(pulse_bench(tmp_path, lines), samples(shut), source(pulses))
+    assert watched.commands == [2, 3, 4]
+    assert (watched.missing, watched.uncommanded) == ([1], [])
+
+
+def test_an_opening_nobody_asked_for(tmp_path: Path, kind: tuple[str, Source]) -> None:
+    lines, source = kind
+    schedule, recording = injected(3)
+    first, _, third = commands(schedule)
+    watched = watch(pulse_bench(tmp_path, lines), samples(recording), source([first, third]))
+    assert watched.commands == [1, None, 2]
+    assert (watched.missing, watched.uncommanded) == ([], [2])
+    assert "injection 2 opened at index" in watched.mismatches[0].as_text()
+    assert watched.core.counters.uncommanded_injections == 1
+
+
+def test_a_needle_that_bounces_has_no_second_command(tmp_path: Path) -> None:
+    """Nor does its second opening take that of a pilot which misfired."""
+    schedule, recording = injected(2, PILOT_AND_MAIN)
+    pulses = commands(schedule)
+    bounce = pulses[3][0] + 0.9e-3
+    shut = misfired(recording, (pulses[2][0], pulses[3][0]), (bounce, bounce + 0.2e-3))
+    watched = watch(pulse_bench(tmp_path, LEVEL), samples(shut), on_change(pulses))
+    assert watched.commands == [1, 2, 4, None]
+    assert (watched.missing, watched.uncommanded) == ([3], [4])
+
+
+def test_window_of_the_bench_file(tmp_path: Path) -> None:
+    """An opening after it is not the command's."""
+    schedule, recording = injected(2)
+    lines = LEVEL + "missing_after_ms = 0.2\n"
+    watched = watch(pulse_bench(tmp_path, lines), samples(recording), on_change(commands(schedule)))
+    assert watched.commands == [None, None]
+    assert (watched.missing, watched.uncommanded) == ([1, 2], [1, 2])
+    assert "within 0.2 ms" in next(one for one in watched.mismatches if one.is_missing).as_text()
+
+
+def test_nothing_is_missing_before_the_first_command(tmp_path: Path, kind: tuple[str, Source]) -> None:
+    lines, source = kind
+    schedule, recording = injected(3)
+    third = commands(schedule)[2:]
+    watched = watch(pulse_bench(tmp_path, lines), samples(recording), source(third))
+    assert watched.commands == [None, None, 1]
+    assert watched.mismatches == []
+
+
+@pytest.mark.parametrize("level", [0, 3])
+def test_a_source_that_says_nothing(tmp_path: Path, level: int) -> None:
+    """Level 0, or not available."""
+    _, recording = injected(3)
+    silent = [
+        Sent(time, level_frame("PulseLevel", level, index_at(time))) for time in (0.1, 0.151, 0.2, 0.25)
+    ]
+    watched = watch(pulse_bench(tmp_path, LEVEL), samples(recording), silent)
+    assert watched.commands == [None, None, None]
+    assert watched.mismatches == []
+
+
+def test_a_needle_stuck_open_misses_nothing(tmp_path: Path, kind: tuple[str, Source]) -> None:
+    lines, source = kind
+    schedule, recording = injected(3)
+    pulses = commands(schedule)
+    lift = recording.needle_lift.copy()
+    top = round((pulses[0][0] + 1.2e-3) * SAMPLE_RATE)
+    lift[top:] = lift[top]
+    watched = watch(
+        pulse_bench(tmp_path, lines), samples(replace(recording, needle_lift=lift)), source(pulses)
+    )
+    assert watched.commands == [1]
+    assert watched.mismatches == []
+
+
+@pytest.mark.parametrize("lost", [(-0.5e-3, 3e-3), (0.2e-3, 0.6e-3), (0.6e-3, 0.8e-3)])
+def test_lost_samples_are_no_misfire(
+    tmp_path: Path, kind: tuple[str, Source], lost: tuple[float, float]
+) -> None:
+    """The whole injection, its opening, or a part of it."""
+    lines, source = kind
+    schedule, recording = injected(3)
+    pulses = commands(schedule)
+    begin, end = (pulses[1][0] + edge for edge in lost)
+    kept = [sent for sent in samples(recording) if not begin <= sent.time < end]
+    watched = watch(pulse_bench(tmp_path, lines), kept, source(pulses))
+    assert watched.mismatches == []
+    assert watched.commands[0] == 1
+    assert watched.commands[-1] == 3
+
+
+def test_a_lost_command_costs_one_alarm(tmp_path: Path) -> None:
+    schedule, recording = injected(4)
+    sent = safe_durations(commands(schedule))
+    watched = watch(pulse_bench(tmp_path, SAFE), samples(recording), [*sent[:1], *sent[2:]])
+    assert watched.commands == [1, None, 2, 3]
+    assert (watched.missing, watched.uncommanded) == ([], [2])
+
+
+def test_a_pulse_generator_that_restarts_costs_nothing(tmp_path: Path) -> None:
+    """Its counter begins anew."""
+    schedule, recording = injected(4)
+    pulses = commands(schedule)
+    sent = [*safe_durations(pulses[:2]), *safe_durations(pulses[2:])]
+    watched = watch(pulse_bench(tmp_path, SAFE), samples(recording), sent)
+    assert watched.commands == [1, 2, 3, 4]
+    assert watched.mismatches == []
+
+
+@pytest.mark.parametrize("frame", [2, 3])
+def test_a_lost_level_costs_one_alarm_at_most(tmp_path: Path, frame: int) -> None:
+    """The start or the end of the second energizing."""
+    schedule, recording = injected(4)
+    sent = on_change(commands(schedule))
+    watched = watch(pulse_bench(tmp_path, LEVEL), samples(recording), [*sent[:frame], *sent[frame + 1 :]])
+    assert watched.missing == []
+    assert len(watched.uncommanded) <= 1
+    assert watched.commands[0] is not None
+    assert watched.commands[3] is not None
+
+
+@pytest.mark.parametrize("edge", [0.0, 1.1e-3])
+def test_lost_blocks_of_levels_cost_none(tmp_path: Path, edge: float) -> None:
+    """With the start or the end of the second energizing in them."""
+    schedule, recording = injected(4)
+    pulses = commands(schedule)
+    at = pulses[1][0] + edge
+    sent = [one for one in blocks(pulses, 0.0, 0.35) if not at <= one.time < at + 0.8e-3]
+    watched = watch(pulse_bench(tmp_path, LEVELS_IN_BLOCK), samples(recording), sent)
+    assert watched.mismatches == []
+    assert None not in (watched.commands[0], watched.commands[2], watched.commands[3])
+
+
+def test_a_cyclic_source_that_falls_silent_is_not_believed(tmp_path: Path) -> None:
+    schedule, recording = injected(4)
+    pulses = commands(schedule)
+    sent = [one for one in cyclic(pulses, 0.35) if one.time < 0.19]
+    watched = watch(pulse_bench(tmp_path, CYCLIC), samples(recording), sent)
+    assert watched.commands == [1, None, None, None]
+    assert watched.mismatches == []
+
+
+def test_repeated_and_overtaken_frames_are_no_command(tmp_path: Path) -> None:
+    """A duration with an index may be sent cyclically, until the next."""
+    schedule, recording = injected(3)
+    pulses = commands(schedule)
+    sent = []
+    for start, duration in pulses:
+        frame = duration_frame(duration, index_at(start))
+        sent += [Sent(start + n * 5e-3, frame) for n in range(9)]
+    late = Sent(pulses[1][0] + 1e-3, duration_frame(1.1e-3, index_at(pulses[1][0] - 5e-3)))
+    watched = watch(pulse_bench(tmp_path, TIME), samples(recording), sent, [late])
+    assert watched.commands == [1, 2, 3]
+    assert watched.mismatches == []
+
+
+@pytest.mark.parametrize("lead", [-0.5e-3, 0.5e-3, 20e-3])
+def test_commands_may_come_before_or_after_their_samples(tmp_path: Path, lead: float) -> None:
+    """Where an index places them."""
+    schedule, recording = injected(3)
+    sent = [Sent(one.time + lead, one.frame) for one in durations(commands(schedule))]
+    watched = watch(pulse_bench(tmp_path, TIME), samples(recording), sent)
+    assert watched.commands == [1, 2, 3]
+    assert watched.mismatches == []
+
+
+def test_a_command_after_its_report_is_not_missing_too(tmp_path: Path) -> None:
+    schedule, recording = injected(4)
+    sent = durations(commands(schedule))
+    sent[1] = Sent(sent[1].time + 45e-3, sent[1].frame)
+    watched = watch(pulse_bench(tmp_path, TIME), samples(recording), sent)
+    assert (watched.missing, watched.uncommanded) == ([], [2])
+    assert watched.commands[2:] == [3, 4]
+
+
+def test_stamps_change_nothing_where_an_index_is_carried(tmp_path: Path, kind: tuple[str, Source]) -> None:
+    lines, source = kind
+    schedule, recording = injected(2)
+    random = np.random.default_rng(1)
+    frames = sorted([*samples(recording), *source(commands(schedule))], key=lambda sent: sent.time)
+    bench = pulse_bench(tmp_path, lines)
+    prompt = watch(bench, frames)
+    late = watch(bench, frames, stamps=[EPOCH + int(n) for n in random.integers(0, 10**9, len(frames))])
+    assert late.frames == prompt.frames
+    if "index" in lines or "pattern" in lines:
+        assert [report.commanded for report in late.reports] == [
+            report.commanded for report in prompt.reports
+        ]
+        assert late.mismatches == prompt.mismatches == []
+
+
+def test_it_changes_no_result(tmp_path: Path, kind: tuple[str, Source]) -> None:
+    lines, source = kind
+    schedule, recording = injected(2)
+    bench = pulse_bench(tmp_path, lines)
+    with_it = watch(bench, samples(recording), source(commands(schedule)))
+    without = watch(bench, samples(recording))
+    assert with_it.frames == without.frames
+    assert without.core.energizing is not None
+    assert without.core.energizing.commands == 0
+
+
+@pytest.mark.parametrize("first", [0, (1 << 32) - 8000])
+def test_index_of_a_device_that_restarts(tmp_path: Path, first: int) -> None:
+    """It counts from 0 again after two injections, once from just below the end of the count."""
+    schedule, recording = injected(2)
+    pulses = commands(schedule)
+    device, again = Device(ONE_MESSAGE, first), Device(ONE_MESSAGE)
+    before, after = samples(recording, device=device), samples(recording, device=again)
+    length = recording.samples / SAMPLE_RATE
+    sent = [*before, *(Sent(one.time + length, one.frame) for one in after)]
+    told = [*on_change(pulses, first), *(Sent(one.time + length, one.frame) for one in on_change(pulses))]
+    watched = watch(pulse_bench(tmp_path, LEVEL), sent, told)
+    assert watched.commands == [1, 2, 3, 4]
+    assert watched.mismatches == []
+
+
+def test_a_command_told_before_the_first_sample_of_a_device_that_restarts(tmp_path: Path) -> None:
+    schedule, recording = injected(2)
+    (start, _), *_ = commands(schedule)
+    length = recording.samples / SAMPLE_RATE
+    begun = start - 0.2e-3  # the device starts just before the first command
+    again = samples(
+        recording, (begun, length), device=Device(ONE_MESSAGE, -round(begun * SAMPLE_RATE) % (1 << 32))
+    )
+    sent = [*samples(recording), *(Sent(one.time - begun + length, one.frame) for one in again)]
+    told = on_change(commands(schedule))
+    for one in on_change([(time - begun, lasts) for time, lasts in commands(schedule)]):
+        told.append(Sent(one.time + length - 0.5e-3, one.frame))
+    watched = watch(pulse_bench(tmp_path, LEVEL), sent, told)
+    assert watched.commands == [1, 2, 3, 4]
+    assert watched.mismatches == []
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_windowed_source(tmp_path: Path, kind: tuple[str, Source], missing: bool) -> None:
+    """Samples only round the injections; of four, the second may misfire and the third have no command."""
+    lines, source = kind
+    schedule, recording = injected(4)
+    pulses = commands(schedule)
+    spans = [(start - 1.5e-3, start + 5e-3) for start, _ in pulses]
+    if missing:
+        recording = misfired(recording, spans[1])
+        del pulses[2]
+    told = source(pulses)
+    if lines == LEVELS_IN_BLOCK:
+        told = [one for span in spans for one in blocks(pulses, *span)]
+    watched = watch(pulse_bench(tmp_path, lines), samples(recording, *spans), told)
+    if missing:
+        assert watched.missing == [2]
+        assert watched.uncommanded == ([] if lines == LEVELS_IN_BLOCK else [2])
+        assert watched.commands == [1, None, 3]
+    else:
+        assert watched.commands == [1, 2, 3, 4]
+        assert watched.mismatches == []

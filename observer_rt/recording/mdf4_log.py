@@ -32,7 +32,18 @@ EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
 RECORDS_AT_ONCE = 50_000
 MILLISECOND = 1_000_000  # ns
 MAX_LENGTH = 64
-_DAMAGE = (MdfException, struct.error, ValueError, KeyError, EOFError, IndexError, TypeError, AttributeError)
+_DAMAGE = (
+    MdfException,
+    struct.error,
+    OSError,
+    MemoryError,
+    ArithmeticError,
+    ValueError,
+    LookupError,
+    EOFError,
+    TypeError,
+    AttributeError,
+)
 _FIELDS = (
     ("BusChannel", "<u1"),
     ("ID", "<u4"),
@@ -149,6 +160,7 @@ def _groups(file: MDF, kind: str) -> list[int]:
 
 
 def _group_records(file: MDF, group: int) -> Iterator[_Record]:
+    _refuse_outside(file, group)
     names = {channel.name for channel in file.groups[group].channels}
     start_ns = int(file.header.abs_time)
     for offset in range(0, file.groups[group].channel_group.cycles_nr, RECORDS_AT_ONCE):
@@ -181,6 +193,15 @@ def _group_records(file: MDF, group: int) -> Iterator[_Record]:
             flags("Dir") or none,
             strict=True,
         )
+
+
+def _refuse_outside(file: MDF, group: int) -> None:
+    """Raise `ValueError` for a field that reaches beyond its record: asammdf would read there all the same."""
+    record = file.groups[group].channel_group.samples_byte_nr
+    for channel in file.groups[group].channels:
+        end = channel.byte_offset + (channel.bit_offset + channel.bit_count + 7) // 8
+        if end > record:
+            raise ValueError(f"{channel.name} reaches to byte {end} of records of {record}")
 
 
 def _payloads(data: NDArray[np.uint8], lengths: NDArray[np.integer[Any]]) -> list[bytes]:

@@ -1,16 +1,19 @@
-"""Logs damaged anywhere, in every format: the frames, or an error that names the file; never fewer without a word."""
+"""Logs and recordings damaged anywhere: what they held, or an error that names the file; never less in silence."""
 
 import random
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.errors import UserError
+from observer_rt.recording.files import WRITERS, read_recording, write_recording
 from observer_rt.recording.logs import LOG_WRITERS, open_log
+from observer_rt.recording.recording import Recording
 from tests.recording.log_cases import mixture, write_log
 
 FRAMES = 12
@@ -76,3 +79,30 @@ def _comments(suffix: str, data: bytes) -> set[bytes]:
     """Damage may make a comment of a frame: nobody can tell."""
     marks = COMMENTS.get(suffix, b"")
     return {line for line in data.splitlines() if line.strip()[:1] in marks and line.strip()}
+
+
+@pytest.mark.parametrize("suffix", sorted(WRITERS))
+def test_a_damaged_recording(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"recording{suffix}"
+    values = np.arange(20.0)
+    write_recording(path, Recording(values / 1e5, values * 1e5, values * 1e-6, values * 1e5))
+    whole = path.read_bytes()
+
+    @settings(
+        max_examples=20 if suffix == ".mf4" else 200,
+        suppress_health_check=[HealthCheck.function_scoped_fixture],
+    )
+    @given(damages())
+    def check(damage: Damage) -> None:
+        path.write_bytes(damage(whole))
+        refusal = ""
+        try:
+            found = read_recording(path)
+        except UserError as error:
+            refusal = str(error)
+        if refusal:
+            assert str(path) in refusal
+        else:
+            assert found.samples == values.size
+
+    check()

@@ -4,6 +4,8 @@ import subprocess
 
 import pytest
 
+FRAME_BYTES = 72  # of a CAN FD frame, whatever it carries
+
 
 class OwnInterface:
     """Made by `ip`, which needs the right to change interfaces; tools/vcan grants it to the superuser."""
@@ -27,7 +29,19 @@ class OwnInterface:
         """Pull the plug."""
         self._ip("link", "delete", self.name)
 
+    def slow_down(self, bytes_per_s: int, queue_bytes: int) -> None:
+        """Let frames leave at this rate; a queue holds those that wait, and the kernel refuses more.
+
+        Listeners of this computer hear a frame when it is taken into the queue. A CAN FD frame counts FRAME_BYTES.
+        """
+        shape = f"tbf rate {8 * bytes_per_s}bit burst {2 * FRAME_BYTES} limit {queue_bytes}"
+        _run("tc", "qdisc", "replace", "dev", self.name, "root", *shape.split())
+
     def _ip(self, *arguments: str) -> None:
-        done = subprocess.run(["ip", *arguments], capture_output=True, text=True, check=False)
-        if done.returncode:
-            pytest.fail(f"ip {' '.join(arguments)}: {done.stderr}; run as the superuser", pytrace=False)
+        _run("ip", *arguments)
+
+
+def _run(*command: str) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        pytest.fail(f"{' '.join(command)}: {done.stderr}; run as the superuser", pytrace=False)

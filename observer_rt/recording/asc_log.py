@@ -29,6 +29,7 @@ _BASE = re.compile(r"base\s+(?P<base>hex|dec)\b", re.IGNORECASE)
 _TIMES = re.compile(r"(?:base\s+\w+\s+)?timestamps\s+(?P<times>absolute|relative)", re.IGNORECASE)
 _IDENTIFIER = {16: re.compile(r"[0-9A-Fa-f]+[xX]?"), 10: re.compile(r"[0-9]+[xX]?")}
 _DIRECTIONS = {"rx": False, "tx": True}
+HEADING = ("internal events", "no internal events")
 RISING_LINES = 30
 _AFTER_DATA = 4  # words of a CAN FD line from its data to its flags, which comes third
 
@@ -92,7 +93,9 @@ class AscLog(LogReader):
             self._relative = times["times"].lower() == "relative"
         if base is not None or times is not None:
             return
-        if lower.startswith("date "):
+        if not text.startswith(("//", ";")) and not _DIRECTIONS.keys().isdisjoint(lower.split()):
+            self._malformed(line, number)  # what is left of a frame
+        elif lower.startswith("date "):
             self._take_date(text[len("date ") :], number)
         elif lower.startswith("begin trigger"):
             # of two dates this one belongs to time 0; later blocks go on in the same time
@@ -102,8 +105,12 @@ class AscLog(LogReader):
             self._dated = True
         elif lower.startswith("end trigger"):
             self._ended = True
-        elif not text[0].isalpha() and not text.startswith(("//", ";")):
+        elif text.startswith(("//", ";")):
+            return
+        elif not text[0].isalpha():
             self._malformed(line, number)
+        else:
+            self.other_entries += not lower.startswith(HEADING)
 
     def _take_date(self, text: str, number: int) -> None:
         start = _date(text.strip())
@@ -159,6 +166,7 @@ class AscLog(LogReader):
         if kind != "d":
             raise ValueError
         length = min(int(words[5], self._radix), CLASSIC_LENGTH)
+        _refuse_second_frame(words[6 + length :])
         return self.frame(
             number,
             stamp,
@@ -186,6 +194,7 @@ class AscLog(LogReader):
             raise ValueError
         first = at + 4
         after = words[first + length :]
+        _refuse_second_frame(after)
         flags = int(after[2], 16) if len(after) >= _AFTER_DATA else FLAG_FD
         if not flags & FLAG_FD and flags & FLAG_REMOTE:
             self.remote_frames += 1
@@ -228,6 +237,13 @@ def _date(text: str) -> int | None:
         return int(moment.timestamp()) * NANOSECONDS + text_nanoseconds(f"0.{match['fraction'] or 0}")
     except (ValueError, OverflowError):
         return None
+
+
+def _refuse_second_frame(words: list[str]) -> None:
+    """Raise `ValueError` where another frame follows in the line: a line's end, and more, is missing."""
+    comment = next((n for n, word in enumerate(words) if word.startswith("//")), len(words))
+    if any(word.lower() in _DIRECTIONS for word in words[:comment]):
+        raise ValueError
 
 
 def _identifier(word: str, radix: int) -> tuple[int, bool]:

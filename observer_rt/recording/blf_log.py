@@ -79,6 +79,8 @@ class BlfLog(LogReader):
             raise UserError(str(self.path), problem, READABLE)
         fields = FILE_HEADER.unpack(data)
         header = _Header(fields[1], fields[10], _nanoseconds(fields[14:22]))
+        if header.size > self._size:
+            raise UserError(str(self.path), "ends within its header", READABLE)
         file.seek(header.size)
         return header
 

@@ -42,6 +42,18 @@ REQUIRED = ("rail_pressure", "needle_lift", "line_pressure")
 SI_UNITS = {"rail_pressure": "Pa", "needle_lift": "m", "line_pressure": "Pa", "injection_rate": "m3/s"}
 MAGIC = b"MDF"
 READABLE = "give a complete MDF 4 measurement"
+DAMAGE = (  # the ways in which asammdf fails on a damaged file
+    MdfException,
+    struct.error,
+    OSError,
+    MemoryError,
+    ArithmeticError,
+    ValueError,
+    LookupError,
+    EOFError,
+    TypeError,
+    AttributeError,
+)
 logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come as errors, too
 NO_DATE = datetime.fromtimestamp(0, UTC)
 
@@ -59,7 +71,7 @@ def read_mdf4(path: Path) -> Recording:
         try:
             with MDF(handle) as file:
                 signals = _read_channels(file, path)
-        except (MdfException, struct.error, ValueError, KeyError, EOFError) as error:
+        except DAMAGE as error:
             discard(error)
             raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
     time = signals["rail_pressure"].timestamps.astype(np.float64)
@@ -117,6 +129,15 @@ def discard(error: Exception) -> None:
         sys.unraisablehook = hook
 
 
+def refuse_outside(file: MDF, group: int) -> None:
+    """Raise `ValueError` for a field that reaches beyond its record: asammdf would read there all the same."""
+    record = file.groups[group].channel_group.samples_byte_nr
+    for channel in file.groups[group].channels:
+        end = channel.byte_offset + (channel.bit_offset + channel.bit_count + 7) // 8
+        if end > record:
+            raise ValueError(f"{channel.name} reaches to byte {end} of records of {record}")
+
+
 def _read_channels(file: MDF, path: Path) -> dict[str, Signal]:
     signals = {}
     for name in UNITS:
@@ -127,6 +148,7 @@ def _read_channels(file: MDF, path: Path) -> dict[str, Signal]:
             )
         if places:
             group, index = places[0]
+            refuse_outside(file, group)
             signals[name] = file.get(group=group, index=index, ignore_invalidation_bits=True)
         elif name in REQUIRED:
             raise UserError(

@@ -1,7 +1,6 @@
 """CAN frames in MDF4 files, by ASAM's rules for bus logging: one record a frame, apart by data, error and remote."""
 
 import heapq
-import struct
 from collections.abc import Callable, Iterable, Iterator
 from operator import itemgetter
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import Any
 import can.util
 import numpy as np
 from asammdf import MDF, Signal
-from asammdf.blocks.utils import MdfException
 from asammdf.blocks.v4_blocks import SourceInformation
 from asammdf.blocks.v4_constants import BUS_TYPE_CAN, FLAG_CG_BUS_EVENT, SOURCE_BUS
 from numpy.typing import NDArray
@@ -25,14 +23,13 @@ from observer_rt.recording.log import (
     LogReader,
     LogWriter,
 )
-from observer_rt.recording.mdf4_file import MAGIC, READABLE, add_history, discard
+from observer_rt.recording.mdf4_file import DAMAGE, MAGIC, READABLE, add_history, discard, refuse_outside
 
 DATA, ERROR, REMOTE = "CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame"
 EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
 RECORDS_AT_ONCE = 50_000
 MILLISECOND = 1_000_000  # ns
 MAX_LENGTH = 64
-_DAMAGE = (MdfException, struct.error, ValueError, KeyError, EOFError, IndexError, TypeError, AttributeError)
 _FIELDS = (
     ("BusChannel", "<u1"),
     ("ID", "<u4"),
@@ -132,7 +129,7 @@ def _from_file(path: Path, read: Callable[[MDF], Iterable[Any]]) -> Iterator[Any
         try:
             with MDF(handle) as file:
                 yield from read(file)
-        except _DAMAGE as error:
+        except DAMAGE as error:
             discard(error)
             raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
 
@@ -149,6 +146,7 @@ def _groups(file: MDF, kind: str) -> list[int]:
 
 
 def _group_records(file: MDF, group: int) -> Iterator[_Record]:
+    refuse_outside(file, group)
     names = {channel.name for channel in file.groups[group].channels}
     start_ns = int(file.header.abs_time)
     for offset in range(0, file.groups[group].channel_group.cycles_nr, RECORDS_AT_ONCE):

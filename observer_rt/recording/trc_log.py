@@ -122,7 +122,7 @@ class TrcLog(LogReader):
         if not is_fd and (row.kind != "DT" or is_transport):
             self.other_entries += 1
             return None
-        data = bytes.fromhex(" ".join(row.data[: row.length]))
+        data = bytes.fromhex(" ".join(row.data))
         if len(data) != row.length:
             raise ValueError
         switch, state = FD_TYPES.get(row.kind, (False, False))

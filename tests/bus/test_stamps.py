@@ -11,6 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from observer_rt.bus import stamps
+from observer_rt.bus.link import open_link
 from observer_rt.bus.stamps import ANCILLARY_BYTES, StampReader
 
 SECOND = 1_000_000_000
@@ -112,3 +114,31 @@ def test_the_interfaces_clock_gives_the_distances(start: int, steps: list[tuple[
 
 def test_other_control_messages_hold_no_stamp(pair: tuple[socket.socket, socket.socket]) -> None:
     assert StampReader(pair[1], "lo").read(40, b"\1\0\0\0") is None
+
+
+@pytest.mark.vcan
+def test_stamps_of_the_kernel_come_in_the_message_of_those_of_the_hardware(
+    vcan: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A virtual interface has no clock: of the three stamps the real control message has the first only."""
+    monkeypatch.setattr(stamps, "_offers_hardware_stamps", lambda *_: True)
+    kinds: set[int] = set()
+    read = StampReader.read
+
+    def noting(self: StampReader, kind: int, value: bytes) -> int | None:
+        kinds.add(kind)
+        return read(self, kind, value)
+
+    monkeypatch.setattr(StampReader, "read", noting)
+    with open_link("socketcan", vcan, True, []) as sender, open_link("socketcan", vcan, True) as receiver:
+        found = []
+        before = time.time_ns()
+        for _ in range(100):
+            sender.send(0x100, b"", False, True)
+            frame = receiver.receive(1.0)
+            assert frame is not None
+            found.append(frame.stamp_ns)
+        after = time.time_ns()
+    assert kinds == {SO_TIMESTAMPING}
+    assert [before, *found, after] == sorted([before, *found, after])
+    assert len(set(found)) > 90  # each its own

@@ -1,9 +1,11 @@
 """The command line in this process: arguments in, exit code and both outputs back."""
 
+import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -44,6 +46,14 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
         return Outcome(code or 0, out, err)
 
     return run
+
+
+def document(command: Command, *arguments: object) -> dict[str, Any]:
+    """The JSON of an evaluation that went well."""
+    outcome = command("evaluate", *arguments, "--json")
+    assert outcome.code == 0, outcome.err
+    parsed: dict[str, Any] = json.loads(outcome.out, parse_constant=lambda name: pytest.fail(name))
+    return parsed
 
 
 @pytest.fixture(scope="session")

@@ -81,11 +81,11 @@ def test_fd_lines_of_a_decimal_log_are_hexadecimal(tmp_path: Path) -> None:
     """As CANalyzer writes them: the same frame from a classic and from an FD channel."""
     classic, fd = read(
         tmp_path,
-        " 1344.433112 5  168             Rx   d 8  16  17   1   0 149 100  99  15  Length = 225972 ID = 168",
-        " 1344.433111 CANFD   2 Rx         a8  Any_12             1 0 8  8 10 11 01 00 95 64 63 0f" + FD_TAIL,
+        "   12.500000 5  291             Rx   d 8  16  17   1   0 149 100  99  15  Length = 230000 ID = 291",
+        "   12.500000 CANFD   2 Rx        123  Any_12             1 0 8  8 10 11 01 00 95 64 63 0f" + FD_TAIL,
         base="dec",
     )
-    assert classic.frame.frame_id == fd.frame.frame_id == 168
+    assert classic.frame.frame_id == fd.frame.frame_id == 0x123
     assert classic.frame.payload == fd.frame.payload == bytes((16, 17, 1, 0, 149, 100, 99, 15))
 
 
@@ -167,7 +167,7 @@ def test_a_frame_longer_than_a_classic_one_is_fd_whatever_the_flags(tmp_path: Pa
     data = " ".join(["11"] * 12)
     (found,) = read(
         tmp_path,
-        f"  0.1 CANFD   4 Rx        4EE              1 0 9 12 {data} 1331984 11 0 46500250 460a0250 20011736",
+        f"  0.1 CANFD   4 Rx        123              1 0 9 12 {data} 200000 11 0 0 0 0",
     )
     assert (found.frame.is_fd, found.frame.bit_rate_switch, found.frame.payload) == (True, True, b"\x11" * 12)
 

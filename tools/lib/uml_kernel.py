@@ -13,11 +13,12 @@ from uml_package import PACKAGE, unpack_package
 
 # In the order they must be loaded; bcm and vxcan are what candump's relatives and gateway tests ask for.
 MODULES = ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan")
+OPTIONAL_MODULES = ("sch_tbf",)  # slows an interface down, for tests of full queues; may be built in
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """A bootable user-mode Linux: the program and its CAN modules in loading order."""
+    """A bootable user-mode Linux: the program and its modules in loading order."""
 
     program: Path
     modules: tuple[Path, ...]
@@ -39,9 +40,10 @@ def kernel_below(root: Path) -> Kernel | None:
         return None
     for modules in (root / "usr/lib/uml/modules", root / "lib/uml/modules"):
         for version in sorted(modules.glob("*"), reverse=True):
-            found = {path.name.split(".")[0]: path for path in version.rglob("*can*.ko*")}
+            found = {path.name.split(".")[0]: path for path in version.rglob("*.ko*")}
             if all(name in found for name in MODULES):
-                return Kernel(program, tuple(found[name] for name in MODULES))
+                there = (name for name in (*MODULES, *OPTIONAL_MODULES) if name in found)
+                return Kernel(program, tuple(found[name] for name in there))
     return None
 
 

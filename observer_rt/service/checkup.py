@@ -168,7 +168,7 @@ def _event_timing(bench: Bench) -> Finding:
         longest >= 2 * learning.event_gap_ms,
         f"openings within {learning.event_gap_ms:g} ms are one event; a new phi takes force "
         f"{learning.event_gap_ms + learning.learning_delay_ms:g} ms after the needle shuts; learned from events "
-        f"up to {longest:.3g} ms, gap included",
+        f"up to {longest:.0f} ms, gap included",
         "shorten learning.event_gap_ms or sample slower",
     )
 

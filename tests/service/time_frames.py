@@ -1,7 +1,6 @@
 """Devices with clocks of their own, a bus that delays, loses and reorders, and what the core makes of it."""
 
 from collections.abc import Callable, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -146,20 +145,6 @@ def _one_by_one(come: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END) -> list[Received]:
     """All frames of a message up to `end` [s], one after another."""
-    taken, payloads, random = encoded(name, clock, end)
-    frame_id = MESSAGES[name].frame_id
-    stamps = delays(taken, deepcopy(random))
-    return [
-        Received(float(time), EPOCH + round(float(stamp) * 1e9), frame_id, payload)
-        for time, stamp, payload in zip(taken, stamps, payloads, strict=True)
-    ]
-
-
-@cache
-def encoded(
-    name: str, clock: Clock, end: float
-) -> tuple[NDArray[np.float64], list[bytes], np.random.Generator]:
-    """When each sample of a message was taken up to `end` [s], what is sent, and chance as it goes on."""
     _, truth = plant()
     taken = clock.times(end)
     random = np.random.default_rng(MESSAGES[name].frame_id)
@@ -181,11 +166,16 @@ def encoded(
     }
     message = MESSAGES[name]
     columns = {s.name: values[s.name].tolist() for s in message.signals}
-    payloads = [
-        message.encode({key: column[n] for key, column in columns.items()}, strict=False)
+    stamps = delays(taken, random)
+    return [
+        Received(
+            float(taken[n]),
+            EPOCH + round(float(stamps[n]) * 1e9),
+            message.frame_id,
+            message.encode({key: column[n] for key, column in columns.items()}, strict=False),
+        )
         for n in range(taken.size)
     ]
-    return taken, payloads, random
 
 
 def merged(*streams: Sequence[Received]) -> list[Received]:

@@ -143,6 +143,14 @@ def place_at(keeping: Timekeeping, time: int) -> float:
 
 
 @njit(cache=True, nogil=True)
+def is_prompt(keeping: Timekeeping, tolerance: float) -> bool:
+    """Whether the frames of the grid came when its clock says, to `tolerance` [s], as far as was seen lately."""
+    grid = keeping.clocks[keeping.memory[0].leading]
+    early = grid.offset + grid.drift * grid.lowest_at - grid.lowest
+    return bool(max(early, grid.latest) < 1e9 * tolerance)
+
+
+@njit(cache=True, nogil=True)
 def doubt_of(keeping: Timekeeping) -> int:
     """`Doubt` in the times of samples that come together now."""
     if not keeping.memory[0].by_stamps:

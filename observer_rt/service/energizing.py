@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.energizing import Energizing, EnergizingReceiver
-from observer_rt.bus.timekeeping import Timekeeping, place_at
+from observer_rt.bus.timekeeping import Timekeeping, is_prompt, place_at
 from observer_rt.observer.observer import was_shut
 from observer_rt.observer.state import INJECTIONS, RING, Observer
 from observer_rt.service.commands import Command, CommandReader, samples_between
@@ -17,7 +17,9 @@ from observer_rt.units import MICROSECOND, MILLISECOND
 
 REMEMBERED = 64  # commands
 RECENT = 100  # delays that mean and spread are of
-LATE_STAMP = 1 * MILLISECOND  # that a command placed by its stamp may seem to come after its opening
+LATE_STAMP = (
+    1 * MILLISECOND
+)  # that stamps may be beside their clock, and a command so placed after its opening
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,15 @@ class EnergizingFigures:
         )
 
 
+@dataclass(eq=False)
+class _Waiting:
+    """A command whose opening is not decided; came: samples processed when it did; was_shut: None while under way."""
+
+    command: Command
+    came: int
+    was_shut: bool | None = None
+
+
 class EnergizingWatch:
     """Joins commands and openings, whichever is known first.
 
@@ -105,12 +116,11 @@ class EnergizingWatch:
         self._keeping = keeping
         self._observer = observer
         self._on_mismatch = on_mismatch or (lambda _: None)
-        self._waiting: deque[tuple[Command, int]] = deque(
-            maxlen=REMEMBERED
-        )  # and samples processed when it came
+        self._waiting: deque[_Waiting] = deque(maxlen=REMEMBERED)
         # indices of openings without a command, and samples processed when they were reported
         self._unasked: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
         self._delays: deque[float] = deque(maxlen=RECENT)
+        self._doubtful_until: int | None = None  # index up to which stamps did not tell when commands came
         self._newest = 0  # index of the last processed sample
         self._commands = self._missing = self._uncommanded = 0
         place_at(keeping, 0)  # compiled before the first command comes
@@ -125,7 +135,7 @@ class EnergizingWatch:
         for command in self._reader.read(reading):
             if command.is_certain:
                 self._number(command)
-            self._waiting.append((command, self._processed))
+            self._waiting.append(_Waiting(command, self._processed))
 
     def opening_of(self, injection: np.void) -> CommandedOpening | None:
         """The command of an injection (`observer.state.INJECTION`) that is about to be reported; None: not known."""
@@ -148,18 +158,24 @@ class EnergizingWatch:
 
     def look(self) -> None:
         """After samples were processed: which commands have had their time without an opening."""
+        if self._processed > 0 and not self._has_time:
+            self._doubtful_until = self._newest_index()
+            self._waiting.clear()
         if not self._waiting or self._processed == 0:
             return
         before, self._newest = self._newest, self._newest_index()
         if self._newest < before and self._reader.by_index:
             self._forget(before)
         undecided = self._undecided_openings()
-        for command, came in [*self._waiting]:
-            end = self._place(command.start) + command.margin + self._window
-            is_over = samples_between(end, self._newest) > 0 and self._processed - came > self._window
-            if is_over and not any(samples_between(opening, end) >= 0 for opening in undecided):
-                self._waiting.remove((command, came))
-                self._judge(command, came)
+        for waiting in [*self._waiting]:
+            end = self._place(waiting.command.start) + waiting.command.margin + self._window
+            if not (samples_between(end, self._newest) > 0 and self._processed - waiting.came > self._window):
+                continue
+            if waiting.was_shut is None:
+                waiting.was_shut = self._was_shut(waiting.command)
+            if not any(samples_between(opening, end) >= 0 for opening in undecided):
+                self._waiting.remove(waiting)
+                self._judge(waiting)
 
     @property
     def figures(self) -> EnergizingFigures:
@@ -187,7 +203,7 @@ class EnergizingWatch:
     def _command_of(self, opening: int) -> Command | None:
         """The command that an opening belongs to, None if there is none."""
         since = [
-            (samples_between(self._place(command.start), opening), command) for command, _ in self._waiting
+            (samples_between(self._place(one.command.start), opening), one.command) for one in self._waiting
         ]
         started = [one for one in since if -one[1].margin <= one[0] <= self._window + one[1].margin]
         last = min((one for one in started if one[1].is_certain), key=_elapsed, default=None)
@@ -200,8 +216,16 @@ class EnergizingWatch:
         late = [one for one in late if one[1].is_certain and not one[1].has_opened]
         return max(late, key=_elapsed)[1] if late else None
 
+    @property
+    def _has_time(self) -> bool:
+        """Whether it is known when commands came: not so while stamps leave their clock, such as after it was set."""
+        return self._reader.by_index or is_prompt(self._keeping, LATE_STAMP)
+
     def _may_be_lost(self, opening: int) -> bool:
-        """Whether the command of an opening may have come in frames that were lost, or are still to come."""
+        """Whether the command of an opening may be elsewhere than it seems, in lost frames, or still to come."""
+        doubtful = math.nan if self._doubtful_until is None else self._doubtful_until
+        if not self._has_time or samples_between(doubtful, opening) <= self._window:
+            return True
         until = self._reader.known_until
         if until is not None and not samples_between(opening, self._place(until)) >= 0:
             return True
@@ -220,28 +244,32 @@ class EnergizingWatch:
     def _forget(self, before: int) -> None:
         """The index began anew after `before`: the commands of the old count have no openings any more."""
         kept = [
-            (command, came)
-            for command, came in self._waiting
-            if abs(samples_between(self._newest, command.start)) < abs(samples_between(before, command.start))
+            one
+            for one in self._waiting
+            if abs(samples_between(self._newest, one.command.start))
+            < abs(samples_between(before, one.command.start))
         ]
         self._waiting.clear()
         self._waiting.extend(kept)
 
-    def _judge(self, command: Command, came: int) -> None:
-        """The window of a command is over and its openings are decided; came: samples processed when it came."""
-        if command.has_opened or not command.is_certain:
+    def _was_shut(self, command: Command) -> bool:
+        """Whether the needle was shut as a command started, and samples tell what it did in its window."""
+        begin = samples_between(self._newest, self._place(command.start)) + self._newest - command.margin
+        return was_shut(self._observer, begin, begin + 2 * command.margin + self._window)
+
+    def _judge(self, waiting: _Waiting) -> None:
+        """The window of a command is over and its openings are decided."""
+        command = waiting.command
+        if command.has_opened or not command.is_certain or not waiting.was_shut:
             return
         start = self._place(command.start)
         if any(
-            came >= reported and 0.0 <= samples_between(start, opening) <= self._window
+            waiting.came >= reported and 0.0 <= samples_between(start, opening) <= self._window
             for opening, reported in self._unasked
         ):
             return  # the command of an opening that was already reported
-        begin = start - command.margin
-        begin = self._newest - samples_between(begin, self._newest)
-        if was_shut(self._observer, begin, begin + 2 * command.margin + self._window):
-            self._missing += 1
-            self._tell(True, command.number, round(begin + command.margin))
+        self._missing += 1
+        self._tell(True, command.number, round(start))
 
     def _tell(self, is_missing: bool, number: int, index: int) -> None:
         self._on_mismatch(Mismatch(is_missing, number, index, self._window / self._sample_rate))

@@ -6,7 +6,6 @@ from functools import cache
 from pathlib import Path
 
 import cantools
-import e2e.p05
 import numpy as np
 from cantools.database.can import Database
 
@@ -20,12 +19,15 @@ from observer_rt.service.report import InjectionReport
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import Schedule, Shot, make_schedule
 from observer_rt.simulation.simulate import simulate
-from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device, Frame, bench_text
+from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device, Frame, bench_text, protected
 
 BLOCK = 9  # samples in a frame of the measuring device
 LEVELS = 20  # samples in a frame of levels
-SAFE_ID, DATA_ID = 0x340, 0x2345
+SAFE_ID, SAFE_BLOCK_ID, DATA_ID = 0x340, 0x341, 0x2345
 LEVEL_SIGNALS = "\n".join(f' SG_ Level_{k:02d} : {32 + 8 * k}|8@1+ (1,0) [0|1] "" Bed' for k in range(LEVELS))
+SAFE_LEVEL_SIGNALS = "\n".join(
+    f' SG_ SafeLevel_{k:02d} : {64 + 8 * k}|8@1+ (1,0) [0|1] "" Bed' for k in range(LEVELS)
+)
 TEXT = f"""VERSION ""
 BU_: Bed
 BO_ 816 PulseLevel: 8 Bed
@@ -42,6 +44,9 @@ BO_ 819 PulseCyclic: 8 Bed
 BO_ 820 PulseVolts: 8 Bed
  SG_ Volts : 0|8@1+ (1,0) [0|100] "V" Bed
  SG_ Short : 8|16@1+ (1,0) [0|0] "" Bed
+BO_ {SAFE_BLOCK_ID} PulseSafeBlock: 32 Bed
+ SG_ SafeIndex : 32|32@1+ (1,0) [0|0] "" Bed
+{SAFE_LEVEL_SIGNALS}
 BO_ 821 BedStatus: 4 Bed
  SG_ MissingInjections : 0|16@1+ (1,0) [0|65535] "" Bed
  SG_ UncommandedInjections : 16|16@1+ (1,0) [0|65535] "" Bed
@@ -68,6 +73,9 @@ BA_DEF_DEF_ "GenMsgCycleTime" 0;
 BA_DEF_DEF_ "E2EProfile" 0;
 BA_DEF_DEF_ "E2EDataId" 0;
 BA_ "VFrameFormat" BO_ 818 14;
+BA_ "VFrameFormat" BO_ {SAFE_BLOCK_ID} 14;
+BA_ "E2EProfile" BO_ {SAFE_BLOCK_ID} 5;
+BA_ "E2EDataId" BO_ {SAFE_BLOCK_ID} {DATA_ID};
 BA_ "GenMsgCycleTime" BO_ 819 1;
 BA_ "E2EProfile" BO_ {SAFE_ID} 5;
 BA_ "E2EDataId" BO_ {SAFE_ID} {DATA_ID};
@@ -80,6 +88,7 @@ LEVEL = 'message = "PulseLevel"\nsignal = "Energized"\nindex = "PulseIndex"\n'
 TIME = 'message = "PulseTime"\nsignal = "Duration"\nindex = "PulseIndex"\n'
 TIME_BY_STAMP = 'message = "PulseTime"\nsignal = "Duration"\n'
 LEVELS_IN_BLOCK = 'message = "PulseBlock"\npattern = "Level_{:02d}"\n'
+SAFE_BLOCK = 'message = "PulseSafeBlock"\npattern = "SafeLevel_{:02d}"\nindex = "SafeIndex"\n'
 CYCLIC = 'message = "PulseCyclic"\nsignal = "Energized"\n'
 SAFE = 'message = "PulseSafe"\nsignal = "Duration"\n'
 
@@ -180,10 +189,7 @@ def safe_durations(pulses: Iterable[tuple[float, float]]) -> list[Sent]:
     sent = []
     for counter, (start, duration) in enumerate(pulses):
         payload = bytearray(message.encode({"Duration": duration / 1e-6}))
-        e2e.p05.e2e_p05_protect(payload, DATA_ID, length=8, increment_counter=False)
-        payload[2] = counter % 256
-        e2e.p05.e2e_p05_protect(payload, DATA_ID, length=8, increment_counter=False)
-        sent.append(Sent(start, Frame(message.frame_id, bytes(payload))))
+        sent.append(Sent(start, Frame(message.frame_id, protected(payload, DATA_ID, counter % 256))))
     return sent
 
 
@@ -207,6 +213,19 @@ def blocks(pulses: Sequence[tuple[float, float]], begin: float, end: float, offs
             values[f"Level_{k:02d}"] = int(is_on(pulses, (first + k) / SAMPLE_RATE + 1e-9))
         payload = message.encode(values)
         sent.append(Sent((first + LEVELS - 1) / SAMPLE_RATE, Frame(message.frame_id, payload)))
+    return sent
+
+
+def safe_blocks(pulses: Sequence[tuple[float, float]], *spans: tuple[float, float]) -> list[Sent]:
+    """The same as `PulseSafeBlock` in spans of time [s], its counter going on from span to span."""
+    message = BED.get_message_by_name("PulseSafeBlock")
+    plain = BED.get_message_by_name("PulseBlock")
+    sent = []
+    for counter, one in enumerate(one for span in spans for one in blocks(pulses, *span)):
+        values = plain.decode_simple(one.frame.payload)
+        renamed = {f"Safe{name.replace('Sample', '')}": value for name, value in values.items()}
+        payload = protected(bytearray(message.encode(renamed)), DATA_ID, counter % 256)
+        sent.append(Sent(one.time, Frame(message.frame_id, payload)))
     return sent
 
 

@@ -10,6 +10,7 @@ from tests.service.core_frames import SAMPLE_RATE, Frame
 from tests.service.pulse_frames import (
     BED,
     CYCLIC,
+    EPOCH,
     LEVEL,
     LEVELS_IN_BLOCK,
     SAFE,
@@ -67,6 +68,20 @@ def test_a_stamp_that_is_late_makes_the_delay_too_short(tmp_path: Path, late: fl
     for report in watched.reports:
         assert report.commanded is not None
         assert report.commanded.opening_delay == pytest.approx(DELAY - late, abs=1.5 * SAMPLE)
+
+
+@pytest.mark.parametrize("step", [5e-3, -5e-3, 1.0])
+def test_no_alarm_while_the_receivers_clock_was_set(tmp_path: Path, step: float) -> None:
+    """At first commands are not known, later they are again."""
+    schedule, recording = injected(28)
+    told = durations(commands(schedule))
+    frames = sorted([*samples(recording), *told], key=lambda sent: sent.time)
+    stamps = [EPOCH + round((one.time + (step if one.time > 0.96 else 0.0)) * 1e9) for one in frames]
+    watched = watch(pulse_bench(tmp_path, TIME_BY_STAMP), frames, stamps=stamps)
+    assert watched.mismatches == []
+    assert watched.commands[:16] == [*range(1, 17)]
+    assert watched.commands[-2:] == [27, 28]
+    assert None in watched.commands
 
 
 def test_a_delay_of_the_stamps_that_is_stated_is_made_up_for(tmp_path: Path) -> None:

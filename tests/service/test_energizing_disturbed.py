@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from observer_rt.simulation.schedule import Shot
-from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device
+from tests.service.core_frames import SAMPLE_RATE, damaged
 from tests.service.pulse_frames import (
     CYCLIC,
     EPOCH,
@@ -39,10 +39,8 @@ Pulses = Sequence[tuple[float, float]]
 Source = Callable[[Pulses], list[Sent]]
 EVERY = {
     "level": (LEVEL, on_change),
-    "duration": (TIME, durations),
     "block": (LEVELS_IN_BLOCK, lambda pulses: blocks(pulses, 0.0, 0.3)),
     "by stamp": (TIME_BY_STAMP, durations),
-    "protected": (SAFE, safe_durations),
 }
 
 
@@ -168,6 +166,9 @@ def test_lost_samples_are_no_misfire(
     assert watched.mismatches == []
     assert watched.commands[0] == 1
     assert watched.commands[-1] == 3
+    if lost[0] < 0.32e-3 < lost[1] and len(watched.reports) == 3:
+        assert watched.reports[1].commanded is not None  # its command is known, its opening was not seen
+        assert np.isnan(watched.reports[1].commanded.opening_delay)
 
 
 def test_a_lost_command_costs_one_alarm(tmp_path: Path) -> None:
@@ -281,56 +282,18 @@ def test_it_changes_no_result(tmp_path: Path, kind: tuple[str, Source]) -> None:
     assert without.core.energizing.commands == 0
 
 
-@pytest.mark.parametrize("first", [0, (1 << 32) - 8000])
-def test_index_of_a_device_that_restarts(tmp_path: Path, first: int) -> None:
-    """It counts from 0 again after two injections, once from just below the end of the count."""
-    schedule, recording = injected(2)
-    pulses = commands(schedule)
-    device, again = Device(ONE_MESSAGE, first), Device(ONE_MESSAGE)
-    before, after = samples(recording, device=device), samples(recording, device=again)
-    length = recording.samples / SAMPLE_RATE
-    sent = [*before, *(Sent(one.time + length, one.frame) for one in after)]
-    told = [*on_change(pulses, first), *(Sent(one.time + length, one.frame) for one in on_change(pulses))]
-    watched = watch(pulse_bench(tmp_path, LEVEL), sent, told)
-    assert watched.commands == [1, 2, 3, 4]
-    assert watched.mismatches == []
-
-
-def test_a_command_told_before_the_first_sample_of_a_device_that_restarts(tmp_path: Path) -> None:
-    schedule, recording = injected(2)
-    (start, _), *_ = commands(schedule)
-    length = recording.samples / SAMPLE_RATE
-    begun = start - 0.2e-3  # the device starts just before the first command
-    again = samples(
-        recording, (begun, length), device=Device(ONE_MESSAGE, -round(begun * SAMPLE_RATE) % (1 << 32))
-    )
-    sent = [*samples(recording), *(Sent(one.time - begun + length, one.frame) for one in again)]
-    told = on_change(commands(schedule))
-    for one in on_change([(time - begun, lasts) for time, lasts in commands(schedule)]):
-        told.append(Sent(one.time + length - 0.5e-3, one.frame))
-    watched = watch(pulse_bench(tmp_path, LEVEL), sent, told)
-    assert watched.commands == [1, 2, 3, 4]
-    assert watched.mismatches == []
-
-
-@pytest.mark.parametrize("missing", [False, True])
-def test_windowed_source(tmp_path: Path, kind: tuple[str, Source], missing: bool) -> None:
-    """Samples only round the injections; of four, the second may misfire and the third have no command."""
-    lines, source = kind
+def test_a_damaged_or_repeated_frame_is_no_command(tmp_path: Path) -> None:
+    """The damaged one is a lost one."""
     schedule, recording = injected(4)
-    pulses = commands(schedule)
-    spans = [(start - 1.5e-3, start + 5e-3) for start, _ in pulses]
-    if missing:
-        recording = misfired(recording, spans[1])
-        del pulses[2]
-    told = source(pulses)
-    if lines == LEVELS_IN_BLOCK:
-        told = [one for span in spans for one in blocks(pulses, *span)]
-    watched = watch(pulse_bench(tmp_path, lines), samples(recording, *spans), told)
-    if missing:
-        assert watched.missing == [2]
-        assert watched.uncommanded == ([] if lines == LEVELS_IN_BLOCK else [2])
-        assert watched.commands == [1, None, 3]
-    else:
-        assert watched.commands == [1, 2, 3, 4]
-        assert watched.mismatches == []
+    first, second, third, fourth = safe_durations(commands(schedule))
+    told = [
+        first,
+        Sent(first.time + 10e-3, first.frame),
+        Sent(second.time, damaged(second.frame, 30)),
+        third,
+        fourth,
+    ]
+    watched = watch(pulse_bench(tmp_path, SAFE), samples(recording), told)
+    assert watched.commands == [1, None, 2, 3]
+    assert (watched.missing, watched.uncommanded) == ([], [2])
+    assert watched.core.counters.crc_errors == 1

@@ -12,6 +12,7 @@ from observer_rt.config import PACKAGE_DATA, Bench, Role
 from observer_rt.link_config import LinkConfig
 from observer_rt.recording.bus_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.recording.framing import message_timing
+from observer_rt.service.checkup_buses import buses_findings
 from observer_rt.service.checkup_slow import slow_findings
 from observer_rt.service.core import configured_noise
 from observer_rt.service.findings import Finding, Level, graded
@@ -36,7 +37,7 @@ class BusLoad:
 
 def bus_findings(bench: Bench, bus: BusMap) -> list[Finding]:
     """All findings about the bus of a bench."""
-    findings = _buses(bench, bus)
+    findings = buses_findings(bench, bus)
     findings += [_mapping(bench, bus, role) for role in ROLES] + slow_findings(bus)
     findings += _sample_periods(bench, bus)
     findings += _identifiers(bus) + _databases(bus)
@@ -98,25 +99,6 @@ def expected_load(bench: Bench, bus: BusMap, number: int = 0) -> BusLoad:
 
 def _layouts(bus: BusMap) -> list[MessageLayout]:
     return [*bus.received, *bus.sent]
-
-
-def _buses(bench: Bench, bus: BusMap) -> list[Finding]:
-    """What comes in and goes out on each bus, where there are several."""
-    links = bench.config.buses
-    if len(links) == 1:
-        return []
-    findings = []
-    for number, link in enumerate(links):
-        ways = (
-            f"{way} {', '.join(names)}"
-            for way, layouts in (("in", bus.received), ("out", bus.sent))
-            if (names := [layout.name for layout in layouts if layout.bus == number])
-        )
-        carried = ", ".join(ways)
-        text = f"{link.label}, {link.config.interface}: {carried or 'nothing'}"
-        remedy = f"state link for a [[dbc]], a signal or the outputs, or leave [{link.place}] out"
-        findings.append(graded("buses", bool(carried), text, remedy))
-    return findings
 
 
 def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:

@@ -81,3 +81,14 @@ def test_every_interface_is_looked_at(tmp_path: Path) -> None:
     findings = [f.text for f in checkup(load_bench(path)) if f.topic == "interface"]
     for name in ("can0", "can_x1", "can2", "can3"):
         assert any(text.startswith(f"{name} ") or text.startswith(f"{name}:") for text in findings)
+
+
+def test_stamps_of_drivers_are_too_rough_beside_other_buses(tmp_path: Path) -> None:
+    by_stamps = 'link = "lift"\ntime_base = "other"'
+    path = changed(tmp_path, 'channel = "can1"', 'channel = "can1"\ninterface = "pcan"')
+    assert not [f for f in found(path) if "stamped" in f.text]  # one time base, all with an index
+    path.write_text(path.read_text().replace('link = "lift"', by_stamps))
+    (warning,) = (f for f in found(path) if "stamped" in f.text)
+    assert (warning.level, warning.text.partition(":")[0]) == (Level.WARNING, "lift (can1)")
+    path.write_text(THREE.replace('link = "lift"', by_stamps))
+    assert not [f for f in found(path) if "stamped" in f.text]

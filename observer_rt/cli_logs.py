@@ -149,7 +149,7 @@ def _with_links(bench: "Bench", interfaces: list[str] | None, channels: list[str
     config = bench.config
     changes: dict[int, dict[str, str]] = {}
     for key, texts in (("interface", interfaces), ("channel", channels)):
-        for bus, value in of_links(f"--{key}", texts or (), config.buses, "can1"):
+        for bus, value in of_links(f"--{key}", texts or (), config.buses, "can1").items():
             changes.setdefault(bus, {})[key] = value
     link = config.link.model_copy(update=changes.get(0, {}))
     links = {

@@ -93,13 +93,14 @@ def refuse_shared_channels(place: str, links: Sequence[NamedLink]) -> None:
 
 def of_links(
     option: str, texts: Sequence[str], links: Sequence[NamedLink], example: str = "can1"
-) -> list[tuple[int, str]]:
-    """Bus numbers and values of a repeatable option: `VALUE` for the first bus, `NAME=VALUE` for another.
+) -> dict[int, str]:
+    """Values of a repeatable option by bus number: `VALUE` for the first bus, `NAME=VALUE` for another.
 
-    With one bus only all texts are values. Raises `UserError` for a name that no bus has, and for one said twice.
+    With one bus only all texts are values. The last of several for one bus counts. Raises `UserError` for a name that
+    no bus has.
     """
     names = [link.name for link in links]
-    result: list[tuple[int, str]] = []
+    result: dict[int, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or len(links) == 1:
@@ -109,8 +110,5 @@ def of_links(
             meant = f"did you mean '{near}'? " if near else ""
             remedy = f"{meant}write it like {names[-1]}={example}; known links: {', '.join(names[1:])}"
             raise UserError(f"{option} {text}", f"there is no link '{name}'", remedy)
-        bus = names.index(name)
-        if any(bus == other for other, _ in result):
-            raise UserError(f"{option} {text}", "says it twice for one bus", "once is enough")
-        result.append((bus, value))
+        result[names.index(name)] = value
     return result

@@ -116,3 +116,15 @@ def make_alignment(following: Sequence[Following | None], closed_lift: float) ->
     memory["next_break"] = int(Break.START)
     alignment.slots["index"] = -1
     return alignment
+
+
+def progress(alignment: Alignment) -> list[int]:
+    """The index on the grid up to which each stream has sent its samples; -1: none yet."""
+    memory = alignment.memory[0]
+    count = int(memory["stream_count"])
+    return [
+        int(stream["next_index"] if stream["seen"] else -1)
+        if stream["on_grid"]
+        else int(follower["next_index"] if follower["begun"] else -1)
+        for stream, follower in zip(memory["streams"][:count], memory["followers"][:count], strict=True)
+    ]

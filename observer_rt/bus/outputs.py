@@ -53,6 +53,7 @@ STATUS_SIGNALS = (
     "OldFrames",
     "DroppedFrames",
     "LinkTroubles",
+    "TroubledBus",
     "Restarts",
     "Adoptions",
     "RejectedAdoptions",

@@ -18,7 +18,7 @@ def chosen_channels(
 
     texts: `CHANNEL` or `LINK=CHANNEL`, of `--from-channel`. Raises `UserError` where they do not suffice.
     """
-    said: dict[int, str] = dict(of_links(OPTION, texts, links, "can3"))
+    said = of_links(OPTION, texts, links, "can3")
     if len(links) == 1:
         return {0: said.get(0)}
     found = matched_channels(

@@ -13,6 +13,7 @@ from observer_rt.config import PACKAGE_DATA, Bench, Role
 from observer_rt.link_config import LinkConfig
 from observer_rt.recording.bus_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.recording.framing import message_timing
+from observer_rt.service.checkup_buses import buses_findings
 from observer_rt.service.checkup_energizing import energizing_findings
 from observer_rt.service.checkup_slow import slow_findings
 from observer_rt.service.constants import configured_noise
@@ -38,7 +39,7 @@ class BusLoad:
 
 def bus_findings(bench: Bench, bus: BusMap) -> list[Finding]:
     """All findings about the bus of a bench."""
-    findings = _buses(bench, bus)
+    findings = buses_findings(bench, bus)
     findings += [_mapping(bench, bus, role) for role in ROLES] + slow_findings(bus)
     findings += energizing_findings(bench, bus)
     findings += _sample_periods(bench, bus)
@@ -101,25 +102,6 @@ def expected_load(bench: Bench, bus: BusMap, number: int = 0) -> BusLoad:
 
 def _layouts(bus: BusMap) -> list[MessageLayout]:
     return [*bus.received, *bus.sent]
-
-
-def _buses(bench: Bench, bus: BusMap) -> list[Finding]:
-    """What comes in and goes out on each bus, where there are several."""
-    links = bench.config.buses
-    if len(links) == 1:
-        return []
-    findings = []
-    for number, link in enumerate(links):
-        ways = (
-            f"{way} {', '.join(names)}"
-            for way, layouts in (("in", bus.received), ("out", bus.sent))
-            if (names := [layout.name for layout in layouts if layout.bus == number])
-        )
-        carried = ", ".join(ways)
-        text = f"{link.label}, {link.config.interface}: {carried or 'nothing'}"
-        remedy = f"state link for a [[dbc]], a signal or the outputs, or leave [{link.place}] out"
-        findings.append(graded("buses", bool(carried), text, remedy))
-    return findings
 
 
 def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:

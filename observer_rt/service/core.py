@@ -1,7 +1,7 @@
 """The service without its surroundings: frames in, frames out. No socket, no clock, no file."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment_memory import make_alignment
+from observer_rt.bus.alignment_memory import make_alignment, progress
 from observer_rt.bus.frame_key import frame_key
-from observer_rt.bus.mapping import BusMap, stream_of
+from observer_rt.bus.mapping import BusMap, layout_of, stream_of
 from observer_rt.bus.timekeeping import make_timekeeping
 from observer_rt.bus.timing import SLOTS
 from observer_rt.config import Bench, Role
@@ -70,6 +70,7 @@ class Core:
         """
         config = bench.config
         self._bus = bus
+        self._stream_buses = [layout_of(bus, n).bus for n in range(len(bus.inputs.streams))]
         is_restored = knowledge is not None
         is_measured = config.signals.fuel_temperature is not None
         self._fuel = Fuel(fuel_temperature if is_measured else None, bench_constants(bench, is_restored))
@@ -131,6 +132,11 @@ class Core:
         flush(self._pipeline.publisher)
         self._collect_rate_frames()
         return frames + self._taken_frames()
+
+    def furthest_behind(self, buses: Sequence[int]) -> int:
+        """Of some buses the one whose samples are behind those of the others; one without any comes first."""
+        sent: dict[int, int] = dict(zip(self._stream_buses, progress(self._pipeline.alignment), strict=True))
+        return min(buses, key=lambda bus: sent.get(bus, -1))
 
     @property
     def processed(self) -> int:
@@ -239,7 +245,8 @@ class Core:
 
     def _judge(self) -> None:
         outcome = self._training.take()
-        event = self._observer.memory[0]["events"][self._head()].copy()
+        memory = self._observer.memory[0]
+        event = memory["events"][int(memory["events_taken"]) % len(memory["events"])].copy()
         judge(self._observer, outcome)
         if outcome is not None:
             self._rejected += outcome.verdict is not Verdict.ADOPTED
@@ -247,10 +254,6 @@ class Core:
             version = int(self._observer.memory["phi_version"][0])
             self._known = replace(outcome.knowledge, phi_version=version)
         self._report_injections(event, outcome, self._fuel_of_events.popleft())
-
-    def _head(self) -> int:
-        memory = self._observer.memory[0]
-        return int(memory["events_taken"]) % len(memory["events"])
 
     def _report_injections(self, event: np.void, outcome: Outcome | None, fuel: Fuel) -> None:
         memory = self._observer.memory[0]
@@ -275,9 +278,8 @@ class Core:
             return
         for frame in publisher.out[:count]:
             payload = frame["payload"][: int(frame["length"])].tobytes()
-            self._frames.append(
-                OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload, layout.bus)
-            )
+            kind = layout.frame_id, layout.is_extended, layout.is_fd
+            self._frames.append(OutputFrame(*kind, payload, layout.bus))
         publisher.memory["frames"] = 0
 
     def _taken_frames(self) -> list[OutputFrame]:

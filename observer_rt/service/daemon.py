@@ -83,7 +83,7 @@ class Daemon:
         gc.collect()
         gc.freeze()  # a full collection would stop the loop for tens of milliseconds
         self._last_input = self._next_status = time.monotonic_ns()
-        self._reading = reading(self._links)
+        self._reading = reading(self._links, self.core.furthest_behind)
         self.ready.set()
         try:
             while not stop.is_set():
@@ -177,7 +177,8 @@ class Daemon:
 
     def _status(self, now: int) -> list[OutputFrame]:
         state, reason = self.state(now)
-        figures = LinkFigures(self.dropped, self.troubles)
+        troubled = next((n for n, port in enumerate(self.ports, 1) if port.is_in_trouble), 0)
+        figures = LinkFigures(self.dropped, self.troubles, troubled)
         injector_id = self._bench.config.outputs.injector_id
         return self._status_writer.write(
             status_values(self.core, state, reason, injector_id, self._hashes, figures)

@@ -8,10 +8,14 @@ from observer_rt.service.core import Core
 
 
 class LinkFigures(NamedTuple):
-    """What the status says of the link: frames lost before the loop, and how often it was in trouble."""
+    """What the status says of the links: frames lost before the loop, how often they were in trouble, and which is.
+
+    troubled_bus: the first that is, counted from 1; 0: none.
+    """
 
     dropped: int
     troubles: int
+    troubled_bus: int
 
 
 def software_version() -> tuple[int, int, int]:
@@ -50,6 +54,7 @@ def status_values(
         "OldFrames": counters.old_frames,
         "DroppedFrames": link.dropped,
         "LinkTroubles": link.troubles,
+        "TroubledBus": link.troubled_bus,
         "Restarts": counters.restarts,
         "Adoptions": counters.adoptions,
         "RejectedAdoptions": counters.rejected_adoptions,

@@ -79,7 +79,8 @@ def test_every_message_starts_with_the_same_header(ours: Database) -> None:
     for message in ours.messages:
         header = {s.name: (s.start, s.length) for s in message.signals if s.start < 64}
         flags = {"Valid": (24, 1), "Learning": (25, 1), "State": (26, 3)} if message.frame_id >= 0x200 else {}
-        assert header == {"CRC": (0, 16), "Counter": (16, 8), "SampleIndex": (32, 32)} | flags
+        own = {"TroubledBus": (29, 3)} if message.name == "ObserverStatus" else {}
+        assert header == {"CRC": (0, 16), "Counter": (16, 8), "SampleIndex": (32, 32)} | flags | own
 
 
 def test_protected_messages_have_distinct_data_ids(ours: Database) -> None:

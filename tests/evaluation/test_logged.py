@@ -166,9 +166,9 @@ def test_inputs_on_several_channels_need_a_choice(write: Write) -> None:
     path = write(doubled, ".blf")
     with pytest.raises(UserError, match="SampleBlock is on several channels: 1, 2"):
         read_logged(BENCH, path)
-    assert evaluate_logs(BENCH, [read_logged(BENCH, path, "2")]).frames == expected().frames
+    assert evaluate_logs(BENCH, [read_logged(BENCH, path, ("2",))]).frames == expected().frames
     with pytest.raises(UserError, match="no channel 7"):
-        read_logged(BENCH, path, "7")
+        read_logged(BENCH, path, ("7",))
 
 
 def test_a_log_of_another_bus_names_what_it_has(write: Write) -> None:

@@ -1,0 +1,188 @@
+"""The daemon on several buses: results as from one, and a bus that goes away and comes back."""
+
+import uuid
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from observer_rt.bus.condition import BusCondition, BusState
+from observer_rt.bus.link import Link, open_link
+from observer_rt.bus.mapping import map_bus
+from observer_rt.config import load_bench
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.observer.state import Reason, State
+from observer_rt.recording.framing import TimedFrame
+from observer_rt.recording.player import play
+from observer_rt.service.daemon import Daemon
+from observer_rt.service.view import View
+from observer_rt.service.warm_up import warm_up
+from tests.service.bus_frames import block_bench, frames_of
+from tests.service.end_to_end import RATE, SUMMARY, Heard
+from tests.service.participants import listening, serving, until, worn_recording
+from tests.service.test_daemon_link import TroubledLink
+
+BLOCK = 28
+PORTION = 60  # frames
+SPEED = 0.3  # of what is played: reading threads must not be behind by thousands of samples
+
+
+def expected_payloads(folder: Path) -> tuple[list[bytes], list[bytes]]:
+    """Rates and summaries that one bus gives, by `evaluate`."""
+    one = load_bench(block_bench(folder / "one", "virtual", ["one"]))
+    frames = evaluate(one, [worn_recording()]).frames
+    return tuple([f.payload for f in frames if f.frame_id == m.frame_id] for m in (RATE, SUMMARY))  # type: ignore[return-value]
+
+
+@contextmanager
+def opened(path: Path, sending: bool) -> Iterator[list[Link]]:
+    """A link to each bus of a bench, for the daemon or for the measuring devices."""
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    with ExitStack() as stack:
+        yield [
+            stack.enter_context(
+                open_link(
+                    each.config.interface,
+                    each.config.channel,
+                    True,
+                    [] if sending else bus.received_on(number),
+                    not sending,
+                )
+            )
+            for number, each in enumerate(bench.config.buses)
+        ]
+
+
+def over_buses(path: Path, frames: Sequence[TimedFrame]) -> tuple[Heard, Daemon]:
+    """Frames played to a daemon over all buses of a bench; what is heard on the last."""
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    warm_up(bench, bus)
+    results = bench.config.buses[-1].config
+    with (
+        listening(results.interface, results.channel) as listener,
+        opened(path, sending=False) as links,
+        opened(path, sending=True) as players,
+    ):
+        daemon = Daemon(bench, bus, links[0], further=links[1:])
+        with serving(daemon):
+            play(frames, players[0], SPEED, by_bus=dict(enumerate(players)))
+            until(lambda: daemon.core.counters.frames >= len(frames))
+        until(
+            lambda: (
+                bool(listener.heard.statuses)
+                and int(listener.heard.last_status()["SamplesProcessed"]) == daemon.core.processed
+            )
+        )
+    return listener.heard, daemon
+
+
+def test_results_over_four_buses_equal_those_of_one(tmp_path: Path) -> None:
+    channels = [f"{uuid.uuid4().hex[:8]}-{name}" for name in ("rail", "lift", "line", "results")]
+    path = block_bench(tmp_path / "four", "virtual", channels)
+    heard, daemon = over_buses(path, frames_of(path, worn_recording()))
+    assert (heard.rates, heard.summaries) == expected_payloads(tmp_path)
+    assert len(heard.summaries) == 4
+    assert daemon.core.counters.lost_samples == 0
+
+
+@pytest.fixture
+def four(tmp_path: Path) -> Path:
+    return block_bench(tmp_path / "four", "virtual", ["can5", "can6", "can7", "can8"])
+
+
+def on_links(path: Path, messages: list[str]) -> tuple[Daemon, list[TroubledLink]]:
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    warm_up(bench, bus)
+    links = [TroubledLink() for _ in range(4)]
+    return Daemon(bench, bus, links[0], on_message=messages.append, further=links[1:]), links
+
+
+def has_taken(daemon: Daemon, frames: int) -> bool:
+    return daemon.core.counters.frames == frames
+
+
+def deliver(daemon: Daemon, links: Sequence[TroubledLink], frames: Sequence[TimedFrame]) -> None:
+    """The frames, in portions, each when the one before has been taken."""
+    for start in range(0, len(frames), PORTION):
+        portion = frames[start : start + PORTION]
+        taken = daemon.core.counters.frames + len(portion)
+        for bus, link in enumerate(links):
+            link.deliver([frame for frame in portion if frame.bus == bus])
+        until(partial(has_taken, daemon, taken))
+
+
+def test_one_bus_goes_and_comes_back_while_the_others_are_served(four: Path) -> None:
+    messages: list[str] = []
+    frames = frames_of(four, worn_recording())
+    first, last = frames[: 3 * 200], frames[3 * 260 :]
+    daemon, links = on_links(four, messages)
+    with serving(daemon):
+        deliver(daemon, links, first)
+        links[1].why = "can6 is down\n  remedy: plug it in"
+        links[1].plugged.clear()
+        until(lambda: bool(messages))
+        assert messages == ["waiting for the interface: can6 is down\n  remedy: plug it in"]
+        until(lambda: links[3].statuses()[-1]["State"] == State.WAITING_FOR_DATA)
+        assert links[3].statuses()[-1]["Reason"] == Reason.INPUT_TIMEOUT
+        assert links[3].statuses()[-1]["TroubledBus"] == 2
+        during = [frame for frame in frames[3 * 200 : 3 * 260] if frame.bus != 1]
+        deliver(daemon, links, during)
+        links[1].plugged.set()
+        until(lambda: len(messages) == 2)
+        assert messages[1] == "lift (can6) is back"
+        deliver(daemon, links, last)
+        until(lambda: daemon.state(0)[0] in (State.RUNNING_NOMINAL, State.ADAPTED))
+    status = links[3].statuses()[-1]
+    assert (status["LinkTroubles"], status["TroubledBus"]) == (1, 0)
+    assert status["LostSamples"] == 60 * BLOCK
+    assert [port.outages for port in daemon.ports] == [0, 1, 0, 0]
+    assert [bool(link.sent) for link in links] == [False, False, False, True]
+    assert daemon.core.counters.injections == 4
+
+
+def test_without_the_bus_of_the_results_the_observer_goes_on(four: Path) -> None:
+    messages: list[str] = []
+    frames = frames_of(four, worn_recording())
+    daemon, links = on_links(four, messages)
+    with serving(daemon):
+        links[3].why = "can8 is down"
+        links[3].plugged.clear()
+        until(lambda: bool(messages))
+        deliver(daemon, links, frames)
+        until(lambda: daemon.core.counters.events >= 3)
+        links[3].plugged.set()
+        until(lambda: bool(links[3].statuses()))
+    assert messages == ["waiting for the interface: can8 is down", "results (can8) is back"]
+    assert daemon.unsent > 100
+    assert links[3].statuses()[-1]["State"] in (State.RUNNING_NOMINAL, State.ADAPTED)
+
+
+def test_trouble_is_named_by_bus(four: Path) -> None:
+    messages: list[str] = []
+    daemon, links = on_links(four, messages)
+    view = View("four buses", 50e3)
+    view.watch(daemon)
+    with serving(daemon):
+        until(lambda: bool(links[3].statuses()))
+        links[2].told = BusCondition(BusState.PASSIVE, passives=1, error_frames=1)
+        links[0].lost = 7
+        until(lambda: len(messages) == 2)
+        until(lambda: links[3].statuses()[-1]["LinkTroubles"] == 1)
+    lost, passive = sorted(messages)
+    assert lost.startswith("7 frames of can5 were lost")
+    assert passive.startswith("can7 is error-passive")
+    assert links[3].statuses()[-1]["DroppedFrames"] == 7
+    assert links[3].statuses()[-1]["TroubledBus"] == 3
+    console = Console(width=100, record=True)
+    with console.capture() as capture:
+        console.print(view.render(0, 100, 30))
+    shown = capture.get()
+    assert "can5 dropped 7, error-active" in shown
+    assert "line (can7) dropped 0, error-passive" in shown
+    assert "results (can8) dropped 0, error-active" in shown

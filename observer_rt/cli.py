@@ -16,7 +16,14 @@ from rich.console import Console
 from observer_rt import __version__
 from observer_rt.cli_discover import discover
 from observer_rt.cli_logs import convert, record, replay
-from observer_rt.cli_options import BenchOption, FromChannelOption, JsonOption, ModelOption, StateOption
+from observer_rt.cli_options import (
+    BenchOption,
+    FromChannelOption,
+    JsonOption,
+    LenientOption,
+    ModelOption,
+    StateOption,
+)
 from observer_rt.cli_reproduce import reproduce
 from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR
 from observer_rt.errors import ObserverError, UserError
@@ -108,6 +115,7 @@ def run(
         ),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,
+    lenient: LenientOption = False,
     print_example_bench: Annotated[
         bool, typer.Option("--print-example-bench", help="Print a complete, commented bench file.")
     ] = False,
@@ -128,7 +136,7 @@ def run(
         )
     from observer_rt.service.main import serve
 
-    serve(_load(bench), state, view, messages)
+    serve(_load(bench, lenient=lenient), state, view, messages)
 
 
 @app.command(
@@ -223,13 +231,14 @@ def evaluate(
         Path | None, typer.Option("--plot", help="Figure (png, svg, pdf).", metavar="FILE")
     ] = None,
     from_channel: FromChannelOption = None,
+    lenient: LenientOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
 
     evaluate_files(
-        _load(bench, model),
+        _load(bench, model, lenient),
         recordings,
         EvaluateOptions(state, save_state, not no_learning, chain, output, plot, as_json, from_channel or ()),
         messages,
@@ -241,12 +250,13 @@ def check(
     bench: BenchOption = EXAMPLE_BENCH,
     model: ModelOption = None,
     state: StateOption = None,
+    lenient: LenientOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.service.checkup import Level, as_json_document, as_table, checkup
 
-    findings = checkup(_load(bench, model), state)
+    findings = checkup(_load(bench, model, lenient), state)
     if as_json:
         print(json.dumps(as_json_document(findings), indent=2))
     else:
@@ -264,7 +274,7 @@ app.command(epilog="Example: observer-rt discover --model injector.toml --out fo
 app.command(epilog="Example: observer-rt reproduce --out reproduced")(reproduce)
 
 
-def _load(path: Path, model: Path | None = None) -> "Bench":
+def _load(path: Path, model: Path | None = None, lenient: bool = False) -> "Bench":
     from observer_rt.config import load_bench
 
-    return load_bench(path, model)
+    return load_bench(path, model, lenient)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from observer_rt.cli_options import FromChannelOption, JsonOption
+from observer_rt.cli_options import FromChannelOption, JsonOption, LenientOption
 from observer_rt.config import NOMINAL_INJECTOR
 
 
@@ -44,6 +44,7 @@ def discover(
         typer.Option("--bench", help="Bench file by which CAN logs are decoded.", metavar="FILE"),
     ] = None,
     from_channel: FromChannelOption = None,
+    lenient: LenientOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
@@ -53,7 +54,7 @@ def discover(
     from observer_rt.evaluation.sources import read_source, signals_of
     from observer_rt.recording.recording import Recording
 
-    decoder = None if bench is None else load_bench(bench, model)
+    decoder = None if bench is None else load_bench(bench, model, lenient)
     messages = Console(stderr=True)
 
     def read(path: Path) -> Recording:

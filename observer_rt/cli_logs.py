@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from observer_rt.cli_options import BenchOption, FromChannelOption, JsonOption
+from observer_rt.cli_options import BenchOption, FromChannelOption, JsonOption, LenientOption
 from observer_rt.config import EXAMPLE_BENCH
 from observer_rt.link_config import of_links, refuse_shared_channels
 
@@ -70,13 +70,14 @@ def replay(
     force: Annotated[
         bool, typer.Option("--force", help="Send although others send the same identifiers.")
     ] = False,
+    lenient: LenientOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
     from observer_rt.config import load_bench
     from observer_rt.recording.replay import ReplayOptions, replay_onto
 
-    chosen = _with_links(load_bench(bench), interface, channel)
+    chosen = _with_links(load_bench(bench, lenient=lenient), interface, channel)
     options = ReplayOptions(speed, loop, start, stop, windowed, map_id or (), map_channel or (), force)
     statistics = replay_onto(chosen, recording, options, messages)
     if as_json:
@@ -134,13 +135,14 @@ def convert(
         typer.Option("--bench", help="Bench file by which a log becomes a recording.", metavar="FILE"),
     ] = None,
     from_channel: FromChannelOption = None,
+    lenient: LenientOption = False,
     force: Annotated[bool, typer.Option("--force", help="Replace OUT if it is there already.")] = False,
 ) -> None:
     """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""
     from observer_rt.config import load_bench
     from observer_rt.convert import convert as convert_file
 
-    chosen = None if bench is None else load_bench(bench)
+    chosen = None if bench is None else load_bench(bench, lenient=lenient)
     print(convert_file(source, target, chosen, from_channel or (), force, messages))
 
 

@@ -14,6 +14,9 @@ BenchOption = Annotated[
         show_default=False,
     ),
 ]
+LenientOption = Annotated[
+    bool, typer.Option("--lenient", help="Read bus databases although signals overlap or do not fit.")
+]
 ModelOption = Annotated[
     Path | None, typer.Option("--model", help="Injector file, instead of the bench's.", metavar="FILE")
 ]

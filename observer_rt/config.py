@@ -229,13 +229,17 @@ def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     return parameters
 
 
-def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None) -> Bench:
+def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: bool = False) -> Bench:
     """Read `bench.toml` and the injector it names, or `model` instead of that.
 
+    lenient: read every bus database as with its `lenient = true`.
     Raises `UserError` naming file, key, problem and remedy.
     """
     config = read_validated(BenchConfig, path, "bench")
     _check_links(path, config)
+    if lenient:
+        read_so = tuple(entry.model_copy(update={"lenient": True}) for entry in config.dbc)
+        config = config.model_copy(update={"dbc": read_so})
     injector_path = model
     if injector_path is None:
         injector_path = path.parent / config.model.file if config.model.file else NOMINAL_INJECTOR
@@ -254,9 +258,12 @@ def _check_links(path: Path, config: BenchConfig) -> None:
         (role, config.signals.of(role).link) for role in Role
     ]
     signals += [(role, mapping.link) for role, mapping in config.signals.optional]
+    energizing = config.signals.energizing
+    links = [("signals.energizing", energizing.link)] if energizing is not None else []
     for key, link in [
         *((f"dbc.{number}", entry.link) for number, entry in enumerate(config.dbc)),
         *((f"signals.{role}", link) for role, link in signals),
+        *links,
         ("outputs", config.outputs.link),
     ]:
         require_link(f"{path}: {key}.link", link, config.links)

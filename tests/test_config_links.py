@@ -85,3 +85,9 @@ def test_an_option_for_each_bus() -> None:
 
 def test_with_one_bus_a_channel_may_hold_an_equals_sign() -> None:
     assert of_links("--channel", ["socket://a?b=c"], load_bench().config.buses) == {0: "socket://a?b=c"}
+
+
+def test_the_link_of_the_energizing_is_looked_up_too(tmp_path: Path) -> None:
+    energizing = '[signals.energizing]\nmessage = "Pulse"\nsignal = "On"\nlink = "lfit"\n'
+    with pytest.raises(UserError, match=r"signals\.energizing\.link: there is no link 'lfit'"):
+        buses_of(tmp_path, THREE + energizing)

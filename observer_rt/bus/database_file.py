@@ -8,7 +8,7 @@ from cantools.database.can import Database
 
 from observer_rt.errors import UserError
 
-_LENIENT = "or read it all the same: lenient = true in its [[dbc]]"
+_LENIENT = "or read it all the same: lenient = true in its [[dbc]], or --lenient"
 # As cantools says it: where it stopped, an attribute, or signals and message by name.
 _AT_LINE = re.compile(r"at line (\d+)")
 _UNDEFINED = re.compile(r"uses (\S+), which it does not define")

@@ -42,6 +42,9 @@ FOLLOWER = np.dtype(
         ("values", np.float64, (MAX_INPUTS,)),  # SI
         ("first_index", np.int64),  # of the first sample of the grid that has its values
         ("next_index", np.int64),  # of the first that has not got them yet
+        ("lift_row", np.int64),  # index of the sample of the grid that has its last lift
+        ("lift_after", np.float64),  # by how much [samples of the grid] it was taken later than that
+        ("shut_for", np.int64),  # its samples in a row with a closed needle
         ("stale", np.bool_),  # the others do not wait for it any longer
     ],
     align=True,
@@ -52,6 +55,7 @@ SLOT = np.dtype(
         ("index", np.int64),
         ("present", np.int64),
         ("interpolated", np.bool_),  # over a gap of a follower
+        ("lift_after", np.float64),  # by how much [samples] the lift was taken later
         ("values", np.float64, (MAX_INPUTS,)),
     ],
     align=True,
@@ -61,6 +65,7 @@ ALIGNED = np.dtype(
     [
         ("index", np.int64),
         ("values", np.float64, (MAX_INPUTS,)),  # SI, in the order of ROLES
+        ("lift_after", np.float64),  # by how much [samples] the lift was taken later
         ("interpolated", np.bool_),
         ("broken", np.int8),  # Break
     ],

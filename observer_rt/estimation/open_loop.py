@@ -8,11 +8,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned
-from observer_rt.estimation.predictor import Setting, Window, correct
+from observer_rt.estimation.predictor import Setting, Window, correct, knot_before
 from observer_rt.estimation.sensitivity import (
     PARAMETERS,
     Parameter,
-    advance_with_sensitivity,
+    advance_over_with_sensitivity,
     rate_and_tangent,
 )
 from observer_rt.estimation.sensor import lagged, recorded
@@ -82,9 +82,10 @@ def _run(window: Window, setting: Setting, learned: Learned, result: OpenLoop) -
         u = (window.inputs[k, 0], max(window.inputs[k, 1], 0.0))
         before = x[0]
         sensitivity[:, PARAMETERS:] = np.eye(3)
-        x = advance_with_sensitivity(
+        x = advance_over_with_sensitivity(
             x,
             u_start,
+            knot_before(window, k),
             (window.inputs[k, 0], window.inputs[k, 1]),
             setting.interval,
             setting.substeps,

@@ -109,6 +109,7 @@ def event_window(observer: Observer, number: int) -> Window | None:
         resting=rows["resting"].copy(),
         start=np.append(rows["x_tilde"][0], rows["indicated"][0]),
         opening=int(event["opening"]) - start,
+        knots=np.column_stack([rows["lift_after"], rows["lift_area"]]),
     )
 
 

@@ -62,10 +62,12 @@ SAMPLE = np.dtype(
         ("rail_pressure", np.float64),
         ("needle_lift", np.float64),
         ("line_pressure", np.float64),
+        ("lift_after", np.float64),  # share of an interval by which the lift was taken later than the rest
         ("interpolated", np.bool_),
         ("broken", np.int8),  # Break
         ("doubt", np.int8),  # Doubt
         # as computed
+        ("lift_area", np.float64),  # normalised seat area when the lift was taken
         ("seat_area", np.float64),  # u2
         ("resting", np.bool_),
         ("x_tilde", np.float64, (3,)),

@@ -13,6 +13,7 @@ from observer_rt.observer.events import (
 )
 from observer_rt.observer.front_end import (
     area_at,
+    area_between_lifts,
     is_recorded_shut,
     keep_sinking,
     known,
@@ -51,10 +52,12 @@ def push(
     interpolated: bool,
     broken: int,
     doubt: int = 0,
+    lift_after: float = 0.0,
 ) -> None:
     """Append a sample in SI units to the stream.
 
-    `broken` (Break) says why it does not follow the last one, `doubt` (Doubt) why it is not to be trusted.
+    `broken` (Break) says why it does not follow the last one, `doubt` (Doubt) why it is not to be trusted,
+    `lift_after` by which share of an interval (0..1) its lift was taken later than the rest of it.
     """
     c = observer.constants.coefficients
     inputs = observer.constants.inputs
@@ -65,6 +68,7 @@ def push(
     row.rail_pressure = (true_rail_pressure - c.chamber_pressure) / c.pressure_scale
     row.needle_lift = needle_lift
     row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
+    row.lift_after = lift_after
     row.interpolated = interpolated
     row.broken = broken
     row.doubt = doubt
@@ -182,9 +186,10 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
             memory.needle_open = False
             memory.shut_since = row.index
     if memory.needle_open:
-        row.seat_area = area_at(observer, position)
+        row.lift_area = area_at(observer, position)
     else:
-        row.seat_area = shut_area(observer, position)
+        row.lift_area = shut_area(observer, position)
+    row.seat_area = area_between_lifts(observer, position)
 
 
 @njit(cache=True, nogil=True)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.alignment import is_stale
 from observer_rt.bus.alignment_memory import make_alignment
 from observer_rt.bus.mapping import BusMap, frame_key, stream_of
 from observer_rt.bus.timekeeping import make_timekeeping
-from observer_rt.bus.timing import SLOTS
 from observer_rt.config import Bench, Role
 from observer_rt.errors import UserError
 from observer_rt.estimation.gain import NoiseLevels
@@ -170,11 +170,7 @@ class Core:
         """State and reason of the last processed sample."""
         if self.processed == 0:
             return State.STARTING, Reason.STARTING
-        alignment = self._pipeline.alignment.memory[0]
-        if (
-            alignment["followers"]["stale"].any()
-            or alignment["newest"] - alignment["next_index"] > SLOTS // 2
-        ):
+        if is_stale(self._pipeline.alignment):
             return State.DEGRADED, Reason.INPUT_STALE
         row = self._observer.ring[(self.processed - 1) % RING]
         return State(int(row["state"])), Reason(int(row["reason"]))

@@ -243,5 +243,6 @@ def _feed(pipeline: Pipeline) -> None:
             row.interpolated,
             row.broken,
             doubt,
+            row.lift_after,
         )
     alignment.ready = 0

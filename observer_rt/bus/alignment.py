@@ -28,11 +28,12 @@ _LOSS = int(Break.LOSS)
 
 @njit(cache=True, nogil=True)
 def store(
-    alignment: Alignment, index: int, role: int, value: float, interpolated: bool = False, after: float = 0.0
+    alignment: Alignment, index: int, role: int, value: float, interpolated: bool = False, share: float = 0.0
 ) -> None:
     """Put one value [SI] of a role at its index; NaN and impossible values count as missing.
 
-    after: by how much [samples] a lift was taken later than that.
+    share: of a lift, by which share of an interval it was taken later than that; of an interpolated value, that of
+    the later one of its two neighbours.
     """
     slot = alignment.slots[index & _MASK]
     if slot.index != index:
@@ -42,8 +43,7 @@ def store(
     if abs(value) < IMPOSSIBLE[role]:
         slot.present |= 1 << role
         slot.values[role] = value
-        if role == NEEDLE_LIFT:
-            slot.lift_after = after
+        slot.shares[role] = share
         slot.interpolated = slot.interpolated or interpolated
 
 
@@ -146,8 +146,8 @@ def _pass_on(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
         for k in range(1, gap + 1):
             row = _append(alignment, memory.last_index + k)
             row.interpolated = True
-            row.lift_after = slot.lift_after
             for role in range(MAX_INPUTS):
+                row.shares[role] = slot.shares[role]
                 last = memory.last_values[role]
                 row.values[role] = last + (slot.values[role] - last) * (k / (gap + 1))
     elif gap > 0:
@@ -160,8 +160,8 @@ def _pass_on(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
     row = _append(alignment, slot.index)
     row.broken = broken
     row.interpolated = slot.interpolated
-    row.lift_after = slot.lift_after
     for role in range(MAX_INPUTS):
+        row.shares[role] = slot.shares[role]
         row.values[role] = slot.values[role]
         memory.last_values[role] = slot.values[role]
     memory.last_index = slot.index

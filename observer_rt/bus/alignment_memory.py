@@ -55,8 +55,8 @@ SLOT = np.dtype(
         ("index", np.int64),
         ("present", np.int64),
         ("interpolated", np.bool_),  # over a gap of a follower
-        ("lift_after", np.float64),  # by how much [samples] the lift was taken later
         ("values", np.float64, (MAX_INPUTS,)),
+        ("shares", np.float64, (MAX_INPUTS,)),  # 0..1: see `alignment.store`
     ],
     align=True,
 )
@@ -65,7 +65,7 @@ ALIGNED = np.dtype(
     [
         ("index", np.int64),
         ("values", np.float64, (MAX_INPUTS,)),  # SI, in the order of ROLES
-        ("lift_after", np.float64),  # by how much [samples] the lift was taken later
+        ("shares", np.float64, (MAX_INPUTS,)),
         ("interpolated", np.bool_),
         ("broken", np.int8),  # Break
     ],

@@ -51,7 +51,7 @@ def follow(alignment: Alignment, message: int, position: float, values: NDArray[
             for role in range(MAX_INPUTS):
                 if role != NEEDLE_LIFT and (follower.roles >> role) & 1:
                     value = follower.values[role] + share * (values[role] - follower.values[role])
-                    store(alignment, index, role, value, missed)
+                    store(alignment, index, role, value, missed, share if follower.spacing == 1.0 else 0.0)
         follower.next_index = last + 1
         if (follower.roles >> NEEDLE_LIFT) & 1:
             _follow_lift(alignment, follower, position, values[NEEDLE_LIFT], first)

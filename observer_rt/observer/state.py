@@ -63,6 +63,7 @@ SAMPLE = np.dtype(
         ("needle_lift", np.float64),
         ("line_pressure", np.float64),
         ("lift_after", np.float64),  # share of an interval by which the lift was taken later than the rest
+        ("rail_share", np.float64),  # in the rail pressure, of the later one of two neighbours
         ("interpolated", np.bool_),
         ("broken", np.int8),  # Break
         ("doubt", np.int8),  # Doubt
@@ -189,7 +190,7 @@ OBSERVER = np.dtype(
         ("lost", np.int64),
         ("breaks", np.int64),
         ("numerical_resets", np.int64),
-        ("unlearned_events", np.int64),
+        ("unfit_events", np.int64),  # judged, but not fit to be learned from
     ],
     align=True,
 )

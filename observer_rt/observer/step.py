@@ -53,11 +53,13 @@ def push(
     broken: int,
     doubt: int = 0,
     lift_after: float = 0.0,
+    rail_share: float = 0.0,
 ) -> None:
     """Append a sample in SI units to the stream.
 
     `broken` (Break) says why it does not follow the last one, `doubt` (Doubt) why it is not to be trusted,
-    `lift_after` by which share of an interval (0..1) its lift was taken later than the rest of it.
+    `lift_after` by which share of an interval (0..1) its lift was taken later than the rest of it, `rail_share` that
+    its rail pressure lies between two neighbours and which share (0..1) the later one has in it.
     """
     c = observer.constants.coefficients
     inputs = observer.constants.inputs
@@ -69,6 +71,7 @@ def push(
     row.needle_lift = needle_lift
     row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
     row.lift_after = lift_after
+    row.rail_share = rail_share
     row.interpolated = interpolated
     row.broken = broken
     row.doubt = doubt
@@ -231,7 +234,7 @@ def _mark(observer: Observer, position: int) -> None:
     elif row.doubt != _NO_DOUBT:
         row.reason = row.doubt
         memory.event_learnable = False
-    elif memory.events_judged < observer.constants.events_required:
+    elif memory.events_judged - memory.unfit_events < observer.constants.events_required:
         row.reason = _TOO_FEW_EVENTS
     else:
         row.reason = memory.judgement

@@ -75,7 +75,7 @@ class Joined:
         memory = self._alignment.memory
         for row in self._alignment.queue[: int(memory["ready"][0])]:
             values = tuple(float(v) for v in row["values"])
-            self.lift_after.append(float(row["lift_after"]))
+            self.lift_after.append(float(row["shares"][LIFT]))
             self.rows.append(
                 Row(int(row["index"]), values, bool(row["interpolated"]), Break(int(row["broken"])))
             )

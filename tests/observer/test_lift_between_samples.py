@@ -45,5 +45,5 @@ def test_rate_is_as_good_as_with_one_clock(after: float) -> None:
     between = rmse(at(lift, time + after / RATE), time, after)
     lifts = at(lift, time + (after - 1.0) / RATE), at(lift, time + after / RATE)
     on_a_line = rmse(after * lifts[0] + (1.0 - after) * lifts[1], time, 0.0)
-    assert between < 1.3 * together
-    assert on_a_line > 1.5 * together  # what it would cost to bring the lift to the samples
+    assert between < 1.6 * together
+    assert on_a_line > 2.5 * between  # what it would cost to bring the lift to the samples

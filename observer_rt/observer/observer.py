@@ -139,15 +139,15 @@ def in_force(observer: Observer) -> NDArray[np.float64]:
 def judge(observer: Observer, outcome: Outcome | None) -> None:
     """Judge the oldest waiting event: put into force what was learned from it (None: nothing was).
 
-    An event that was not fit to be learned from makes nothing after it valid.
+    An event with samples that were not to be trusted makes nothing after it valid.
     """
     memory = observer.memory[0]
     event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS]
     memory["events_taken"] += 1
     memory["events_judged"] += 1
+    memory["doubtful_events"] += event["doubtful"]
     memory["waiting"] = False
     if outcome is None:
-        memory["unfit_events"] += not event["learnable"]
         return
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge.in_force, outcome.knowledge.noise.needle_lift)

@@ -101,6 +101,7 @@ EVENT = np.dtype(
         ("window_end", np.int64),
         ("opening", np.int64),
         ("learnable", np.bool_),
+        ("doubtful", np.bool_),  # it has samples that are not to be trusted
         *_STANDSTILL,  # up to the event's end
     ],
     align=True,
@@ -166,6 +167,7 @@ OBSERVER = np.dtype(
         ("shut_since", np.int64),  # index of the first closed sample
         ("in_event", np.bool_),
         ("event_learnable", np.bool_),
+        ("event_doubtful", np.bool_),
         ("event_number", np.int64),
         ("event_opening", np.int64),
         # the part of a ramp that a lift recorded too low does not show
@@ -190,7 +192,7 @@ OBSERVER = np.dtype(
         ("lost", np.int64),
         ("breaks", np.int64),
         ("numerical_resets", np.int64),
-        ("unfit_events", np.int64),  # judged, but not fit to be learned from
+        ("doubtful_events", np.int64),  # judged
     ],
     align=True,
 )

@@ -234,7 +234,8 @@ def _mark(observer: Observer, position: int) -> None:
     elif row.doubt != _NO_DOUBT:
         row.reason = row.doubt
         memory.event_learnable = False
-    elif memory.events_judged - memory.unfit_events < observer.constants.events_required:
+        memory.event_doubtful = True
+    elif memory.events_judged - memory.doubtful_events < observer.constants.events_required:
         row.reason = _TOO_FEW_EVENTS
     else:
         row.reason = memory.judgement

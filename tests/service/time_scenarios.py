@@ -31,6 +31,7 @@ DISTURBED = 1.2  # s, just after the needle has opened
 RESTARTED = 1.25  # s
 WORN = 0.2  # v_H
 BARS = {20e3: (0.012, 1.2e-6), 50e3: (0.01, 0.5e-6)}  # of volume and rate [m3/s], what one clock achieves
+STEEPEST = 12e-6  # m3/s from one sample to the next at 20 kHz, where a worn needle opens or shuts
 LATER = 2.3  # s, by when clocks are known again
 
 ONE_BASE = {
@@ -74,7 +75,8 @@ class Scenario:
     """What is sent, and the last state the service shows of it.
 
     shown: states between the disturbance and the end; restart [s]: when the line's index began anew; wear: v_H of the
-    injector, which the service learns of; volume_error, rmse [m3/s]: what no valid injection may be wrong by.
+    injector, which the service learns of; volume_error, rmse [m3/s]: what no valid injection may be wrong by;
+    sample_error [m3/s]: no valid sample.
     """
 
     name: str
@@ -86,8 +88,9 @@ class Scenario:
     restart: float | None = None
     rate: float = RATE
     wear: float = 0.0
-    volume_error: float = 0.015
-    rmse: float = 1e-6
+    volume_error: float = 0.01
+    rmse: float = 0.5e-6
+    sample_error: float = 5e-6
 
 
 def lift_alone(rate: float, drift: float) -> list[Received]:
@@ -124,6 +127,7 @@ def worn(
         wear=WORN,
         volume_error=volume_error,
         rmse=rmse,
+        sample_error=STEEPEST,
     )
 
 

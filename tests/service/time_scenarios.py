@@ -46,11 +46,8 @@ TWO_BASES = {
 }
 STAMPS = dict.fromkeys(("Rail", "Lift", "Line"), 'message = "All"\nindex = ""')
 NIBBLE = dict.fromkeys(("Rail", "Lift", "Line"), 'message = "All"\ncounter = "Nibble"')
-LIFT_ALONE = {
-    "Line": 'message = "RailLine"',
-    "Lift": 'message = "Lift"\ntime_base = "other"',
-    "Rail": 'message = "RailLine"',
-}
+PRESSURES = 'message = "RailLine"'
+LIFT_ALONE = {"Line": PRESSURES, "Lift": 'message = "Lift"\ntime_base = "other"', "Rail": PRESSURES}
 THREE_BASES = {
     "Line": 'message = "Line"',
     "Lift": 'message = "Lift"\ntime_base = "other"',
@@ -115,20 +112,15 @@ def worn(
     ppm: float,
 ) -> Scenario:
     """A worn injector of which the service learns, two clocks running apart by `ppm`."""
-    volume_error, rmse = BARS[rate]
-    return Scenario(
+    good = Scenario(
         f"{name} {rate / 1e3:g} kHz, {ppm:g} ppm, worn, learning",
         "2",
         signals,
         lambda: frames(rate, ppm * 1e-6),
-        LEARNED,
-        frozenset({LEARNED}),
-        rate=rate,
-        wear=WORN,
-        volume_error=volume_error,
-        rmse=rmse,
-        sample_error=STEEPEST,
     )
+    volume, rmse = BARS[rate]
+    good = replace(good, volume_error=volume, rmse=rmse, sample_error=STEEPEST)
+    return replace(good, last=LEARNED, shown=frozenset({LEARNED}), rate=rate, wear=WORN)
 
 
 def slow(lines: str) -> dict[str, str]:

@@ -17,17 +17,24 @@ from observer_rt.continuity import Break
 
 # What no sensor of an injector can mean [Pa, m, Pa]: a value beyond it, or none at all, is missing.
 IMPOSSIBLE = np.array([1e-2 if role is Role.NEEDLE_LIFT else 1e9 for role in ROLES])
+PATIENCE = SLOTS // 2  # samples that wait for a message before it counts as stale
 NO_FRONTIER = np.iinfo(np.int64).max
 _MASK = SLOTS - 1
-_NEEDLE_LIFT = ROLES.index(Role.NEEDLE_LIFT)
+NEEDLE_LIFT = ROLES.index(Role.NEEDLE_LIFT)
 _NONE = int(Break.NONE)
 _JUMP = int(Break.JUMP)
 _LOSS = int(Break.LOSS)
 
 
 @njit(cache=True, nogil=True)
-def store(alignment: Alignment, index: int, role: int, value: float, interpolated: bool = False) -> None:
-    """Put one value [SI] of a role at its index; NaN and impossible values count as missing."""
+def store(
+    alignment: Alignment, index: int, role: int, value: float, interpolated: bool = False, share: float = 0.0
+) -> None:
+    """Put one value [SI] of a role at its index; NaN and impossible values count as missing.
+
+    share: of a lift, by which share of an interval it was taken later than that; of an interpolated value, that of
+    the later one of its two neighbours.
+    """
     slot = alignment.slots[index & _MASK]
     if slot.index != index:
         slot.index = index
@@ -36,7 +43,15 @@ def store(alignment: Alignment, index: int, role: int, value: float, interpolate
     if abs(value) < IMPOSSIBLE[role]:
         slot.present |= 1 << role
         slot.values[role] = value
+        slot.shares[role] = share
         slot.interpolated = slot.interpolated or interpolated
+
+
+def is_stale(alignment: Alignment) -> bool:
+    """Whether a message stays away while others come."""
+    memory = alignment.memory[0]
+    waiting = memory["newest"] - memory["next_index"]
+    return bool(memory["followers"]["stale"].any() or waiting > PATIENCE)
 
 
 @njit(cache=True, nogil=True)
@@ -102,8 +117,10 @@ def _begin(alignment: Alignment) -> bool:
 @njit(cache=True, nogil=True)
 def _frontier_of(alignment: Alignment, follower, others: int) -> int:  # type: ignore[no-untyped-def]
     """The index before which a follower has said all it will, when the others have sent what is before `others`."""
-    patience = follower.reach if follower.holds else SLOTS // 2
+    patience = follower.reach if follower.holds else PATIENCE
     if others <= follower.position + patience:
+        if (follower.roles >> NEEDLE_LIFT) & 1:
+            return int(min(follower.next_index, follower.lift_row + 1))
         return int(follower.next_index)
     if follower.holds:
         while follower.next_index <= follower.position + follower.reach:
@@ -130,6 +147,7 @@ def _pass_on(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
             row = _append(alignment, memory.last_index + k)
             row.interpolated = True
             for role in range(MAX_INPUTS):
+                row.shares[role] = slot.shares[role]
                 last = memory.last_values[role]
                 row.values[role] = last + (slot.values[role] - last) * (k / (gap + 1))
     elif gap > 0:
@@ -143,6 +161,7 @@ def _pass_on(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
     row.broken = broken
     row.interpolated = slot.interpolated
     for role in range(MAX_INPUTS):
+        row.shares[role] = slot.shares[role]
         row.values[role] = slot.values[role]
         memory.last_values[role] = slot.values[role]
     memory.last_index = slot.index
@@ -175,6 +194,6 @@ def _is_legal_jump(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
         ):
             return False
     return (
-        memory.last_values[_NEEDLE_LIFT] <= memory.closed_lift
-        and slot.values[_NEEDLE_LIFT] <= memory.closed_lift
+        memory.last_values[NEEDLE_LIFT] <= memory.closed_lift
+        and slot.values[NEEDLE_LIFT] <= memory.closed_lift
     )

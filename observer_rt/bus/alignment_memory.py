@@ -42,6 +42,9 @@ FOLLOWER = np.dtype(
         ("values", np.float64, (MAX_INPUTS,)),  # SI
         ("first_index", np.int64),  # of the first sample of the grid that has its values
         ("next_index", np.int64),  # of the first that has not got them yet
+        ("lift_row", np.int64),  # index of the sample of the grid that has its last lift
+        ("lift_after", np.float64),  # by how much [samples of the grid] it was taken later than that
+        ("shut_for", np.int64),  # its samples in a row with a closed needle
         ("stale", np.bool_),  # the others do not wait for it any longer
     ],
     align=True,
@@ -53,6 +56,7 @@ SLOT = np.dtype(
         ("present", np.int64),
         ("interpolated", np.bool_),  # over a gap of a follower
         ("values", np.float64, (MAX_INPUTS,)),
+        ("shares", np.float64, (MAX_INPUTS,)),  # 0..1: see `alignment.store`
     ],
     align=True,
 )
@@ -61,6 +65,7 @@ ALIGNED = np.dtype(
     [
         ("index", np.int64),
         ("values", np.float64, (MAX_INPUTS,)),  # SI, in the order of ROLES
+        ("shares", np.float64, (MAX_INPUTS,)),
         ("interpolated", np.bool_),
         ("broken", np.int8),  # Break
     ],

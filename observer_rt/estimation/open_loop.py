@@ -8,11 +8,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned
-from observer_rt.estimation.predictor import Setting, Window, follow
+from observer_rt.estimation.predictor import Setting, Window, follow, knot_before
 from observer_rt.estimation.sensitivity import (
     PARAMETERS,
     Parameter,
-    advance_with_sensitivity,
+    advance_over_with_sensitivity,
     rate_and_tangent,
 )
 from observer_rt.model.coefficients import with_line_terms
@@ -88,9 +88,10 @@ def _run(
         u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
         u = (window.inputs[k, 0], max(window.inputs[k, 1], 0.0))
         sensitivity[:, PARAMETERS:] = np.eye(3)
-        x = advance_with_sensitivity(
+        x = advance_over_with_sensitivity(
             x,
             u_start,
+            knot_before(window, k),
             (window.inputs[k, 0], window.inputs[k, 1]),
             setting.interval,
             setting.substeps,

@@ -7,10 +7,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter, advance_with_sensitivity
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter, advance_over_with_sensitivity
 from observer_rt.estimation.sensor import LAG_UNIT, lagged, lagged_slopes, recorded
 from observer_rt.model.coefficients import Coefficients, with_line_terms
-from observer_rt.model.integrator import advance
+from observer_rt.model.integrator import advance_over
 from observer_rt.model.right_hand_side import injection_rate
 
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
@@ -22,7 +22,8 @@ class Window(NamedTuple):
 
     inputs: (n, 2) u = [p_R, A_S]; output: (n,) y, moved by the whole samples it is recorded late; resting:
     (n,) needle shut so long that p_S = p_C; start: (4,) x~ and the indicated pressure at the first sample; opening:
-    index of the first sample with an open needle.
+    index of the first sample with an open needle; knots: (n, 2), where the area bends after each sample, as in
+    `integrator.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not.
     """
 
     inputs: NDArray[np.float64]
@@ -30,6 +31,7 @@ class Window(NamedTuple):
     resting: NDArray[np.bool_]
     start: NDArray[np.float64]
     opening: int
+    knots: NDArray[np.float64] = np.empty((0, 2))
 
 
 class Setting(NamedTuple):
@@ -46,6 +48,14 @@ class Setting(NamedTuple):
     late: float = 0.0
     lag: float = 0.0
     offset: float = 0.0
+
+
+@njit(cache=True, nogil=True, inline="always")
+def knot_before(window: Window, k: int) -> tuple[float, float]:
+    """Where the area bends between sample k and the one before it; a share of 0 where it does not."""
+    if window.knots.shape[0] == 0:
+        return 0.0, 0.0
+    return window.knots[k - 1, 0], window.knots[k - 1, 1]
 
 
 @njit(cache=True, nogil=True)
@@ -82,7 +92,9 @@ def follow(
         u_start = (inputs[k - 1, 0], inputs[k - 1, 1])
         u_end = (inputs[k, 0], inputs[k, 1])
         before = x[0]
-        x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, network)
+        x = advance_over(
+            x, u_start, knot_before(window, k), u_end, setting.interval, setting.substeps, c, network
+        )
         if rate.shape[0] > 0:
             rate[k] = injection_rate(x, (u_end[0], max(u_end[1], 0.0)), c, network)
         indicated_before = indicated
@@ -141,9 +153,10 @@ def innovations_with_sensitivity(
         u_end = (window.inputs[k, 0], window.inputs[k, 1])
         before = x[0]
         before_slope[:] = sensitivity[0]
-        x = advance_with_sensitivity(
+        x = advance_over_with_sensitivity(
             x,
             u_start,
+            knot_before(window, k),
             u_end,
             setting.interval,
             setting.substeps,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.flows import line_stiffness, line_stiffness_slopes, nozzle_law, nozzle_law_slopes
-from observer_rt.model.integrator import along, between, emptied, step_end, steps_in
+from observer_rt.model.integrator import along, at_knot, between, emptied, is_bent, step_end, steps_in
 from observer_rt.model.laws import root, root_slope
 from observer_rt.model.network import HIDDEN, Network, activation, back_pressure_at
 from observer_rt.model.right_hand_side import is_at_rest
@@ -175,6 +175,38 @@ def advance_with_sensitivity(
     if x[2] == 0.0 and u_end[1] <= 0.0:
         sensitivity[2, :] = 0.0
     return x
+
+
+@njit(cache=True, nogil=True)
+def advance_over_with_sensitivity(
+    x: tuple[float, float, float],
+    u_start: tuple[float, float],
+    knot: tuple[float, float],
+    u_end: tuple[float, float],
+    interval: float,
+    substeps: int,
+    nominal: Coefficients,
+    c: Coefficients,
+    network: Network,
+    sensitivity: NDArray[np.float64],
+    work: NDArray[np.float64],
+) -> tuple[float, float, float]:
+    """`integrator.advance_over`, carrying dx/dtheta with it as `advance_with_sensitivity` does."""
+    share, u_knot = 1.0, u_end
+    if is_bent(u_start, knot, u_end):
+        share, u_knot = knot[0], at_knot(u_start, knot, u_end)
+    steps = math.ceil(share * substeps)
+    x = advance_with_sensitivity(
+        x, u_start, u_knot, share * interval, steps, nominal, c, network, sensitivity, work
+    )
+    if share == 1.0:
+        return x
+    rest = 1.0 - share
+    steps = math.ceil(rest * substeps)
+    beyond: tuple[float, float, float] = advance_with_sensitivity(
+        x, u_knot, u_end, rest * interval, steps, nominal, c, network, sensitivity, work
+    )
+    return beyond
 
 
 @njit(cache=True, nogil=True)

@@ -100,16 +100,19 @@ def _recording(bench: Bench, rows: NDArray[np.void], path: Path) -> Recording:
     received = ~rows["interpolated"]
     place = (index - index[0])[received]
 
-    def signal(name: str, factor: float, zero: float) -> NDArray[np.float64]:
-        values = np.full(samples, np.nan)
-        values[place] = rows[name][received] * factor + zero
-        return values
+    def signal(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        placed = np.full(samples, np.nan)
+        placed[place] = values[received]
+        return placed
+
+    def pressure(name: str) -> NDArray[np.float64]:
+        return signal(rows[name] * c.pressure_scale + c.chamber_pressure)
 
     return Recording(
         time=np.arange(samples) / bench.config.sampling.rate_hz,
-        rail_pressure=signal("rail_pressure", c.pressure_scale, c.chamber_pressure),
-        needle_lift=signal("needle_lift", 1.0, 0.0),
-        line_pressure=signal("line_pressure", c.pressure_scale, c.chamber_pressure),
+        rail_pressure=pressure("rail_pressure"),
+        needle_lift=signal(np.interp(index, index + rows["lift_after"], rows["needle_lift"])),
+        line_pressure=pressure("line_pressure"),
         path=path,
     )
 

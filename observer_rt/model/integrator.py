@@ -112,6 +112,48 @@ def advance(
     return end
 
 
+@njit(cache=True, nogil=True)
+def advance_over(
+    x: tuple[float, float, float],
+    u_start: tuple[float, float],
+    knot: tuple[float, float],
+    u_end: tuple[float, float],
+    interval: float,
+    substeps: int,
+    c: Coefficients,
+    network: Network,
+) -> tuple[float, float, float]:
+    """`advance` where the area is linear only up to a knot within the interval, and from it on.
+
+    knot: the share (0..1) of the interval it comes after, and the normalised area there; a share of 0 is none.
+    """
+    share = knot[0]
+    if not is_bent(u_start, knot, u_end):
+        end: tuple[float, float, float] = advance(x, u_start, u_end, interval, substeps, c, network)
+        return end
+    u_knot = at_knot(u_start, knot, u_end)
+    x = advance(x, u_start, u_knot, share * interval, math.ceil(share * substeps), c, network)
+    rest = 1.0 - share
+    beyond: tuple[float, float, float] = advance(
+        x, u_knot, u_end, rest * interval, math.ceil(rest * substeps), c, network
+    )
+    return beyond
+
+
+@njit(cache=True, nogil=True, inline="always")
+def is_bent(u_start: tuple[float, float], knot: tuple[float, float], u_end: tuple[float, float]) -> bool:
+    """Whether a knot within an interval means anything: the needle is open somewhere in it."""
+    return 0.0 < knot[0] < 1.0 and (u_start[1] > 0.0 or knot[1] > 0.0 or u_end[1] > 0.0)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def at_knot(
+    u_start: tuple[float, float], knot: tuple[float, float], u_end: tuple[float, float]
+) -> tuple[float, float]:
+    """The inputs at a knot: its area, and the rail pressure, which is linear across it."""
+    return u_start[0] + knot[0] * (u_end[0] - u_start[0]), knot[1]
+
+
 @njit(cache=True, nogil=True, inline="always")
 def emptied(
     x: tuple[float, float, float], u_start: tuple[float, float], u_end: tuple[float, float]

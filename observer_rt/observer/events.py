@@ -26,6 +26,7 @@ def begin_injection(observer: Observer, position: int) -> None:
         memory.event_number += 1
         memory.event_opening = position
         memory.event_learnable = memory.synchronised
+        memory.event_doubtful = False
     if memory.injections_begun - memory.injections_reported == INJECTIONS:
         memory.injections_reported += 1
     injection = memory.injections[memory.injections_begun % INJECTIONS]
@@ -78,6 +79,7 @@ def close_event(observer: Observer, position: int) -> None:
         and long_enough
         and position - event.window_start < MAX_EVENT
     )
+    event.doubtful = memory.event_doubtful
     event.rest_count = memory.rest_count
     event.offset_sum = memory.offset_sum
     event.difference_count = memory.difference_count

@@ -21,6 +21,8 @@ class Cost(Protocol):
 
     innovations: NDArray[np.float64]
     """(n,) at the theta that was asked for last."""
+    slopes: NDArray[np.float64]
+    """(n, m) their derivatives where J was last linearised."""
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta); inf where it is not finite."""
@@ -46,11 +48,15 @@ def theta_limits(pressure_scale: float) -> Limits:
 
 @dataclass(frozen=True)
 class Fit:
-    """One event fitted: the active columns, the cost round the estimate, the innovations there (n,), its prior."""
+    """One event fitted: the active columns, the cost round the estimate, its prior.
+
+    innovations: at the estimate (n,); slopes: where it was last linearised (n, m).
+    """
 
     active: frozenset[int]
     linearisation: Linearisation
     innovations: NDArray[np.float64]
+    slopes: NDArray[np.float64]
     prior: Belief
     contradicts: bool = False  # what was believed before the event
 
@@ -98,7 +104,7 @@ class EventFitter:
             here, here_total = there, total(there.theta, there.value)
             if abs(before - here_total) < TOLERANCE:
                 break
-        return Fit(active, here, self.cost.innovations.copy(), prior)
+        return Fit(active, here, self.cost.innovations.copy(), self.cost.slopes.copy(), prior)
 
     def _within_reach(self, here: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """The target, or as far towards it as the slopes are good for; within bounds."""

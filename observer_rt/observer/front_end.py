@@ -206,8 +206,23 @@ def shut_area(observer: Observer, position: int) -> float:
             second = _ramp_lift(observer, position + 2, foot - 2)
             virtual = 2.0 * normalised_area(first, c) - normalised_area(second, c)
     elif position >= observer.memory[0].segment_start + 2:
-        last = observer.ring[(position - 1) & _MASK].seat_area
-        before = observer.ring[(position - 2) & _MASK].seat_area
+        last = observer.ring[(position - 1) & _MASK].lift_area
+        before = observer.ring[(position - 2) & _MASK].lift_area
         if last > 0.0:
             virtual = 2.0 * last - before
     return min(virtual, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def area_between_lifts(observer: Observer, position: int) -> float:
+    """Normalised seat area at the time of a sample, on the straight line between two areas where the lift was taken.
+
+    So the corners of the ramps stay where they were recorded; the lift itself, brought to the times of the samples,
+    would lose them.
+    """
+    row = observer.ring[position & _MASK]
+    if row.lift_after == 0.0 or position == observer.memory[0].segment_start:
+        return float(row.lift_area)
+    before = observer.ring[(position - 1) & _MASK]
+    since = 1.0 - before.lift_after
+    return float(before.lift_area + (row.lift_area - before.lift_area) * since / (since + row.lift_after))

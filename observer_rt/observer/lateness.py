@@ -27,7 +27,7 @@ def lag_score(
 ) -> float | None:
     """Score test of a fit's lag against a delay as long: standard normal if it is a lag, negative if it is none.
 
-    cost: of the fit, holds its slopes; prior: standard deviations (m,) of the parameters, wide. The direction in
+    cost: of the event; prior: standard deviations (m,) of the parameters, wide. The direction in
     which a delay would move the innovations is freed of what other parameters can do, then compared with them. None
     without a lag worth asking.
     """
@@ -47,7 +47,7 @@ def lag_score(
     )
     first = cost.burn_in + late
     direction = (other[first - late : early_enough] - fit.innovations[first:]) / cost.sigma
-    slopes = cost.slopes[first:] / cost.sigma
+    slopes = fit.slopes[first:] / cost.sigma
     information = slopes.T @ slopes + np.diag(prior**-2)
     direction = direction - slopes @ np.linalg.solve(information, slopes.T @ direction)
     length = float(np.linalg.norm(direction))

@@ -111,6 +111,7 @@ def event_window(observer: Observer, number: int) -> Window | None:
         resting=rows["resting"].copy(),
         start=np.append(rows["x_tilde"][0], rows["indicated"][0]),
         opening=int(event["opening"]) - start,
+        knots=np.column_stack([rows["lift_after"], rows["lift_area"]]),
     )
 
 
@@ -159,13 +160,17 @@ def in_force(observer: Observer) -> NDArray[np.float64]:
 
 
 def judge(observer: Observer, outcome: Outcome | None) -> None:
-    """Judge the oldest waiting event: put into force what was learned from it (None: nothing was)."""
+    """Judge the oldest waiting event: put into force what was learned from it (None: nothing was).
+
+    An event with samples that were not to be trusted makes nothing after it valid.
+    """
     memory = observer.memory[0]
+    event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS]
     memory["events_taken"] += 1
     memory["events_judged"] += 1
+    memory["doubtful_events"] += event["doubtful"]
     memory["waiting"] = False
     if outcome is None:
-        memory["unlearned_events"] += 1
         return
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge.in_force, outcome.knowledge.noise.needle_lift)

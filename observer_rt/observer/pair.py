@@ -7,7 +7,7 @@ from numba import njit
 from observer_rt.estimation.predictor import correct
 from observer_rt.estimation.sensor import lagged, recorded
 from observer_rt.model.coefficients import Coefficients, LineTerms, with_line_terms
-from observer_rt.model.integrator import advance
+from observer_rt.model.integrator import advance_over
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import fault, injection_rate
 from observer_rt.observer.front_end import known
@@ -84,10 +84,12 @@ def step_pair(observer: Observer, position: int) -> bool:
     c = coefficients_in_force(observer)
     u_start = (before.rail_pressure, before.seat_area)
     u_end = (row.rail_pressure, row.seat_area)
+    knot = (before.lift_after, before.lift_area)
 
-    x = advance(
+    x = advance_over(
         (before.x_tilde[0], before.x_tilde[1], before.x_tilde[2]),
         u_start,
+        knot,
         u_end,
         constants.interval,
         constants.substeps,
@@ -113,7 +115,7 @@ def step_pair(observer: Observer, position: int) -> bool:
             setting = PaperSetting(constants.interval, constants.substeps, c, network, memory.free_unit)
             x = observe(x, u_start, u_end, setting, free_rows_in_force(observer))
         else:
-            x = advance(x, u_start, u_end, constants.interval, constants.substeps, c, network)
+            x = advance_over(x, u_start, knot, u_end, constants.interval, constants.substeps, c, network)
     row.x_hat[0], row.x_hat[1], row.x_hat[2] = x
     return math.isfinite(x[0] + x[1] + x[2] + row.x_tilde[0] + row.x_tilde[1] + row.x_tilde[2])
 

@@ -13,6 +13,7 @@ ENOUGH_SAMPLES = 10_000  # of standstill, before measured noise replaces the con
 FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 _ORDER = 4  # differences: order 4 leaves the ringing of the line below the noise even at 20 kHz
 _GAIN = 70.0  # sum of squares of 1 4 6 4 1
+_NEXT = -56.0  # sum of products of neighbours in 1 -4 6 -4 1
 _TRUSTED = 200  # squares, from which on their mean tells a spike
 _SPIKE = 36.0  # times the mean square: six sigma
 _MASK = RING - 1
@@ -44,6 +45,7 @@ def gather(observer: Observer, position: int) -> None:
             row.rail_pressure,
             memory.rail_squares,
             count,
+            smoothing(row.rail_share),
         )
         memory.line_squares += _square(
             a.line_pressure,
@@ -67,9 +69,24 @@ def gather(observer: Observer, position: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _square(a: float, b: float, c: float, d: float, e: float, total: float, count: int) -> float:
-    """Square of the fourth difference, a spike's limited to what the `count` squares before make plausible."""
-    square = (a - 4 * (b + d) + 6 * c + e) ** 2
+def smoothing(share: float) -> float:
+    """By what interpolation with this share of the later neighbour reduces the square of a fourth difference.
+
+    To the line, which follows slowly, an interpolated pressure is as noisy as its neighbours are.
+    """
+    kept = 1.0 - share
+    return kept * kept + share * share + 2.0 * kept * share * _NEXT / _GAIN
+
+
+@njit(cache=True, nogil=True)
+def _square(
+    a: float, b: float, c: float, d: float, e: float, total: float, count: int, smoothed: float = 1.0
+) -> float:
+    """Square of the fourth difference, a spike's limited to what the `count` squares before make plausible.
+
+    smoothed: by what interpolation reduced it.
+    """
+    square = (a - 4 * (b + d) + 6 * c + e) ** 2 / smoothed
     if count < _TRUSTED:
         return float(square)
     return float(min(square, _SPIKE * total / count))

@@ -62,10 +62,13 @@ SAMPLE = np.dtype(
         ("rail_pressure", np.float64),
         ("needle_lift", np.float64),
         ("line_pressure", np.float64),
+        ("lift_after", np.float64),  # share of an interval by which the lift was taken later than the rest
+        ("rail_share", np.float64),  # in the rail pressure, of the later one of two neighbours
         ("interpolated", np.bool_),
         ("broken", np.int8),  # Break
         ("doubt", np.int8),  # Doubt
         # as computed
+        ("lift_area", np.float64),  # normalised seat area when the lift was taken
         ("seat_area", np.float64),  # u2
         ("resting", np.bool_),
         ("x_tilde", np.float64, (3,)),
@@ -98,6 +101,7 @@ EVENT = np.dtype(
         ("window_end", np.int64),
         ("opening", np.int64),
         ("learnable", np.bool_),
+        ("doubtful", np.bool_),  # it has samples that are not to be trusted
         *_STANDSTILL,  # up to the event's end
     ],
     align=True,
@@ -166,6 +170,7 @@ OBSERVER = np.dtype(
         ("shut_since", np.int64),  # index of the first closed sample
         ("in_event", np.bool_),
         ("event_learnable", np.bool_),
+        ("event_doubtful", np.bool_),
         ("event_number", np.int64),
         ("event_opening", np.int64),
         # the part of a ramp that a lift recorded too low does not show
@@ -190,7 +195,7 @@ OBSERVER = np.dtype(
         ("lost", np.int64),
         ("breaks", np.int64),
         ("numerical_resets", np.int64),
-        ("unlearned_events", np.int64),
+        ("doubtful_events", np.int64),  # judged
     ],
     align=True,
 )

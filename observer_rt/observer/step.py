@@ -13,6 +13,7 @@ from observer_rt.observer.events import (
 )
 from observer_rt.observer.front_end import (
     area_at,
+    area_between_lifts,
     is_recorded_shut,
     keep_sinking,
     known,
@@ -51,10 +52,14 @@ def push(
     interpolated: bool,
     broken: int,
     doubt: int = 0,
+    lift_after: float = 0.0,
+    rail_share: float = 0.0,
 ) -> None:
     """Append a sample in SI units to the stream.
 
-    `broken` (Break) says why it does not follow the last one, `doubt` (Doubt) why it is not to be trusted.
+    `broken` (Break) says why it does not follow the last one, `doubt` (Doubt) why it is not to be trusted,
+    `lift_after` by which share of an interval (0..1) its lift was taken later than the rest of it, `rail_share` that
+    its rail pressure lies between two neighbours and which share (0..1) the later one has in it.
     """
     c = observer.constants.coefficients
     inputs = observer.constants.inputs
@@ -65,6 +70,8 @@ def push(
     row.rail_pressure = (true_rail_pressure - c.chamber_pressure) / c.pressure_scale
     row.needle_lift = needle_lift
     row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
+    row.lift_after = lift_after
+    row.rail_share = rail_share
     row.interpolated = interpolated
     row.broken = broken
     row.doubt = doubt
@@ -182,9 +189,10 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
             memory.needle_open = False
             memory.shut_since = row.index
     if memory.needle_open:
-        row.seat_area = area_at(observer, position)
+        row.lift_area = area_at(observer, position)
     else:
-        row.seat_area = shut_area(observer, position)
+        row.lift_area = shut_area(observer, position)
+    row.seat_area = area_between_lifts(observer, position)
 
 
 @njit(cache=True, nogil=True)
@@ -226,10 +234,12 @@ def _mark(observer: Observer, position: int) -> None:
     elif row.doubt != _NO_DOUBT:
         row.reason = row.doubt
         memory.event_learnable = False
+        memory.event_doubtful = True
     elif memory.doubted != _NO_REASON:
         row.reason = memory.doubted
         memory.event_learnable = False
-    elif memory.events_judged < observer.constants.events_required:
+        memory.event_doubtful = True
+    elif memory.events_judged - memory.doubtful_events < observer.constants.events_required:
         row.reason = _TOO_FEW_EVENTS
     else:
         row.reason = memory.judgement

@@ -2,15 +2,12 @@
 
 import numpy as np
 
-from observer_rt.bus.inputs import ROLES
 from observer_rt.bus.mapping import BusMap, layout_of
 from observer_rt.bus.timing import TOLERANCE, Joining, Numbering
-from observer_rt.config import Role
 from observer_rt.service.findings import Finding, Level
 from observer_rt.service.message_timing import LINE_SLOPE
 from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLISECOND
 
-COARSE = 20.5e-6  # s between samples of the lift, above which their interpolation costs too much
 _NUMBERED = {
     Numbering.INDEX: "by its sample index",
     Numbering.COUNTER: "counted by its counter and receive stamps",
@@ -28,9 +25,6 @@ def time_findings(bus: BusMap) -> list[Finding]:
         findings.append(Finding("time", Level.OK, text))
         if timing["numbering"] == Numbering.STAMPS:
             findings.append(_no_counter(name))
-        carries_lift = (int(bus.inputs.streams[stream]["roles"]) >> ROLES.index(Role.NEEDLE_LIFT)) & 1
-        if carries_lift and timing["joining"] == Joining.CLOCK and timing["interval"] > COARSE:
-            findings.append(_coarse_lift(name, float(timing["interval"])))
     if any(timing["joining"] == Joining.CLOCK for timing in bus.inputs.timing):
         findings.append(
             Finding(
@@ -56,16 +50,6 @@ def _joined(timing: np.void) -> str:
         held = f", held at most {timing['hold'] / MILLISECOND:g} ms" if timing["steps"] > 1 else ""
         return f"; by its clock, stamps {timing['delay'] / MICROSECOND:.4g} us after the last sample{held}"
     return ""
-
-
-def _coarse_lift(name: str, interval: float) -> Finding:
-    return Finding(
-        "time",
-        Level.WARNING,
-        f"{name}: the needle lift is interpolated between samples of {interval / MICROSECOND:.4g} us, which rounds "
-        "its corners: at 20 kHz up to 2 % of the mass; sample at 50 kHz or more, or give lift and line pressure one "
-        "time base",
-    )
 
 
 def _no_counter(name: str) -> Finding:

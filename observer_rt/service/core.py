@@ -9,11 +9,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.alignment import is_stale
 from observer_rt.bus.alignment_memory import make_alignment, progress
 from observer_rt.bus.frame_key import frame_key
 from observer_rt.bus.mapping import BusMap, layout_of, stream_of
 from observer_rt.bus.timekeeping import make_timekeeping
-from observer_rt.bus.timing import SLOTS
 from observer_rt.config import Bench, Role
 from observer_rt.observer.front_end import dead_band
 from observer_rt.observer.knowledge import Knowledge, Outcome, Verdict, no_knowledge
@@ -155,11 +155,7 @@ class Core:
         """State and reason of the last processed sample."""
         if self.processed == 0:
             return State.STARTING, Reason.STARTING
-        alignment = self._pipeline.alignment.memory[0]
-        if (
-            alignment["followers"]["stale"].any()
-            or alignment["newest"] - alignment["next_index"] > SLOTS // 2
-        ):
+        if is_stale(self._pipeline.alignment):
             return State.DEGRADED, Reason.INPUT_STALE
         row = self._observer.ring[(self.processed - 1) % RING]
         return State(int(row["state"])), Reason(int(row["reason"]))

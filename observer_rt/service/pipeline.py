@@ -243,5 +243,7 @@ def _feed(pipeline: Pipeline) -> None:
             row.interpolated,
             row.broken,
             doubt,
+            row.shares[_LIFT],
+            row.shares[_RAIL],
         )
     alignment.ready = 0

@@ -1,13 +1,16 @@
-"""Samples between those of the grid, or further apart: straight lines between neighbours, and nothing beyond."""
+"""Samples between those of the grid, or further apart: straight lines between neighbours, and nothing beyond.
 
-from collections.abc import Iterable
+A lift between them stays what it is, with its time.
+"""
+
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from observer_rt.bus.alignment import decide, store
+from observer_rt.bus.alignment import decide, is_stale, store
 from observer_rt.bus.alignment_memory import make_alignment
 from observer_rt.bus.following import follow
 from observer_rt.bus.inputs import MAX_INPUTS, ROLES
@@ -18,8 +21,10 @@ from observer_rt.continuity import Break
 from tests.bus.alignment_driver import CLOSED_LIFT, Row
 
 RAIL = ROLES.index(Role.RAIL_PRESSURE)
+LIFT = ROLES.index(Role.NEEDLE_LIFT)
 GRID, FOLLOWER = 0, 1
 FULL_RATE = Following(1 << RAIL, 1.0, 3.0, False)
+LIFT_ALONE = Following(1 << LIFT, 1.0, 3.0, False)
 SLOW = Following(1 << RAIL, 20.0, 50.0, True)
 
 
@@ -33,16 +38,18 @@ class Joined:
 
     def __init__(self, following: Following) -> None:
         self._alignment = make_alignment([None, following], CLOSED_LIFT)
+        self._roles = following.roles
         self.rows: list[Row] = []
+        self.lift_after: list[float] = []
 
     def is_stale(self) -> bool:
-        return bool(self._alignment.memory[0]["followers"][FOLLOWER]["stale"])
+        return is_stale(self._alignment)
 
     def grid(self, start: int, count: int = 1) -> None:
         _, first = place_block(self._alignment, GRID, start, count, True)
         for index in range(first, first + count):
             for role in range(MAX_INPUTS):
-                if role != RAIL:
+                if not (self._roles >> role) & 1:
                     store(self._alignment, index, role, 1e-7)
         self._take()
 
@@ -56,11 +63,19 @@ class Joined:
         for position in positions:
             self.rail(position)
 
+    def lifts(self, positions: Iterable[float], lift: Callable[[float], float]) -> None:
+        for position in positions:
+            values = np.full(MAX_INPUTS, np.nan)
+            values[LIFT] = lift(position)
+            follow(self._alignment, FOLLOWER, position, values)
+            self._take()
+
     def _take(self) -> None:
         decide(self._alignment)
         memory = self._alignment.memory
         for row in self._alignment.queue[: int(memory["ready"][0])]:
             values = tuple(float(v) for v in row["values"])
+            self.lift_after.append(float(row["shares"][LIFT]))
             self.rows.append(
                 Row(int(row["index"]), values, bool(row["interpolated"]), Break(int(row["broken"])))
             )
@@ -172,3 +187,57 @@ def test_samples_out_of_order_far_ahead_or_without_value_are_left_out() -> None:
     assert joined.indices == [0, 1, 2, 3, 4, 5]
     assert joined.are_on_the_line()
     assert [row.index for row in joined.rows if row.interpolated] == [3, 4]
+
+
+def needle(position: float) -> float:
+    """Lift [m] that opens at 120.37 and is closed at 221.9, with corners between samples."""
+    return float(np.interp(position, [120.37, 131.2, 208.1, 221.9], [0.0, 3e-4, 3e-4, 0.0]))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(-0.9, 0.9), st.floats(0.999, 1.001), st.integers(1, 28))
+def test_lifts_of_another_clock_are_kept_with_their_times(phase: float, step: float, block: int) -> None:
+    """Every sample has a lift that was taken as it says, each lift of an open needle belongs to one sample."""
+    joined = Joined(LIFT_ALONE)
+    positions = phase + step * np.arange(300)
+    for start in range(0, 280, block):
+        joined.grid(start, block)
+        joined.lifts(positions[start : start + block], needle)
+    assert joined.indices == list(range(joined.indices[0], joined.indices[-1] + 1))
+    assert len(joined.rows) > 250
+    assert not any(row.interpolated for row in joined.rows)
+    assert all(0.0 <= after <= 1.0 for after in joined.lift_after)
+    taken = np.array(joined.indices) + np.array(joined.lift_after)
+    lifts = np.array([row.values[LIFT] for row in joined.rows])
+    is_open = (positions > 121.0) & (positions < 221.0)
+    kept = {needle(position) for position in positions[is_open]}
+    assert kept <= set(lifts)
+    largest_drift = 110 * abs(step - 1.0)  # while the needle moves
+    for place, lift in zip(taken, lifts, strict=True):
+        if lift in kept and lift < 3e-4:
+            assert np.abs(positions - place).min() <= largest_drift + 1e-9
+
+
+def test_lift_that_misses_samples_is_bridged_and_marked() -> None:
+    joined = Joined(LIFT_ALONE)
+    joined.grid(0, 260)
+    joined.lifts([*np.arange(0.25, 126.0), *np.arange(128.25, 259.0)], needle)
+    bridged = [row for row in joined.rows if row.interpolated]
+    assert [row.index for row in bridged] == [126, 127]
+    assert [row.values[LIFT] for row in bridged] == pytest.approx([needle(i + 0.25) for i in (126, 127)])
+    assert set(joined.lift_after) == {0.25}
+
+
+def test_samples_that_wait_for_a_message_of_the_grid_are_told() -> None:
+    alignment = make_alignment([None, None], CLOSED_LIFT)
+    place_block(alignment, 0, 0, 1, True)
+    place_block(alignment, 1, 0, 1, True)
+    decide(alignment)
+    assert not is_stale(alignment)
+    for start in range(1, SLOTS // 2 + 1):
+        place_block(alignment, 0, start, 1, True)
+        decide(alignment)
+        assert not is_stale(alignment)
+    place_block(alignment, 0, SLOTS // 2 + 1, 1, True)
+    decide(alignment)
+    assert is_stale(alignment)

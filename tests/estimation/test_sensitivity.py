@@ -57,6 +57,35 @@ def test_slopes_with_effects_in_force(affected: Case, parameter: int) -> None:
     np.testing.assert_allclose(slopes[:, parameter], numeric, atol=1e-6 * np.abs(numeric).max())
 
 
+@pytest.mark.parametrize("parameter", [*FLOW, Parameter.BULK_MODULUS, Parameter.SENSOR_LAG])
+def test_slopes_with_a_lift_sampled_between(case: Case, parameter: int) -> None:
+    window = lift_sampled_between(case)
+    _, slopes = with_slopes(case, window, worn_theta())
+    step = np.zeros(PARAMETERS)
+    step[parameter] = 1e-5
+    ahead, behind = (innovations_at(case, window, worn_theta() + sign * step) for sign in (1, -1))
+    numeric = (ahead - behind) / 2e-5
+    np.testing.assert_allclose(slopes[:, parameter], numeric, atol=1e-6 * np.abs(numeric).max())
+
+
+def lift_sampled_between(case: Case) -> Window:
+    """An event whose area bends 0.3 of an interval after every sample, by up to a tenth."""
+    window = simulated_event(case, worn_theta(seed=7), event_inputs(), seed=3)
+    area = window.inputs[:, 1]
+    bends = area + 0.3 * np.append(np.diff(area), 0.0) + 0.1 * (area > 0.0) * np.cos(np.arange(area.size))
+    return window._replace(knots=np.column_stack([np.full(area.size, 0.3), bends]))
+
+
+def test_a_lift_sampled_between_moves_the_innovations(case: Case) -> None:
+    """With and without slopes alike, and not so where the needle is shut."""
+    window, theta = lift_sampled_between(case), worn_theta()
+    bent = innovations_at(case, window, theta)
+    np.testing.assert_array_equal(with_slopes(case, window, theta)[0], bent)
+    straight = innovations_at(case, window._replace(knots=np.empty((0, 2))), theta)
+    np.testing.assert_array_equal(bent[: window.opening], straight[: window.opening])
+    assert np.abs(bent - straight).max() > 5e-4
+
+
 def test_innovations_are_the_same_with_and_without_slopes(case: Case) -> None:
     window = simulated_event(case, worn_theta(seed=7), event_inputs(), seed=3)
     theta = worn_theta()

@@ -22,6 +22,8 @@ from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.recording.log_cases import write_log
+from tests.service.time_frames import Clock, merged, plant, send, write_time_bench
+from tests.service.time_scenarios import LIFT_ALONE
 
 BENCH = load_bench()
 RATE = 100e3
@@ -181,3 +183,17 @@ def test_stamps_that_contradict_the_sample_rate_are_told(write: Write) -> None:
     slow = [f._replace(frame=f.frame._replace(stamp_ns=START + 900_000 * n)) for n, f in enumerate(frames())]
     (note,) = read_logged(BENCH, write(slow, ".log")).notes
     assert "by its stamps 1e+04 samples a second were sent, the bench file says 100000" in note
+
+
+def test_lift_of_another_clock_is_brought_to_the_samples_of_the_line_pressure(tmp_path: Path) -> None:
+    """It moves by 1.2 um/us at most: 20 us late it would be wrong by up to 24 um."""
+    bench = load_bench(write_time_bench(tmp_path, 20e3, LIFT_ALONE))
+    sent = merged(send("RailLine", Clock(20e3), end=1.2), send("Lift", Clock(20e3, 20e-6), end=1.2))
+    path = tmp_path / "two_clocks.log"
+    write_log(path, [LogFrame(Frame(f.frame_id, f.payload, f.stamp_ns), "1") for f in sent])
+    logged = read_logged(bench, path)
+    truth = plant()[1]
+    lift = np.interp(logged.recording.time + logged.first_index / 20e3, truth.time, truth.needle_lift)
+    moving = (lift > 50e-6) & (lift < 250e-6) & ~np.isnan(logged.recording.needle_lift)
+    assert moving.sum() > 20
+    assert np.abs(logged.recording.needle_lift - lift)[moving].max() < 8e-6

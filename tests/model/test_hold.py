@@ -1,5 +1,7 @@
 """What it costs to hold inputs constant between samples, and how little to take them as linear."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -7,6 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.config import load_injector
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import effective_model
+from observer_rt.model.integrator import advance, advance_over
 from observer_rt.model.laws import seat_area
 from observer_rt.model.network import zero_network
 from observer_rt.model.right_hand_side import injection_rate
@@ -77,3 +80,28 @@ def _area(lift: float) -> float:
 
 def _rms(values: NDArray[np.float64]) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+@pytest.mark.parametrize("share", [0.15, 0.5, 0.8])
+def test_a_bend_between_samples_is_followed(share: float) -> None:
+    """The needle leaves its seat, and meets it, between samples of 50 us, as small steps alone would follow it."""
+    interval, substeps = 5e-5, substeps_needed(NOMINAL, 20e3)
+    for start, knot, end in ((-0.1, 0.05, 0.6), (0.6, 0.05, -0.1), (0.3, 0.9, 0.9)):
+        u_start, u_end = (0.95, start), (0.95, end)
+        x = (0.95, 0.0, 0.0) if start < 0.0 else (0.8, 0.6, 0.5)
+        fine = x
+        areas = np.interp(np.linspace(0.0, 1.0, 4001), [0.0, share, 1.0], [start, knot, end])
+        for before, after in pairwise(float(area) for area in areas):
+            fine = advance(fine, (0.95, before), (0.95, after), interval / 4000, 1, C, zero_network())
+        bent = advance_over(x, u_start, (share, knot), u_end, interval, substeps, C, zero_network())
+        straight = advance(x, u_start, u_end, interval, substeps, C, zero_network())
+        assert bent == pytest.approx(fine, abs=1e-4)
+        assert np.abs(np.subtract(straight, fine)).max() > 4e-3
+
+
+def test_no_bend_changes_nothing() -> None:
+    ends = (0.95, 0.2), (0.94, 0.5)
+    plain = advance((0.8, 0.6, 0.5), *ends, 5e-5, 21, C, zero_network())
+    assert advance_over((0.8, 0.6, 0.5), ends[0], (0.0, 0.7), ends[1], 5e-5, 21, C, zero_network()) == plain
+    on_the_line = advance_over((0.8, 0.6, 0.5), ends[0], (0.5, 0.35), ends[1], 5e-5, 21, C, zero_network())
+    assert on_the_line == pytest.approx(plain, abs=1e-4)

@@ -32,9 +32,10 @@ PIECE = 1000  # samples fed between two looks
 
 
 @njit(cache=True, nogil=True)
-def _push_all(observer, index, rail, lift, line, broken):  # type: ignore[no-untyped-def]
+def _push_all(observer, index, rail, lift, line, broken, between):  # type: ignore[no-untyped-def]
     for k in range(rail.size):
-        push(observer, index + k, rail[k], lift[k], line[k], False, broken if k == 0 else 0)
+        begins = broken if k == 0 else 0
+        push(observer, index + k, rail[k], lift[k], line[k], False, begins, 0, between[0], between[1])
 
 
 @dataclass
@@ -67,15 +68,29 @@ class Stream:
         line: NDArray[np.float64],
         index: int | None = None,
         broken: Break = Break.NONE,
+        lift_after: float = 0.0,
+        rail_share: float = 0.0,
     ) -> "Stream":
-        """Samples [Pa, m, Pa] from `index` on (default: where the last ones ended)."""
+        """Samples [Pa, m, Pa] from `index` on (default: where the last ones ended).
+
+        lift_after: share of an interval by which the lift was taken later than the rest; rail_share: of the later
+        one of the two neighbours between which the rail pressure lies.
+        """
         first = self._next_index if index is None else index
         if not self._begun:
             broken, self._begun = Break.START, True
         for k in range(0, rail.size, PIECE):
             piece = slice(k, k + PIECE)
             begins = int(broken) if k == 0 else 0
-            _push_all(self.observer, first + k, rail[piece], lift[piece], line[piece], begins)
+            _push_all(
+                self.observer,
+                first + k,
+                rail[piece],
+                lift[piece],
+                line[piece],
+                begins,
+                (lift_after, rail_share),
+            )
             self._advance()
         self._next_index = first + rail.size
         return self

@@ -6,14 +6,21 @@ import numpy as np
 import pytest
 
 from observer_rt.config import load_bench
+from observer_rt.estimation.posterior import prior_belief
+from observer_rt.estimation.prediction_error import EventCost
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
-from observer_rt.observer.lateness import LagDoubt
+from observer_rt.observer.fitting import EventFitter, theta_limits
+from observer_rt.observer.knowledge import DEFAULT_RULES
+from observer_rt.observer.lateness import LagDoubt, lag_score
 from observer_rt.observer.state import Reason
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
+from tests.estimation.conftest import event_inputs, make_case, simulated_event, worn_theta
 from tests.observer.stream import NOMINAL
 
 LAGGING = sized("line_pressure_sensor_lag", tau=40e-6)
@@ -37,6 +44,23 @@ def test_a_lag_is_believed() -> None:
 def test_a_channel_recorded_late_is_not_taken_for_a_lag() -> None:
     assert Reason.NONE not in reasons(LATE)[-4:]
     assert Reason.TIME_BASE in reasons(LATE)[-4:]
+
+
+def test_score_of_a_fit_is_not_changed_by_what_was_tried_after_it() -> None:
+    """An event that contradicts may keep its first fit, though another was tried from a wide prior."""
+    case = make_case(NOMINAL)
+    lagging = np.zeros(PARAMETERS)
+    lagging[Parameter.SENSOR_LAG] = 40e-6 / LAG_UNIT
+    window = simulated_event(case, lagging, event_inputs(), seed=3)
+    cost = EventCost(window, case.setting, case.schedule.innovation_sigma, burn_in=50)
+    wide = DEFAULT_RULES.prior.vector(case.c.pressure_scale)
+    fitter = EventFitter(cost, DEFAULT_RULES.gate, frozenset(), theta_limits(case.c.pressure_scale))
+    fit = fitter.fit(cost.linearised(lagging), prior_belief(lagging, np.diag(wide**2)), 2)
+    before = lag_score(window, case.setting, fit, cost, wide)
+    assert before is not None
+    elsewhere = cost.linearised(worn_theta())
+    fitter.fit(elsewhere, prior_belief(worn_theta(), np.diag((1e-3 * wide) ** 2)), 1)
+    assert lag_score(window, case.setting, fit, cost, wide) == before
 
 
 def test_white_scores_hardly_ever_contradict_a_lag() -> None:

@@ -33,6 +33,20 @@ def test_noise_is_measured_within_two_percent(levels: NoiseLevels) -> None:
     assert noise.needle_lift == pytest.approx(levels.needle_lift, rel=0.02)
 
 
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+def test_noise_of_a_rail_pressure_between_its_samples_is_that_of_its_samples(share: float) -> None:
+    """Interpolation takes away its quick part, which the line does not follow anyway."""
+    random = np.random.default_rng(3)
+    stream = Stream(keep=False)
+    rail = RAIL + random.normal(0.0, 0.1e6, 100_001)
+    between = (1.0 - share) * rail[:-1] + share * rail[1:]
+    still = np.zeros(100_000)
+    line = RAIL + random.normal(0.0, 0.15e6, 100_000)
+    noise = stream.feed(between, still, line, rail_share=share).standstill.noise
+    assert noise is not None
+    assert noise.rail_pressure == pytest.approx(0.1e6, rel=0.02)
+
+
 @pytest.mark.parametrize("sample_rate", [20e3, 50e3])
 def test_noise_is_measured_in_a_ringing_line(sample_rate: float) -> None:
     """Between injections the line swings by megapascals at 1.28 kHz: that is no noise."""

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from observer_rt.bus.mapping import map_bus
 from observer_rt.config import load_bench, load_injector
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import effective_model
+from observer_rt.model.effects import effective_model, sized
 from observer_rt.observer.state import Reason, State
 from observer_rt.service.core import Core
+from observer_rt.service.report import InjectionReport
 from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels, Quantisation
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant
@@ -25,6 +26,7 @@ EPOCH = 1_700_000_000_000_000_000  # ns, of the receiver's clock
 PLANT_RATE = 200e3
 PERIOD = 0.05  # s between events
 FIRST = 0.15  # s
+LEAD = 1e-3  # s, by which the report of an injection may begin before it
 INJECTIONS = 42
 END = 1.5  # s of most scenarios
 DIP = 2e6  # Pa the rail pressure falls by with an injection
@@ -50,6 +52,13 @@ BO_ 515 LineLift: 8 Daq
  SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
  SG_ Line : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
  SG_ Lift : 48|16@1+ (0.01,-50) [0|0] "um" Daq
+BO_ 520 Lift: 8 Daq
+ SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
+ SG_ Lift : 32|16@1+ (0.01,-50) [0|0] "um" Daq
+BO_ 521 RailLine: 8 Daq
+ SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
+ SG_ Rail : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
+ SG_ Line : 48|16@1+ (0.005,-10) [0|0] "MPa" Daq
 BO_ 516 Rail: 8 Daq
  SG_ Rail : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
 BO_ 519 RailSlow: 8 Daq
@@ -67,10 +76,13 @@ ROLE_OF = {"Rail": "rail_pressure", "Lift": "needle_lift", "Line": "line_pressur
 
 
 @cache
-def plant() -> tuple[EffectiveModel, Truth]:
-    """A healthy injector whose rail pressure dips with every injection, without noise, at PLANT_RATE."""
+def plant(wear: float = 0.0) -> tuple[EffectiveModel, Truth]:
+    """An injector whose rail pressure dips with every injection, without noise, at PLANT_RATE.
+
+    wear: v_H of its orifices.
+    """
     parameters = load_injector()
-    model = effective_model(parameters)
+    model = effective_model(parameters, [sized("orifice_area", v_H=wear)] if wear else ())
     schedule = make_schedule([100e6], INJECTIONS, PERIOD, [1.1e-3])
     time = np.arange(round(schedule.duration * PLANT_RATE) + 1) / PLANT_RATE
     rail = schedule.rail_pressure(time)
@@ -143,9 +155,11 @@ def _one_by_one(come: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.maximum.accumulate(come - earliest) + earliest)
 
 
-def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END) -> list[Received]:
+def send(
+    name: str, clock: Clock, delays: Delays = prompt, end: float = END, wear: float = 0.0
+) -> list[Received]:
     """All frames of a message up to `end` [s], one after another."""
-    _, truth = plant()
+    _, truth = plant(wear)
     taken = clock.times(end)
     random = np.random.default_rng(MESSAGES[name].frame_id)
     noise = NoiseLevels()
@@ -153,7 +167,8 @@ def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END) -> 
     def measured(
         signal: NDArray[np.float64], sigma: float, codes: Quantisation, unit: float
     ) -> NDArray[np.float64]:
-        return codes.apply(_at(signal, taken) + random.normal(0.0, sigma, taken.size)) / unit
+        noisy = np.interp(taken, truth.time, signal) + random.normal(0.0, sigma, taken.size)
+        return codes.apply(noisy) / unit
 
     count = np.arange(taken.size)
     values: dict[str, NDArray[np.float64] | NDArray[np.int64]] = {
@@ -165,15 +180,13 @@ def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END) -> 
         "Nibble": count % 16,
     }
     message = MESSAGES[name]
-    columns = {s.name: values[s.name].tolist() for s in message.signals}
+    words = np.zeros(taken.size, "<u8")
+    for signal in message.signals:
+        raw = np.rint((values[signal.name] - signal.offset) / signal.scale)
+        words |= raw.astype("<u8") << np.uint64(signal.start)
     stamps = delays(taken, random)
     return [
-        Received(
-            float(taken[n]),
-            EPOCH + round(float(stamps[n]) * 1e9),
-            message.frame_id,
-            message.encode({key: column[n] for key, column in columns.items()}, strict=False),
-        )
+        Received(float(taken[n]), EPOCH + round(float(stamps[n]) * 1e9), message.frame_id, words[n].tobytes())
         for n in range(taken.size)
     ]
 
@@ -181,10 +194,6 @@ def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END) -> 
 def merged(*streams: Sequence[Received]) -> list[Received]:
     """Frames of several messages in the order they come."""
     return sorted((frame for stream in streams for frame in stream), key=lambda frame: frame.stamp_ns)
-
-
-def _at(signal: NDArray[np.float64], time: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.interp(time, plant()[1].time, signal)
 
 
 def write_time_bench(folder: Path, rate: float, signals: dict[str, str]) -> Path:
@@ -200,7 +209,10 @@ def write_time_bench(folder: Path, rate: float, signals: dict[str, str]) -> Path
 
 @dataclass(frozen=True)
 class Injected:
-    """An injection as estimated: relative error of its volume, RMSE [m3/s] of its rate."""
+    """An injection as estimated: relative error of its volume, RMSE [m3/s] of its rate.
+
+    is_valid: all its samples were, and so was what was reported of it.
+    """
 
     number: int
     is_valid: bool
@@ -216,6 +228,8 @@ class Outcome:
     interval: float  # s
     times: NDArray[np.float64]  # s, when the samples were taken
     rows: NDArray[np.void]
+    truth: Truth
+    reports: list[InjectionReport]
     frames: list[bytes] = field(default_factory=list)
 
     @property
@@ -225,7 +239,8 @@ class Outcome:
     @property
     def error(self) -> NDArray[np.float64]:
         """Estimated less true rate [m3/s] at every sample."""
-        return np.asarray(self.rows["injection_rate"] - _at(plant()[1].injection_rate, self.times))
+        true = np.interp(self.times, self.truth.time, self.truth.injection_rate)
+        return np.asarray(self.rows["injection_rate"] - true)
 
     def states(self, start: float, end: float) -> set[tuple[State, Reason]]:
         """States shown of samples taken in [start, end)."""
@@ -234,7 +249,8 @@ class Outcome:
 
     def injections(self) -> list[Injected]:
         """Every injection of which no sample is missing."""
-        _, truth = plant()
+        truth, error = self.truth, self.error
+        refused = np.array([self.times[report.start] for report in self.reports if not report.valid])
         found = []
         for number in range(INJECTIONS):
             start = FIRST + number * PERIOD
@@ -244,19 +260,26 @@ class Outcome:
                 continue
             grid = (truth.time >= times[0]) & (truth.time <= times[-1])
             true = np.trapezoid(truth.injection_rate[grid], truth.time[grid])
-            error = rows["injection_rate"] - _at(truth.injection_rate, times)
             volume = np.trapezoid(rows["injection_rate"], times)
-            is_valid = bool(rows["valid"].all())
-            found.append(
-                Injected(number, is_valid, float(volume / true - 1.0), float(np.sqrt(np.mean(error**2))))
-            )
+            is_refused = bool(np.any((refused >= start - LEAD) & (refused < start + 6e-3)))
+            is_valid = bool(rows["valid"].all()) and not is_refused
+            rmse = float(np.sqrt(np.mean(error[inside] ** 2)))
+            found.append(Injected(number, is_valid, float(volume / true - 1.0), rmse))
         return found
 
 
-def observe(bench: Path, frames: Sequence[Received], grid: Clock, restart: float | None = None) -> Outcome:
+def observe(
+    bench: Path,
+    frames: Sequence[Received],
+    grid: Clock,
+    restart: float | None = None,
+    learning: bool = False,
+    wear: float = 0.0,
+) -> Outcome:
     """Frames through a core; `grid` is the clock of the line pressure, which began anew at `restart` [s]."""
     loaded = load_bench(bench)
-    core = Core(loaded, map_bus(loaded), learning=False)
+    reports: list[InjectionReport] = []
+    core = Core(loaded, map_bus(loaded), learning=learning, on_report=reports.append)
     rows, sent, seen = [], [], 0
     for frame in [*frames, None]:
         out = core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns) if frame else core.finish()
@@ -270,4 +293,4 @@ def observe(bench: Path, frames: Sequence[Received], grid: Clock, restart: float
         begins = np.flatnonzero(np.diff(table["index"]) < 0)
         assert len(begins) == 1
         times[begins[0] + 1 :] = replace(grid, phase=restart).time_of(table["index"][begins[0] + 1 :])
-    return Outcome(core, 1.0 / grid.rate, times, table, sent)
+    return Outcome(core, 1.0 / grid.rate, times, table, plant(wear)[1], reports, sent)

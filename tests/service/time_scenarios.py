@@ -29,6 +29,9 @@ GRID = Clock(RATE)
 OTHER = Clock(RATE, 13e-6, 50e-6)  # a third of a sample late, 50 ppm slow
 DISTURBED = 1.2  # s, just after the needle has opened
 RESTARTED = 1.25  # s
+WORN = 0.2  # v_H
+BARS = {20e3: (0.012, 1.2e-6), 50e3: (0.01, 0.5e-6)}  # of volume and rate [m3/s], what one clock achieves
+STEEPEST = 12e-6  # m3/s from one sample to the next at 20 kHz, where a worn needle opens or shuts
 LATER = 2.3  # s, by when clocks are known again
 
 ONE_BASE = {
@@ -43,6 +46,13 @@ TWO_BASES = {
 }
 STAMPS = dict.fromkeys(("Rail", "Lift", "Line"), 'message = "All"\nindex = ""')
 NIBBLE = dict.fromkeys(("Rail", "Lift", "Line"), 'message = "All"\ncounter = "Nibble"')
+PRESSURES = 'message = "RailLine"'
+LIFT_ALONE = {"Line": PRESSURES, "Lift": 'message = "Lift"\ntime_base = "other"', "Rail": PRESSURES}
+THREE_BASES = {
+    "Line": 'message = "Line"',
+    "Lift": 'message = "Lift"\ntime_base = "other"',
+    "Rail": 'message = "RailSlow"\ntime_base = "third"',
+}
 THREE_COUNTED = {
     "Line": 'message = "LineOnly"\ncounter = "Count"',
     "Lift": 'message = "LiftOnly"\ncounter = "Count"',
@@ -50,6 +60,7 @@ THREE_COUNTED = {
 }
 
 GOOD = (State.RUNNING_NOMINAL, Reason.NONE)
+LEARNED = (State.ADAPTED, Reason.NONE)
 TIME_BASE = (State.DEGRADED, Reason.TIME_BASE)
 LOST = (State.DEGRADED, Reason.SAMPLES_LOST)
 ANEW = (State.DEGRADED, Reason.DEVICE_RESTARTED)
@@ -60,7 +71,9 @@ STALE = (State.DEGRADED, Reason.INPUT_STALE)
 class Scenario:
     """What is sent, and the last state the service shows of it.
 
-    shown: states between the disturbance and the end; restart [s]: when the line's index began anew.
+    shown: states between the disturbance and the end; restart [s]: when the line's index began anew; wear: v_H of the
+    injector, which the service learns of; volume_error, rmse [m3/s]: what no valid injection may be wrong by;
+    sample_error [m3/s]: no valid sample.
     """
 
     name: str
@@ -70,6 +83,44 @@ class Scenario:
     last: tuple[State, Reason] = GOOD
     shown: frozenset[tuple[State, Reason]] = frozenset({GOOD})
     restart: float | None = None
+    rate: float = RATE
+    wear: float = 0.0
+    volume_error: float = 0.01
+    rmse: float = 0.5e-6
+    sample_error: float = 5e-6
+
+
+def lift_alone(rate: float, drift: float) -> list[Received]:
+    """Lift of one device, both pressures of another."""
+    pressures = send("RailLine", Clock(rate), wear=WORN)
+    return merged(pressures, send("Lift", Clock(rate, 0.3 / rate, drift), wear=WORN))
+
+
+def three_clocks(rate: float, drift: float) -> list[Received]:
+    """Every signal of a device of its own."""
+    rail = send("RailSlow", Clock(rate, 0.7 / rate, -drift), wear=WORN)
+    return merged(
+        send("Line", Clock(rate), wear=WORN), send("Lift", Clock(rate, 0.3 / rate, drift), wear=WORN), rail
+    )
+
+
+def worn(
+    name: str,
+    signals: dict[str, str],
+    frames: Callable[[float, float], list[Received]],
+    rate: float,
+    ppm: float,
+) -> Scenario:
+    """A worn injector of which the service learns, two clocks running apart by `ppm`."""
+    good = Scenario(
+        f"{name} {rate / 1e3:g} kHz, {ppm:g} ppm, worn, learning",
+        "2",
+        signals,
+        lambda: frames(rate, ppm * 1e-6),
+    )
+    volume, rmse = BARS[rate]
+    good = replace(good, volume_error=volume, rmse=rmse, sample_error=STEEPEST)
+    return replace(good, last=LEARNED, shown=frozenset({LEARNED}), rate=rate, wear=WORN)
 
 
 def slow(lines: str) -> dict[str, str]:
@@ -188,14 +239,21 @@ SCENARIOS = (
         GOOD, frozenset({GOOD, LOST})),
     Scenario("rail 1 kHz falls silent", "4", slow(SLOW), lambda: merged(
         send("LineLift", GRID), without(send("Rail", ECU), DISTURBED, 9.0)), STALE),
+    worn("lift alone", LIFT_ALONE, lift_alone, 20e3, 20),
+    worn("lift alone", LIFT_ALONE, lift_alone, 20e3, 50),
+    worn("lift alone", LIFT_ALONE, lift_alone, 20e3, 150),
+    worn("three clocks", THREE_BASES, three_clocks, 20e3, 50),
+    worn("lift alone", LIFT_ALONE, lift_alone, 50e3, 50),
+    worn("three clocks", THREE_BASES, three_clocks, 50e3, 150),
 )  # fmt: skip
 
 
 def run(scenario: Scenario, folder: Path) -> Outcome:
     """The scenario through a core of its own."""
-    bench = write_time_bench(folder, RATE, scenario.signals)
-    grid = Clock(RATE, 0.0, -150e-6) if "-150" in scenario.name else GRID
-    return observe(bench, scenario.frames(), grid, scenario.restart)
+    bench = write_time_bench(folder, scenario.rate, scenario.signals)
+    grid = Clock(scenario.rate, 0.0, -150e-6 if "-150" in scenario.name else 0.0)
+    learning = scenario.wear != 0.0
+    return observe(bench, scenario.frames(), grid, scenario.restart, learning, scenario.wear)
 
 
 @dataclass(frozen=True)

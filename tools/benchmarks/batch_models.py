@@ -36,6 +36,7 @@ class DifferencedCost:
         """predict: innovations (n,) of theta (m,), a new array each time; steps: of the differences (m,)."""
         self._predict = predict
         self.innovations = np.empty(0)
+        self.slopes = np.empty((0, 0))
         self._steps = steps
         self._sigma = sigma
         self._burn_in = burn_in
@@ -53,6 +54,7 @@ class DifferencedCost:
             moved = theta.copy()
             moved[i] += step
             slopes[:, i] = (self._predict(moved) - base) / step
+        self.slopes = slopes
         errors, slopes = base[self._burn_in :] / self._sigma, slopes[self._burn_in :] / self._sigma
         weights = np.minimum(1.0, HUBER / np.maximum(np.abs(errors), 1e-12))
         weighted = slopes * weights[:, np.newaxis]

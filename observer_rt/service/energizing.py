@@ -17,9 +17,7 @@ from observer_rt.units import MICROSECOND, MILLISECOND
 
 REMEMBERED = 64  # commands
 RECENT = 100  # delays that mean and spread are of
-LATE_STAMP = (
-    1 * MILLISECOND
-)  # that stamps may be beside their clock, and a command so placed after its opening
+LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a command after its opening
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ def predict(
             batch.resting[first:end],
             batch.starts[i],
             batch.openings[i],
+            np.empty((0, 2)),  # compiled code knows no defaults
         )
         follow(window, setting, learned, end - first, innovation[first:end], rate[first:end])
 

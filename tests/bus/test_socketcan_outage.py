@@ -31,7 +31,7 @@ def passes(sender: Link, receiver: Link, payload: bytes) -> None:
     sender.send(0x100, payload, False, True)
     frame = receiver.receive(1.0)
     assert frame is not None
-    assert frame == Frame(0x100, payload, frame.stamp_ns)
+    assert frame == Frame(0x100, payload, frame.stamp_ns, bit_rate_switch=True)
     assert before <= frame.stamp_ns <= time.time_ns()
 
 

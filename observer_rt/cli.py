@@ -250,13 +250,22 @@ def check(
     bench: BenchOption = EXAMPLE_BENCH,
     model: ModelOption = None,
     state: StateOption = None,
+    log: Annotated[
+        Path | None,
+        typer.Option("--log", help="CAN log of the bench: losses, jitter, noise.", metavar="FILE"),
+    ] = None,
+    from_channel: FromChannelOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
+    from observer_rt.evaluation.log_findings import log_findings
     from observer_rt.service.checkup import Level, as_json_document, as_table, checkup
 
-    findings = checkup(_load(bench, model, lenient), state)
+    chosen = _load(bench, model, lenient)
+    findings = checkup(chosen, state)
+    if log is not None:
+        findings += log_findings(chosen, log, from_channel or ())
     if as_json:
         print(json.dumps(as_json_document(findings), indent=2))
     else:

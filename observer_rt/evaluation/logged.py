@@ -11,12 +11,15 @@ from observer_rt.bus.link import Frame
 from observer_rt.bus.mapping import map_bus
 from observer_rt.config import Bench
 from observer_rt.errors import UserError
+from observer_rt.observer.standstill import Standstill
 from observer_rt.recording.input_frames import InputFrames
 from observer_rt.recording.log import NANOSECONDS
 from observer_rt.recording.log_channels import chosen_channels
 from observer_rt.recording.recording import Recording
 from observer_rt.service.constants import bench_constants
 from observer_rt.service.core import Core
+from observer_rt.service.counters import Counters
+from observer_rt.service.message_timing import MessageTiming
 
 READ_EVERY = 64  # frames between two looks at the observer's memory, which forgets
 RATE_TOLERANCE = 0.02  # of the sample rate by stamps, beyond which a log is odd
@@ -29,13 +32,17 @@ class LoggedRecording:
     """A log, decoded by a bench file.
 
     recording: what the observer was given, NaN where no sample came; it begins with sample index `first_index`.
-    frames: the frames as they are in the log. notes: what the user should know of the log.
+    frames: the frames as they are in the log. notes: what the user should know of the log. counters, standstill,
+    timing: of the observer that was given it.
     """
 
     recording: Recording
     first_index: int
     frames: InputFrames
     notes: tuple[str, ...]
+    counters: Counters
+    standstill: Standstill
+    timing: tuple[MessageTiming, ...]
 
 
 def read_logged(
@@ -59,7 +66,8 @@ def read_logged(
     stamps = _Stamps()
     for count, (on, frame) in enumerate(frames):
         core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, on)
-        stamps.note(frame)
+        if core.processed > 0:  # before, clocks may have to be learned
+            stamps.note(frame)
         if count % READ_EVERY == 0:
             pieces.append(core.rows(seen, core.processed))
             seen = core.processed
@@ -77,7 +85,8 @@ def read_logged(
     rate = bench.config.sampling.rate_hz
     recording = _recording(bench, rows, path)
     notes = [*frames.notes(), *stamps.notes(path, rate, int(rows["index"][-1] - rows["index"][0]))]
-    return LoggedRecording(recording, int(rows["index"][0]), frames, tuple(notes))
+    found = core.counters, core.standstill, core.timing
+    return LoggedRecording(recording, int(rows["index"][0]), frames, tuple(notes), *found)
 
 
 def _recording(bench: Bench, rows: NDArray[np.void], path: Path) -> Recording:

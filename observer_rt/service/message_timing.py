@@ -11,6 +11,7 @@ from observer_rt.units import MEGAPASCAL, MICROSECOND
 
 LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
 SECOND = 1e9  # ns
+LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class MessageTiming:
         text = (
             f"{self.name}: jitter {self.jitter.sigma / MICROSECOND:.1f} us, at most "
             f"{self.jitter.greatest / MICROSECOND:.0f} us ({self.jitter.sigma * LINE_SLOPE / MEGAPASCAL:.2g} MPa, "
-            f"were it in the samples), drift {self.drift * 1e6:+.1f} ppm"
+            f"were it in the samples), {self._drift_as_text()}"
         )
         if self.unknown > 0.0:
             text += (
@@ -46,6 +47,11 @@ class MessageTiming:
                 f"{self.pressure_error / MEGAPASCAL:.2g} MPa"
             )
         return text
+
+    def _drift_as_text(self) -> str:
+        if abs(self.drift) < LARGEST_DRIFT:
+            return f"drift {self.drift * 1e6:+.1f} ppm"
+        return f"sent at {1.0 / (1.0 + self.drift):.3g} times its rate"
 
 
 def summary_of(timing: Sequence[MessageTiming]) -> str:

@@ -85,3 +85,13 @@ def test_a_log_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
     (finding,) = log_findings(BENCH, tmp_path / "bus.log")
     assert finding.level is Level.ERROR
     assert "bus.log, line 1: " in finding.text
+
+
+def test_a_slow_replay_is_no_drift_of_a_clock(tmp_path: Path) -> None:
+    start = frames()[0].frame.stamp_ns
+
+    def slowed(one: LogFrame) -> LogFrame:
+        return one._replace(frame=one.frame._replace(stamp_ns=start + 20 * (one.frame.stamp_ns - start)))
+
+    texts = [finding.text for finding in found(tmp_path, [slowed(frame) for frame in frames()])]
+    assert any("SampleBlock: jitter" in text and "sent at 0.05 times its rate" in text for text in texts)

@@ -76,6 +76,7 @@ class Core:
         self._fuel = Fuel(fuel_temperature if is_measured else None, bench_constants(bench, is_restored))
         self._fuel_of_events: deque[Fuel] = deque()  # closed, not yet judged
         self._interval = self._fuel.constants.interval
+        self._first_index: int | None = None
         self._pressure_scale = self._fuel.constants.coefficients.pressure_scale
         noise = configured_noise(bench)
         start = knowledge or no_knowledge(noise, self._pressure_scale)
@@ -205,8 +206,7 @@ class Core:
     def _heed_optional(self, key: int, payload: NDArray[np.uint8], stamp_ns: int) -> None:
         """What a frame brings by optional inputs, or that they stay away, takes effect before its samples do."""
         memory = self._observer.memory[0]
-        newest = self._observer.ring[(int(memory["received"]) - 1) % RING]
-        now = int(newest["index"]) * self._interval
+        now = self._time_of_samples()
         self._optional.take(key, payload, stamp_ns, now)
         self._pipeline.publisher.memory["learning"] = self.learning
         fuel = self._optional.fuel
@@ -217,6 +217,16 @@ class Core:
             self._observer = self._observer._replace(constants=self._fuel.constants)
             self._pipeline = self._pipeline._replace(observer=self._observer)
         memory["doubted"] = Reason.NONE if fuel.is_known(now) else Reason.INPUT_STALE
+
+    def _time_of_samples(self) -> float:
+        """Of the newest received sample, since the first [s]; the index of a device may begin with any number."""
+        received = int(self._observer.memory["received"][0])
+        if received == 0:
+            return 0.0
+        index = int(self._observer.ring[(received - 1) % RING]["index"])
+        if self._first_index is None:
+            self._first_index = index
+        return (index - self._first_index) * self._interval
 
     def _go_on(self, waiting: bool) -> list[OutputFrame]:
         """Hand over closed events, judge due ones, until the observer waits for input again."""

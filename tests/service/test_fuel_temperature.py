@@ -179,6 +179,14 @@ def test_what_is_no_temperature_of_a_fuel_counts_as_none(tmp_path: Path, broken:
     assert not any(report.valid for report in first.reports)
 
 
+def test_it_may_come_before_the_first_sample(tmp_path: Path) -> None:
+    """Whose index may be any: it tells nothing of how long ago the temperature came."""
+    path = bench(tmp_path, "timeout_ms = 1000\n")
+    frames = Device(ONE_MESSAGE, index=1_000_000_000).send(simulation(REFERENCE).recording)
+    result = run(path, [sensor(REFERENCE), *frames])
+    assert [report.valid for report in result.reports[2:]] == [True, True]
+
+
 def test_it_takes_effect_between_events(tmp_path: Path) -> None:
     """Told in the middle of the third injection, it holds from the fourth on."""
     frames = frames_of(simulation(REFERENCE).recording)

@@ -19,6 +19,7 @@ from observer_rt.cli_logs import convert, record, replay
 from observer_rt.cli_options import (
     BenchOption,
     FromChannelOption,
+    FuelTemperatureOption,
     JsonOption,
     LenientOption,
     ModelOption,
@@ -171,6 +172,7 @@ def simulate(
         bool, typer.Option("--measured-rate", help="Add a measured injection rate with its errors.")
     ] = False,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the noise.", min=0)] = 0,
+    fuel_temperature: FuelTemperatureOption = None,
     model: Annotated[
         Path,
         typer.Option(
@@ -198,6 +200,7 @@ def simulate(
         measured_rate=measured_rate,
         seed=seed,
         console=messages,
+        fuel_temperature=fuel_temperature,
     )
 
 
@@ -231,6 +234,7 @@ def evaluate(
         Path | None, typer.Option("--plot", help="Figure (png, svg, pdf).", metavar="FILE")
     ] = None,
     from_channel: FromChannelOption = None,
+    fuel_temperature: FuelTemperatureOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -240,7 +244,17 @@ def evaluate(
     evaluate_files(
         _load(bench, model, lenient),
         recordings,
-        EvaluateOptions(state, save_state, not no_learning, chain, output, plot, as_json, from_channel or ()),
+        EvaluateOptions(
+            state,
+            save_state,
+            not no_learning,
+            chain,
+            output,
+            plot,
+            as_json,
+            from_channel or (),
+            fuel_temperature,
+        ),
         messages,
     )
 

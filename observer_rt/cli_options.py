@@ -14,6 +14,12 @@ BenchOption = Annotated[
         show_default=False,
     ),
 ]
+FuelTemperatureOption = Annotated[
+    float | None,
+    typer.Option(
+        "--fuel-temperature", help="Of the fuel [degC] (default: reference_temperature of the injector file)."
+    ),
+]
 LenientOption = Annotated[
     bool, typer.Option("--lenient", help="Read bus databases although signals overlap or do not fit.")
 ]

@@ -19,10 +19,12 @@ from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace_file import SUFFIX, write_trace
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model
+from observer_rt.model.fuel import temperature_of
 from observer_rt.observer.knowledge import Knowledge
 from observer_rt.recording.files import file_errors
 from observer_rt.recording.framing import bench_for
 from observer_rt.screen import progress_bar, results, say_if_compiling
+from observer_rt.service.constants import injector_at
 from observer_rt.service.learners import refuse_state
 from observer_rt.service.main import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
@@ -41,6 +43,8 @@ class EvaluateOptions:
     json: bool
     from_channel: Sequence[str] = ()
     """Channels of a CAN log, of buses."""
+    fuel_temperature: float | None = None
+    """degC of recordings, which know none; None: as in the injector file."""
 
 
 def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
@@ -53,6 +57,7 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
     recordings = [read_source(path, bench, options.from_channel, console) for path in paths]
     say_if_compiling(console)
     model = model_hash(bench.injector)
+    bench = _with_fuel(bench, recordings, options)
     pressure_scale = bench.injector.scaling.pressure
     if options.state is not None and not options.state.exists():
         raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
@@ -77,6 +82,21 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
         results_console = results()
         for evaluation in evaluations:
             print_evaluation(evaluation, c, results_console)
+
+
+def _with_fuel(bench: Bench, sources: Sequence[Source], options: EvaluateOptions) -> Bench:
+    """The bench with its fuel as warm as the options say."""
+    if options.fuel_temperature is None:
+        return bench
+    is_told = bench.config.signals.fuel_temperature is not None
+    if is_told and any(isinstance(source, LoggedRecording) for source in sources):
+        raise UserError(
+            "--fuel-temperature",
+            "is for recordings; a log tells it by signals.fuel_temperature of the bench file",
+            "leave it out",
+        )
+    temperature = temperature_of("--fuel-temperature", options.fuel_temperature)
+    return bench.model_copy(update={"injector": injector_at(bench, temperature)})
 
 
 def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:

@@ -10,6 +10,7 @@ file's values were taken at. Areas, volumes and the vapour pressure stay.
 
 from observer_rt.errors import UserError
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.units import ZERO_CELSIUS
 
 LOWEST_TEMPERATURE = 233.15  # K, -40 degC: below it the fuel waxes
 HIGHEST_TEMPERATURE = 423.15  # K, 150 degC: above it no feed line is run
@@ -21,8 +22,19 @@ def is_plausible(temperature: float) -> bool:
     return LOWEST_TEMPERATURE <= temperature <= HIGHEST_TEMPERATURE
 
 
+def temperature_of(place: str, celsius: float) -> float:
+    """A temperature the user gave in degC [K]. Raises `UserError` naming `place` where no fuel can be so warm."""
+    temperature = celsius + ZERO_CELSIUS
+    if not is_plausible(temperature):
+        lowest, highest = LOWEST_TEMPERATURE - ZERO_CELSIUS, HIGHEST_TEMPERATURE - ZERO_CELSIUS
+        raise UserError(
+            place, f"{celsius:g} degC is no temperature of a fuel", f"give {lowest:.0f} to {highest:.0f} degC"
+        )
+    return temperature
+
+
 def at_temperature(injector: InjectorParameters, temperature: float) -> InjectorParameters:
-    """The injector with its fuel at a temperature [K].
+    """The injector with its fuel at a temperature [K], which is its reference temperature then.
 
     Raises `UserError` when it has no reference temperature, or the law would leave no fuel.
     """
@@ -51,4 +63,5 @@ def at_temperature(injector: InjectorParameters, temperature: float) -> Injector
                 f"{fluid.reference_temperature:.0f} K",
                 "correct it: diesel fuels have about 7e-4 1/K and -7e6 Pa/K",
             )
+    changed["reference_temperature"] = temperature
     return injector.model_copy(update={"fluid": fluid.model_copy(update=changed)})

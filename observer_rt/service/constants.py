@@ -31,16 +31,20 @@ def bench_constants(bench: Bench, restored: bool = False, fuel_temperature: floa
     Raises `UserError` when its sample rate is too low to integrate, or its injector file does not say how the fuel
     changes with a temperature that the bench measures.
     """
-    constants = _constants(bench, _injector(bench, fuel_temperature), restored)
+    constants = _constants(bench, injector_at(bench, fuel_temperature), restored)
     _require_integrable(bench, bench.injector, constants)
     if bench.config.signals.fuel_temperature is not None and fuel_temperature is None:
-        _injector(bench, HIGHEST_TEMPERATURE)
-        stiffest = _injector(bench, LOWEST_TEMPERATURE)
+        injector_at(bench, HIGHEST_TEMPERATURE)
+        stiffest = injector_at(bench, LOWEST_TEMPERATURE)
         _require_integrable(bench, stiffest, _constants(bench, stiffest, restored))
     return constants
 
 
-def _injector(bench: Bench, fuel_temperature: float | None) -> InjectorParameters:
+def injector_at(bench: Bench, fuel_temperature: float | None) -> InjectorParameters:
+    """The injector of a bench with fuel at a temperature [K]; None: as in its file.
+
+    Raises `UserError` when the file does not say how the fuel changes.
+    """
     if fuel_temperature is None:
         return bench.injector
     try:

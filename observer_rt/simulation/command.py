@@ -8,6 +8,7 @@ from rich.console import Console
 from observer_rt.config import load_injector
 from observer_rt.destinations import check_destination
 from observer_rt.errors import UserError
+from observer_rt.model.fuel import at_temperature, temperature_of
 from observer_rt.recording.files import WRITERS, write_recording
 from observer_rt.screen import progress_bar, say, say_if_compiling
 from observer_rt.simulation.effects import parse_effects
@@ -38,8 +39,12 @@ def simulate_to_file(
     measured_rate: bool,
     seed: int,
     console: Console,
+    fuel_temperature: float | None = None,
 ) -> None:
-    """Write a recording and, beside it, its truth. Raises `UserError` for options that make no sense."""
+    """Write a recording and, beside it, its truth; fuel_temperature: degC, None: as in the injector file.
+
+    Raises `UserError` for options that make no sense.
+    """
     if noise not in ("on", "off"):
         raise UserError("--noise", f"is {noise!r}", "give on or off")
     check_destination("--output", output, tuple(WRITERS))
@@ -58,10 +63,13 @@ def simulate_to_file(
         parse_energizing_times(energizing_time),
         parse_shots(shots) if shots else (),
     )
+    injector = load_injector(model)
+    if fuel_temperature is not None:
+        injector = at_temperature(injector, temperature_of("--fuel-temperature", fuel_temperature))
     say_if_compiling(console)
     with progress_bar(console, "simulating", 1.0) as progress:
         simulation = simulate(
-            load_injector(model),
+            injector,
             schedule,
             sample_rate,
             parse_effects(effects),

@@ -1,0 +1,73 @@
+"""`--fuel-temperature`: of recordings, which know none."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Command, document
+from tests.cli.test_evaluate_logs import candump_lines
+
+HOT = 90.0  # degC
+
+
+@pytest.fixture(scope="module")
+def hot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("hot") / "hot.csv"
+
+
+@pytest.fixture
+def recording(command: Command, hot: Path) -> Path:
+    """Injections of a new injector with hot fuel."""
+    if not hot.exists():
+        outcome = command(
+            "simulate",
+            "--fuel-temperature",
+            HOT,
+            "--energizing-time",
+            "1.2",
+            "--injections",
+            4,
+            "--output",
+            hot,
+        )
+        assert outcome.code == 0
+    return hot
+
+
+def test_hot_fuel_is_known_when_it_is_told(command: Command, recording: Path) -> None:
+    told, untold = (
+        document(command, recording, *option)["recordings"][0]["injections"][-1]
+        for option in (("--fuel-temperature", HOT), ())
+    )
+    assert told["valid"]
+    assert abs(told["indicators"]["bulk_modulus"]["value"]) < 0.01
+    assert abs(told["mass_mg"] / told["nominal_mass_mg"] - 1.0) < 0.005
+    assert not untold["valid"] or untold["indicators"]["bulk_modulus"]["value"] < -0.1
+
+
+@pytest.mark.parametrize("name", ["simulate", "evaluate"])
+def test_what_no_fuel_can_be_is_refused(command: Command, recording: Path, tmp_path: Path, name: str) -> None:
+    rest = ("--output", tmp_path / "x.csv") if name == "simulate" else (recording,)
+    outcome = command(name, *rest, "--fuel-temperature", 300)
+    assert outcome.code == 2
+    assert "--fuel-temperature: 300 degC is no temperature of a fuel" in outcome.err
+    assert "give -40 to 150 degC" in outcome.err
+
+
+def test_an_injector_without_the_law_is_refused(command: Command, recording: Path, tmp_path: Path) -> None:
+    text = command("run", "--print-example-injector").out
+    injector = tmp_path / "injector.toml"
+    injector.write_text(text.replace("reference_temperature =", "# reference_temperature ="))
+    outcome = command("evaluate", recording, "--model", injector, "--fuel-temperature", 60)
+    assert outcome.code == 2
+    assert "injector.toml: fluid.reference_temperature" in outcome.err
+
+
+def test_a_log_tells_its_own(command: Command, recording: Path, bench: Path, tmp_path: Path) -> None:
+    signal = '[signals.fuel_temperature]\nmessage = "SampleBlock"\nsignal = "FuelTemperature"\n'
+    bench.write_text(bench.read_text() + signal)
+    log = tmp_path / "bus.log"
+    log.write_text("".join(candump_lines(recording, bench)))
+    outcome = command("evaluate", log, "--bench", bench, "--fuel-temperature", 60)
+    assert outcome.code == 2
+    assert "a log tells it by signals.fuel_temperature" in outcome.err

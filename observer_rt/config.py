@@ -254,18 +254,14 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: b
 
 def _check_links(path: Path, config: BenchConfig) -> None:
     refuse_shared_channels(f"{path}: ", config.buses)
-    signals: list[tuple[Role | OptionalRole, str | None]] = [
-        (role, config.signals.of(role).link) for role in Role
-    ]
-    signals += [(role, mapping.link) for role, mapping in config.signals.optional]
-    energizing = config.signals.energizing
-    links = [("signals.energizing", energizing.link)] if energizing is not None else []
-    for key, link in [
-        *((f"dbc.{number}", entry.link) for number, entry in enumerate(config.dbc)),
-        *((f"signals.{role}", link) for role, link in signals),
-        *links,
-        ("outputs", config.outputs.link),
-    ]:
+    signals = config.signals
+    stated = [(f"dbc.{number}", entry.link) for number, entry in enumerate(config.dbc)]
+    stated += [(f"signals.{role}", signals.of(role).link) for role in Role]
+    stated += [(f"signals.{role}", mapping.link) for role, mapping in signals.optional]
+    if signals.energizing is not None:
+        stated.append(("signals.energizing", signals.energizing.link))
+    stated.append(("outputs", config.outputs.link))
+    for key, link in stated:
         require_link(f"{path}: {key}.link", link, config.links)
 
 

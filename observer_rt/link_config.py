@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from observer_rt.errors import UserError
-from observer_rt.names import nearest
+from observer_rt.names import did_you_mean
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 LinkName = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
@@ -72,9 +72,8 @@ def require_link(place: str, name: str | None, known: Mapping[str, FurtherLinkCo
         raise UserError(
             place, f"there is no link '{name}'", f"add [links.{name}] with its channel, or leave it out"
         )
-    near = nearest(name, known)
-    meant = f"did you mean '{near}'? " if near else ""
-    raise UserError(place, f"there is no link '{name}'", f"{meant}known links: {', '.join(known)}")
+    remedy = f"{did_you_mean(name, known)}known links: {', '.join(known)}"
+    raise UserError(place, f"there is no link '{name}'", remedy)
 
 
 def refuse_shared_channels(place: str, links: Sequence[NamedLink]) -> None:
@@ -106,8 +105,7 @@ def of_links(
         if not equals or len(links) == 1:
             name, value = "", text
         if name not in names:
-            near = nearest(name, names[1:])
-            meant = f"did you mean '{near}'? " if near else ""
+            meant = did_you_mean(name, names[1:])
             remedy = f"{meant}write it like {names[-1]}={example}; known links: {', '.join(names[1:])}"
             raise UserError(f"{option} {text}", f"there is no link '{name}'", remedy)
         result[names.index(name)] = value

@@ -17,6 +17,12 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     return best if best is not None and likeness(best)[0] >= CUTOFF else None
 
 
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """For the beginning of a remedy: `did you mean 'X'? `, or nothing when no known name is near."""
+    best = nearest(name, known)
+    return "" if best is None else f"did you mean '{best}'? "
+
+
 def hint(name: str, known: Iterable[str]) -> str:
     """For the end of a message: `; the nearest is 'X'`, or nothing when no known name is near."""
     best = nearest(name, known)

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from observer_rt.errors import UserError
-from observer_rt.names import nearest
+from observer_rt.names import did_you_mean
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -48,9 +48,7 @@ def _explanation(model: type[BaseModel], location: tuple[Any, ...], error: Any, 
     """Problem and remedy for one pydantic error."""
     if error["type"] == "extra_forbidden":
         known = _keys_at(model, location[:-1])
-        near = nearest(str(location[-1]), known)
-        hint = f"did you mean '{near}'? " if near else ""
-        return "unknown key", f"{hint}known keys: {', '.join(known)}"
+        return "unknown key", f"{did_you_mean(str(location[-1]), known)}known keys: {', '.join(known)}"
     if error["type"] == "missing":
         return "is missing", f"add it; `observer-rt run --print-example-{kind}` shows a complete file"
     message = str(error["msg"]).removeprefix("Value error, ")

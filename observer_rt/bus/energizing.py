@@ -4,6 +4,7 @@ Either a level, 0 while the injector is not energized, one or several samples a 
 frame, 0 where there is none.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
+from observer_rt.bus.bench_databases import named
 from observer_rt.bus.codec import encode, signal_table
 from observer_rt.bus.database import MessageLayout, find_signal, signal_names
 from observer_rt.bus.e2e import UNPROTECTED, counter_values
@@ -77,16 +79,14 @@ def map_energizing(bench: Bench, message: Message, slow: SlowMessage, grid: np.v
     place = f"{bench.path}: signals.energizing"
     config = bench.config.signals.energizing
     assert config is not None
-    try:
+    beside = _samples_beside(bench, message)
+    with named(place):
         names = signal_names(message, config.names)
         groups = sample_groups(message, names)
-        index = _index(bench, config, message, grid)
-        if index is not None:
+    index = _index(bench, config, message, beside, grid)
+    if index is not None:
+        with named(place):
             require_carried(message, index, groups)
-    except UserError as error:
-        where = error.place if error.place.startswith(place) else place
-        what = error.problem if error.place.startswith(place) else f"{error.place} {error.problem}"
-        raise UserError(where, what, error.remedy) from None
     if len(groups) > 1:
         problem = f"comes in {len(groups)} kinds of frame of {message.name} that take turns"
         raise UserError(place, problem, "name samples that one frame carries")
@@ -94,7 +94,6 @@ def map_energizing(bench: Bench, message: Message, slow: SlowMessage, grid: np.v
     if factor is not None and len(names) > 1:
         problem = f"names {len(names)} durations a frame of {message.name}"
         raise UserError(place, problem, "name one; only levels may come as several samples")
-    beside = _samples_beside(bench, message)
     expected = len(signal_names(message, beside[0].names)) if beside else len(names)
     if len(names) not in (1, expected):
         problem = f"names {len(names)} levels a frame, {message.name} has {expected} samples of other signals"
@@ -115,10 +114,11 @@ def map_energizing(bench: Bench, message: Message, slow: SlowMessage, grid: np.v
     )
 
 
-def _index(bench: Bench, config: EnergizingConfig, message: Message, grid: np.void) -> str | None:
+def _index(
+    bench: Bench, config: EnergizingConfig, message: Message, beside: Sequence[SignalConfig], grid: np.void
+) -> str | None:
     """The signal that places the frames on the grid, None where their stamps must."""
     line = bench.config.signals.of(Role.LINE_PRESSURE)
-    beside = _samples_beside(bench, message)
     on_grid = config.time_base == line.time_base and grid["numbering"] == Numbering.INDEX
     on_grid = on_grid and all(other.rate_hz in (None, bench.config.sampling.rate_hz) for other in beside)
     name = config.index

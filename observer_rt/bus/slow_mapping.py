@@ -41,14 +41,15 @@ def map_optional(
         by_message.setdefault((config.message, found.bus), (found, []))[1].append((role, config))
     pulses = bench.config.signals.energizing
     if pulses is not None:
-        found = databases.find("signals.energizing.message", pulses.message, pulses.link)
-        by_message.setdefault((pulses.message, found.bus), (found, []))
-    slow = tuple(_slow_message(bench, found, roles, layouts) for found, roles in by_message.values())
+        carrier = databases.find("signals.energizing.message", pulses.message, pulses.link)
+        by_message.setdefault((pulses.message, carrier.bus), (carrier, []))
+    by_key = {key: _slow_message(bench, *mapped, layouts) for key, mapped in by_message.items()}
+    slow = tuple(by_key.values())
     energizing = None
     if pulses is not None:
-        carrier = next(one for one in slow if one.layout == protected_layout(*found))
         leading = next(row for row in inputs.timing if row["joining"] == Joining.INDEX)
-        energizing = map_energizing(bench, found.message, carrier, leading)
+        sent_in = by_key[pulses.message, carrier.bus]
+        energizing = map_energizing(bench, carrier.message, sent_in, leading)
     _say_nothing(inputs, slow, energizing)
     return slow, energizing
 

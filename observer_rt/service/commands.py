@@ -5,14 +5,13 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from observer_rt.bus.energizing import Energizing, Reading
+from observer_rt.bus.energizing import NANOSECONDS, Energizing, Reading
 from observer_rt.bus.timing import SLOTS
 from observer_rt.units import MILLISECOND
 
 INDICES = 1 << 32  # after which a sample index begins again
 REMEMBERED = 8  # spans in which commands may have been lost
 OVERTAKEN = 10 * MILLISECOND  # by which a frame may be older than the one before; more is a new count
-NANOSECONDS = 1e9
 
 
 def samples_between(earlier: float, later: float) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SUFFICIENT_DECREASE = 1e-4  # rho of (18)
-MAX_HALVINGS = 20
+MAX_HALVINGS = 40  # so many that a first inverse far too large still gives a step
 
 
 class Objective(Protocol):

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import minimize, rosen, rosen_der
@@ -174,6 +174,7 @@ def test_search_stays_where_the_cost_is_finite() -> None:
 
 
 @given(st.integers(0, 10_000), st.floats(0.01, 100.0))
+@example(4769, 48.0)  # a slope of 1e5 at the start
 def test_every_step_goes_down(seed: int, first: float) -> None:
     """On random quartics, whatever the scale of the first inverse."""
     random = np.random.default_rng(seed)

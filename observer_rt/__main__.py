@@ -1,5 +1,5 @@
 """`python -m observer_rt`."""
 
-from observer_rt.cli import main
+from observer_rt.cli.app import main
 
 main()

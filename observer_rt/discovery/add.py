@@ -7,10 +7,10 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from observer_rt.config import load_injector
-from observer_rt.discovery.printed import printed
+from observer_rt.config.bench import load_injector
+from observer_rt.discovery.report.printed_units import printed
 from observer_rt.discovery.result import Discovery, FittedEffect
-from observer_rt.errors import RunError, UserError
+from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.parameters import EffectInForce, EffectValue
 
 ORIGIN = "observer-rt discover"

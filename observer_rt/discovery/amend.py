@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer_rt.discovery.data import Measurement
-from observer_rt.discovery.fit import NORMAL_975
-from observer_rt.discovery.hypothesis import Sizing, sized_from
-from observer_rt.discovery.likelihood import evidence_of
+from observer_rt.discovery.evidence.measurement import Measurement
+from observer_rt.discovery.report.gaps import winner_of
 from observer_rt.discovery.result import Discovery, FittedEffect, FittedParameter
-from observer_rt.discovery.show import winner_of
-from observer_rt.errors import RunError
+from observer_rt.discovery.search.bounded_fit import NORMAL_975
+from observer_rt.discovery.search.hypothesis import Sizing, sized_from
+from observer_rt.discovery.search.likelihood import evidence_of
+from observer_rt.foundation.errors import RunError
 from observer_rt.model.effects import effective_model, sized_in_force
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
 

@@ -8,27 +8,27 @@ from datetime import date
 
 from observer_rt.discovery.add import in_force, reason_for
 from observer_rt.discovery.amend import amendment
-from observer_rt.discovery.candidates import FitMemory
-from observer_rt.discovery.cells import NO_BASELINE, HealthyBaseline
-from observer_rt.discovery.check import standstill_checks
-from observer_rt.discovery.consequences import of_candidates, of_effects
-from observer_rt.discovery.data import Measurement
-from observer_rt.discovery.figures import Overlay
-from observer_rt.discovery.find import disagreements
+from observer_rt.discovery.evidence.measurement import Measurement
+from observer_rt.discovery.evidence.operating_points import by_operating_point
+from observer_rt.discovery.evidence.standstill import standstill_checks
 from observer_rt.discovery.findings import Findings
-from observer_rt.discovery.likelihood import evidence_of
-from observer_rt.discovery.naming import Options, healthy_baseline, name_effects
 from observer_rt.discovery.opinion import Opinion
-from observer_rt.discovery.overlays import typical_overlays
-from observer_rt.discovery.points import by_operating_point
+from observer_rt.discovery.report.figures import Overlay
+from observer_rt.discovery.report.gaps import amended_by, gaps_of
+from observer_rt.discovery.report.overlays import typical_overlays
+from observer_rt.discovery.report.text import headline
 from observer_rt.discovery.result import Discovery, Verdict
-from observer_rt.discovery.show import amended_by, gaps_of
-from observer_rt.discovery.text import headline
-from observer_rt.errors import ObserverError
+from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline
+from observer_rt.discovery.search.candidates import FitMemory
+from observer_rt.discovery.search.consequences import of_candidates, of_effects
+from observer_rt.discovery.search.disagreement import disagreements
+from observer_rt.discovery.search.likelihood import evidence_of
+from observer_rt.discovery.search.verdict import Options, healthy_baseline, name_effects
+from observer_rt.foundation.errors import ObserverError
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
-from observer_rt.recording.recording import Recording
+from observer_rt.recording.signals.recording import Recording
 
 _HEALTHY, _NAMED, _SHOWN = 0.4, 0.85, 0.9  # shares of the work done after these steps
 

@@ -10,21 +10,25 @@ from pathlib import Path
 
 from rich.console import Console
 
-from observer_rt.config import load_injector
-from observer_rt.destinations import check_folder
+from observer_rt.config.bench import load_injector
 from observer_rt.discovery.add import InjectorText, write_amended
 from observer_rt.discovery.answer import Answer, AskObserver, Question, answer
-from observer_rt.discovery.coverage import coverage
-from observer_rt.discovery.data import Measurement, measurements
+from observer_rt.discovery.evidence.coverage import coverage
+from observer_rt.discovery.evidence.measurement import Measurement, measurements
+from observer_rt.discovery.evidence.plausible import (
+    refuse_implausible,
+    refuse_rates_missing,
+    refuse_sample_rates,
+)
 from observer_rt.discovery.findings import as_json
-from observer_rt.discovery.fit_store import FitStore, file_hash, problem_key
-from observer_rt.discovery.plausible import refuse_implausible, refuse_rates_missing, refuse_sample_rates
-from observer_rt.discovery.report import Sources, report
-from observer_rt.discovery.text import as_text
-from observer_rt.errors import RunError, UserError
-from observer_rt.recording.files import file_errors, read_recording
-from observer_rt.recording.recording import Recording
-from observer_rt.screen import progress_bar, results, say, say_if_compiling
+from observer_rt.discovery.report.report import Sources, report
+from observer_rt.discovery.report.text import as_text
+from observer_rt.discovery.search.fit_store import FitStore, file_hash, problem_key
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.recording.signals.files import file_errors, read_recording
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
+from observer_rt.terminal.destinations import check_folder
 
 FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
 

@@ -4,15 +4,15 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from observer_rt.discovery.check import Check
-from observer_rt.discovery.consequences import Consequence
-from observer_rt.discovery.find import PHASE_NAMES, Disagreement
+from observer_rt.discovery.evidence.standstill import Check
 from observer_rt.discovery.opinion import Opinion, contradictions
-from observer_rt.discovery.printed import printed
+from observer_rt.discovery.report.gaps import Gap, Gaps
+from observer_rt.discovery.report.printed_units import printed
 from observer_rt.discovery.result import Candidate, Discovery, FittedEffect, FittedParameter, Signal
-from observer_rt.discovery.show import Gap, Gaps
+from observer_rt.discovery.search.consequences import Consequence
+from observer_rt.discovery.search.disagreement import PHASE_NAMES, Disagreement
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 SCHEMA = 1
 

@@ -7,8 +7,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.estimation.sensor import lagged_slopes
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.sensor import lagged_slopes
 
 START_DURATION = 2e-3  # s, after which the gain is steady
 START_FLOW_SIGMA = 1e-5  # m3/s (10 mm3/ms), of Q_L when x~ starts anew in a ringing line

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.open_loop import OpenLoop
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.estimation.sensor import lagged_slopes
 from observer_rt.model.laws import seat_area_slope
+from observer_rt.model.sensor import lagged_slopes
 
 _AREA, _VOLUME, _SIZE = 3, 4, 5  # after x: the area's error at the sample, the volume [m3] since the opening
 

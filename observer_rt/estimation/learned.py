@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.sensitivity import Parameter
-from observer_rt.estimation.sensor import LAG_UNIT
 from observer_rt.model.coefficients import LineTerms
 from observer_rt.model.network import HIDDEN, Network, constant_network, zero_network
+from observer_rt.model.sensor import LAG_UNIT
 
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 _FRICTION = int(Parameter.LINE_FRICTION)

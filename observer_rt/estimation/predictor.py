@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter, advance_over_with_sensitivity
-from observer_rt.estimation.sensor import LAG_UNIT, lagged, lagged_slopes, recorded
 from observer_rt.model.coefficients import Coefficients, with_line_terms
 from observer_rt.model.integrator import advance_over
 from observer_rt.model.right_hand_side import injection_rate
+from observer_rt.model.sensor import LAG_UNIT, lagged, lagged_slopes, recorded
 
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 _LAG = int(Parameter.SENSOR_LAG)

@@ -8,26 +8,26 @@ from pathlib import Path
 
 from rich.console import Console
 
-from observer_rt.config import Bench
-from observer_rt.destinations import FIGURE_SUFFIXES, check_destination, check_folder
-from observer_rt.errors import UserError
+from observer_rt.config.bench import Bench
 from observer_rt.evaluation.evaluate import Evaluation, History, Progress, evaluate, evaluate_logs
 from observer_rt.evaluation.logged import LoggedRecording
 from observer_rt.evaluation.results import SCHEMA, injection_results, recording_json
 from observer_rt.evaluation.sources import Source, in_runs, read_source, signals_of
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace_file import SUFFIX, write_trace
+from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.fuel import temperature_of
-from observer_rt.observer.knowledge import Knowledge
-from observer_rt.recording.files import file_errors
-from observer_rt.recording.framing import bench_for
-from observer_rt.screen import progress_bar, results, say_if_compiling
-from observer_rt.service.constants import injector_at
-from observer_rt.service.learners import refuse_state
-from observer_rt.service.main import restored_knowledge
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.recording.replay.framing import bench_for
+from observer_rt.recording.signals.files import file_errors
+from observer_rt.service.core.constants import injector_at
+from observer_rt.service.core.learners import refuse_state
+from observer_rt.service.run import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
+from observer_rt.terminal.console import progress_bar, results, say_if_compiling
+from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination, check_folder
 
 
 @dataclass(frozen=True)

@@ -6,23 +6,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.frame_key import frame_key
-from observer_rt.bus.link import BusFrame, Frame
-from observer_rt.bus.mapping import BusMap, map_bus
-from observer_rt.config import Bench
-from observer_rt.errors import UserError
+from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.links.link import BusFrame, Frame
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.config.bench import Bench
 from observer_rt.evaluation.logged import LoggedRecording
-from observer_rt.observer.knowledge import Knowledge
-from observer_rt.observer.standstill import Standstill
-from observer_rt.observer.state import State
-from observer_rt.recording.framing import Framer, TimedFrame, bench_for, message_timing, whole
-from observer_rt.recording.recording import Recording
-from observer_rt.service.core import Core
-from observer_rt.service.counters import Counters
-from observer_rt.service.learners import LearnerFactory, make_learner
-from observer_rt.service.measured_mass import MeasuredMass
-from observer_rt.service.output import OutputFrame
-from observer_rt.service.report import InjectionReport
+from observer_rt.foundation.errors import UserError
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.observer.stream.state import State
+from observer_rt.recording.replay.framing import Framer, TimedFrame, bench_for, message_timing, whole
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.counters import Counters
+from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.learners import LearnerFactory, make_learner
+from observer_rt.service.core.messages import OutputFrame
+from observer_rt.service.inputs.measured_mass import MeasuredMass
 
 Progress = Callable[[int], None]  # samples done
 NANOSECONDS = 1e9  # in a second

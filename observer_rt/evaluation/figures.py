@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.evaluation.results import InjectionResult
-from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
 CURVES = 3  # injections drawn as curves

@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.link import Frame
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import Bench
-from observer_rt.errors import UserError
-from observer_rt.observer.standstill import Standstill
-from observer_rt.recording.input_frames import InputFrames
-from observer_rt.recording.log import NANOSECONDS
-from observer_rt.recording.log_channels import chosen_channels
-from observer_rt.recording.recording import Recording
-from observer_rt.service.constants import bench_constants
-from observer_rt.service.core import Core
-from observer_rt.service.counters import Counters
-from observer_rt.service.message_timing import MessageTiming
+from observer_rt.bus.alignment.message_timing import MessageTiming
+from observer_rt.bus.links.link import Frame
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import Bench
+from observer_rt.foundation.errors import UserError
+from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.recording.canlog.can_log import NANOSECONDS
+from observer_rt.recording.canlog.channels import chosen_channels
+from observer_rt.recording.canlog.input_frames import InputFrames
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.constants import bench_constants
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.counters import Counters
 
 READ_EVERY = 64  # frames between two looks at the observer's memory, which forgets
 RATE_TOLERANCE = 0.02  # of the sample rate by stamps, beyond which a log is odd

@@ -8,11 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.evaluation.evaluate import Evaluation
+from observer_rt.foundation.units import (
+    MEGAPASCAL,
+    MICROMETRE,
+    MICROSECOND,
+    MILLIGRAM,
+    MM3_PER_MS,
+    ZERO_CELSIUS,
+)
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.observer.indicators import Estimate
-from observer_rt.service.energizing import CommandedOpening
-from observer_rt.service.report import InjectionReport
-from observer_rt.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
+from observer_rt.observer.learning.indicators import Estimate
+from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.inputs.energizing import CommandedOpening
 
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill

@@ -3,15 +3,15 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from observer_rt.config import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.discovery.opinion import Indicator, Opinion
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.observer.indicators import Indicators
-from observer_rt.observer.state import Reason
-from observer_rt.recording.recording import Recording
+from observer_rt.observer.learning.indicators import Indicators
+from observer_rt.observer.stream.state import Reason
+from observer_rt.recording.signals.recording import Recording
 
 _OF_A_START = (Reason.STARTING, Reason.TOO_FEW_EVENTS, Reason.JUMPED)
 

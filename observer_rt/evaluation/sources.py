@@ -6,13 +6,13 @@ from pathlib import Path
 
 from rich.console import Console
 
-from observer_rt.config import Bench
-from observer_rt.errors import UserError
+from observer_rt.config.bench import Bench
 from observer_rt.evaluation.logged import LoggedRecording, read_logged
-from observer_rt.recording.files import READERS, read_recording
-from observer_rt.recording.logs import LOG_READERS, is_log
-from observer_rt.recording.recording import Recording
-from observer_rt.screen import progress_bar, say, say_if_compiling
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.formats import LOG_READERS, is_log
+from observer_rt.recording.signals.files import READERS, read_recording
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.terminal.console import progress_bar, say, say_if_compiling
 
 Source = Recording | LoggedRecording
 

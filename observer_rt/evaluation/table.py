@@ -9,10 +9,10 @@ from rich.text import Text
 
 from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.evaluation.results import InjectionResult, checks, injection_results
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.observer.state import Reason
-from observer_rt.screen import say
-from observer_rt.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS
+from observer_rt.observer.stream.state import Reason
+from observer_rt.terminal.console import say
 
 NOTEWORTHY = 4.0  # standard deviations from nothing
 

@@ -8,9 +8,9 @@ Both fall linearly, as measured of diesel fuels and calibration oils within a fe
 file's values were taken at. Areas, volumes and the vapour pressure stay.
 """
 
-from observer_rt.errors import UserError
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import ZERO_CELSIUS
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.units import ZERO_CELSIUS
 
 LOWEST_TEMPERATURE = 233.15  # K, -40 degC: below it the fuel waxes
 HIGHEST_TEMPERATURE = 423.15  # K, 150 degC: above it no feed line is run

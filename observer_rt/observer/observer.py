@@ -6,18 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.continuity import Break
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.sensor import sensor_of
+from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effects import effective_model
 from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
-from observer_rt.observer.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
-from observer_rt.observer.knowledge import EventLearner, Knowledge, Outcome, Verdict
-from observer_rt.observer.standstill import Standstill, standstill_of
-from observer_rt.observer.state import (
+from observer_rt.observer.learning.knowledge import EventLearner, Knowledge, Outcome, Verdict
+from observer_rt.observer.paper_scheme.network import FreeNetwork
+from observer_rt.observer.stream.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
+from observer_rt.observer.stream.standstill import Standstill, standstill_of
+from observer_rt.observer.stream.state import (
     INJECTIONS,
     OBSERVER,
     PENDING_EVENTS,
@@ -28,8 +30,6 @@ from observer_rt.observer.state import (
     Reason,
     Timing,
 )
-from observer_rt.paper.network import FreeNetwork
-from observer_rt.units import MILLISECOND
 
 SETTLE = 3 * MILLISECOND
 GOOD = 1 * MILLISECOND

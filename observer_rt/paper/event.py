@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
+from observer_rt.foundation.units import MICROMETRE
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.flows import normalised_area
 from observer_rt.model.network import constant_network
 from observer_rt.model.right_hand_side import fault
 from observer_rt.observer.observer import LEARNING_LEAD, SETTLE, WINDOW_LEAD, WINDOW_TAIL, Durations
 from observer_rt.simulation.plant import Truth
-from observer_rt.units import MICROMETRE
 
 SHUT = 1 * MICROMETRE  # lift up to which the needle counts as shut
 

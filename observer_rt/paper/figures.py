@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND
 from observer_rt.paper.comparison import Estimator, Study, WearCase
 from observer_rt.simulation.schedule import FIRST_EVENT
-from observer_rt.units import MEGAPASCAL, MILLIMETRE, MILLISECOND
 
 TRUE, MODEL, PAPER, OURS = "#222222", "#1f77b4", "#ff7f0e", "#d62728"
 NAMES = {

@@ -4,13 +4,25 @@ from collections.abc import Callable
 
 import numpy as np
 
-from observer_rt.config import Bench
+from observer_rt.config.bench import Bench
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.laws import root
-from observer_rt.observer.knowledge import Verdict, no_knowledge
-from observer_rt.observer.standstill import Standstill
+from observer_rt.observer.learning.knowledge import Verdict, no_knowledge
+from observer_rt.observer.paper_scheme.gain import check_gain
+from observer_rt.observer.paper_scheme.learner import PaperLearner
+from observer_rt.observer.paper_scheme.network import FreeNetwork
+from observer_rt.observer.paper_scheme.systems import swept
+from observer_rt.observer.paper_scheme.training import (
+    Weights,
+    first_weights,
+    network_of,
+    paper_setting,
+    train,
+)
+from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.paper.comparison import Estimate, Estimator, GainCase, Study, WearCase
 from observer_rt.paper.event import (
     InjectionWindow,
@@ -20,16 +32,10 @@ from observer_rt.paper.event import (
     true_fault,
     true_states,
 )
-from observer_rt.paper.gain import check_gain
-from observer_rt.paper.learner import PaperLearner
-from observer_rt.paper.network import FreeNetwork
-from observer_rt.paper.systems import swept
-from observer_rt.paper.training import Weights, first_weights, network_of, paper_setting, train
-from observer_rt.recording.framing import bench_for
-from observer_rt.service.constants import bench_constants, configured_noise
+from observer_rt.recording.replay.framing import bench_for
+from observer_rt.service.core.constants import bench_constants, configured_noise
 from observer_rt.simulation.schedule import FIRST_EVENT, make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
-from observer_rt.units import MEGAPASCAL, MILLISECOND
 
 RAIL_PRESSURES = tuple(p * MEGAPASCAL for p in (60.0, 100.0, 140.0))  # Pa, of Fig. 3
 RAIL_PRESSURE = 100 * MEGAPASCAL  # of Figs. 4 and 5

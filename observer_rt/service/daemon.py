@@ -6,22 +6,22 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-from observer_rt.bus.database import database_hash
-from observer_rt.bus.link import Link, LinkDownError
-from observer_rt.bus.mapping import BusMap
-from observer_rt.bus.reading import BusDownError, reading
-from observer_rt.config import Bench
-from observer_rt.observer.knowledge import Knowledge
-from observer_rt.observer.state import Reason, State
-from observer_rt.service.core import Core
-from observer_rt.service.energizing import Mismatch
-from observer_rt.service.measured_mass import MeasuredMass
+from observer_rt.bus.database.lookup import database_hash
+from observer_rt.bus.links.link import Link, LinkDownError
+from observer_rt.bus.links.receiver import BusDownError, reading
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.config.bench import Bench
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.observer.stream.state import Reason, State
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.messages import FrameWriter, OutputFrame
+from observer_rt.service.core.status import LinkFigures, status_values
+from observer_rt.service.inputs.energizing import Mismatch
+from observer_rt.service.inputs.measured_mass import MeasuredMass
 from observer_rt.service.outbox import RETRY
-from observer_rt.service.output import FrameWriter, OutputFrame
 from observer_rt.service.port import Port
-from observer_rt.service.report import InjectionReport
 from observer_rt.service.state_file import model_hash
-from observer_rt.service.status import LinkFigures, status_values
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data

@@ -1,7 +1,7 @@
 """What goes wrong on the link, as messages: seldom enough to be read."""
 
-from observer_rt.bus.condition import condition_messages
-from observer_rt.bus.link import Link
+from observer_rt.bus.links.controller import condition_messages
+from observer_rt.bus.links.link import Link
 from observer_rt.service.outbox import Outbox
 
 PERIOD = 1.0  # s between messages, so that a controller that comes and goes does not flood the screen

@@ -4,8 +4,8 @@ import time
 from collections import deque
 from collections.abc import Iterable
 
-from observer_rt.bus.link import Link
-from observer_rt.service.output import OutputFrame
+from observer_rt.bus.links.link import Link
+from observer_rt.service.core.messages import OutputFrame
 
 CAPACITY = 512  # frames: some 0.15 s of results at 100 kHz, after which the oldest serve nobody
 RETRY = 0.5e-3  # s, about three full frames at 500k/5M

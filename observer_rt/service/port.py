@@ -4,11 +4,11 @@ import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, Future
 
-from observer_rt.bus.condition import BusState
-from observer_rt.bus.link import Link, LinkDownError
+from observer_rt.bus.links.controller import BusState
+from observer_rt.bus.links.link import Link, LinkDownError
+from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.link_watch import LinkWatch
 from observer_rt.service.outbox import Outbox
-from observer_rt.service.output import OutputFrame
 
 RECONNECT_PERIOD = 0.1  # s between tries while the interface is down or away
 SILENCE = 10.0  # s without an outage, after which the same one is told again: some devices come and go

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt import __version__
-from observer_rt.errors import RunError, UserError
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.parameters import InjectorParameters, Scaling
-from observer_rt.observer.knowledge import GATE, Knowledge, theta_bounds
-from observer_rt.units import MEGAPASCAL, MICROMETRE
+from observer_rt.observer.learning.knowledge import GATE, Knowledge, theta_bounds
 
 VERSION = 3
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes

@@ -2,18 +2,18 @@
 
 import numpy as np
 
-from observer_rt.bus.e2e import protect
-from observer_rt.bus.mapping import BusMap
-from observer_rt.config import Bench
+from observer_rt.bus.database.e2e import protect
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.config.bench import Bench
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import PARAMETERS
-from observer_rt.observer.knowledge import no_knowledge
-from observer_rt.observer.standstill import Standstill
-from observer_rt.recording.framing import Framer, whole
-from observer_rt.recording.recording import Recording
-from observer_rt.service.constants import bench_constants, configured_noise
-from observer_rt.service.core import Core
-from observer_rt.service.learners import make_learner
+from observer_rt.observer.learning.knowledge import no_knowledge
+from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.constants import bench_constants, configured_noise
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.learners import make_learner
 
 _SAMPLES = 100
 

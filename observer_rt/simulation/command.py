@@ -5,12 +5,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from observer_rt.config import load_injector
-from observer_rt.destinations import check_destination
-from observer_rt.errors import UserError
+from observer_rt.config.bench import load_injector
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.fuel import at_temperature, temperature_of
-from observer_rt.recording.files import WRITERS, write_recording
-from observer_rt.screen import progress_bar, say, say_if_compiling
+from observer_rt.recording.signals.files import WRITERS, write_recording
 from observer_rt.simulation.effects import parse_effects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import (
@@ -20,7 +19,8 @@ from observer_rt.simulation.schedule import (
     parse_shots,
 )
 from observer_rt.simulation.simulate import simulate, truth_path, write_truth
-from observer_rt.units import MILLISECOND
+from observer_rt.terminal.console import progress_bar, say, say_if_compiling
+from observer_rt.terminal.destinations import check_destination
 
 MAX_SAMPLES = 20_000_000  # that a machine of 4 GiB can hold with their truth
 

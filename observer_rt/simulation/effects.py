@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from observer_rt.effect_names import effect_named, parameter_named, value_in_bounds
-from observer_rt.errors import UserError
+from observer_rt.config.effects import effect_named, parameter_named, value_in_bounds
+from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 

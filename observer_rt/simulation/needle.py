@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 from numba import njit
 
-from observer_rt.errors import UserError
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.simulation.schedule import PERIOD_OPTION, SHOTS_OPTION, Schedule, Shot
-from observer_rt.units import MILLISECOND
 
 REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
 OPENING_EXPONENT = 0.4

@@ -8,13 +8,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.estimation.sensor import lagged
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import EffectiveModel, SensorTerms
 from observer_rt.model.flows import normalised_area
 from observer_rt.model.integrator import runge_kutta_step
 from observer_rt.model.network import Network, constant_network
 from observer_rt.model.right_hand_side import injection_rate
+from observer_rt.model.sensor import lagged
 from observer_rt.model.stability import fastest_rate
 from observer_rt.simulation.needle import CORNER_ROUNDING, Stroke, lift_of_stroke
 

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.errors import UserError
-from observer_rt.units import MEGAPASCAL, MILLISECOND
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 
 FIRST_EVENT = 0.15  # s, standstill in which a reader learns noise and offsets
 LAST_TAIL = 0.05  # s, at least, after the last event: it must be seen to close and to ring down

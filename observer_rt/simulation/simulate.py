@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from observer_rt.errors import UserError
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.recording.csv_file import (
+from observer_rt.recording.signals.csv_file import (
     INJECTION_RATE,
     LINE_PRESSURE,
     NEEDLE_LIFT,
@@ -20,13 +21,12 @@ from observer_rt.recording.csv_file import (
     Column,
     write_columns,
 )
-from observer_rt.recording.files import file_errors
-from observer_rt.recording.recording import Recording
+from observer_rt.recording.signals.files import file_errors
+from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Progress, Truth, run_plant
 from observer_rt.simulation.schedule import Schedule
-from observer_rt.units import MEGAPASCAL, MM3_PER_MS
 
 MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
 MAX_SAMPLE_RATE = 1e6  # Hz

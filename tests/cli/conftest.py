@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from observer_rt.cli import main
-from observer_rt.config import EXAMPLE_BENCH, load_injector
+from observer_rt.cli.app import main
+from observer_rt.config.bench import EXAMPLE_BENCH, load_injector
 from observer_rt.model.effects import sized
-from observer_rt.recording.files import write_recording
+from observer_rt.recording.signals.files import write_recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate

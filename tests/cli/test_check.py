@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.config import NOMINAL_INJECTOR
+from observer_rt.config.bench import NOMINAL_INJECTOR
 from tests.cli.conftest import Command
 
 

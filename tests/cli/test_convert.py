@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.recording.files import read_recording
-from observer_rt.recording.logs import is_log, open_log
+from observer_rt.recording.canlog.formats import is_log, open_log
+from observer_rt.recording.signals.files import read_recording
 from tests.cli.conftest import Command
-from tests.recording.log_cases import as_read, mixture, write_log
+from tests.recording.canlog.log_cases import as_read, mixture, write_log
 
 FORMATS = (".asc", ".blf", ".log", ".mf4", ".trc")
 
@@ -84,11 +84,11 @@ def test_a_log_becomes_a_recording_by_a_bench_file(
     command: Command, tmp_path: Path, worn: Path, bench: Path
 ) -> None:
     """Replayed, recorded, converted: the samples that were sent, in the recording's own time."""
-    from observer_rt.bus.link import Frame
-    from observer_rt.bus.mapping import map_bus
-    from observer_rt.config import load_bench
-    from observer_rt.recording.framing import Framer, whole
-    from observer_rt.recording.log import LogFrame
+    from observer_rt.bus.links.link import Frame
+    from observer_rt.bus.mapping.bus_map import map_bus
+    from observer_rt.config.bench import load_bench
+    from observer_rt.recording.canlog.can_log import LogFrame
+    from observer_rt.recording.replay.framing import Framer, whole
 
     recording = read_recording(worn)
     frames = [

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.link import Frame
-from observer_rt.recording.log import LogFrame
+from observer_rt.bus.links.link import Frame
+from observer_rt.recording.canlog.can_log import LogFrame
 from tests.cli.conftest import Command
-from tests.recording.log_cases import START, write_log
+from tests.recording.canlog.log_cases import START, write_log
 from tests.service.foreign_frames import classic_frames, fd_frames, multiplexed_frames, recording
 
 ROOT = Path(__file__).parents[2]

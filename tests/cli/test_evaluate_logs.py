@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench
-from observer_rt.recording.files import read_recording
-from observer_rt.recording.framing import Framer, whole
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.recording.signals.files import read_recording
 from tests.cli.conftest import Command, document
 
 

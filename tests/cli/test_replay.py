@@ -13,7 +13,7 @@ import can
 import cantools.database
 import pytest
 
-from observer_rt.config import PACKAGE_DATA
+from observer_rt.config.bench import PACKAGE_DATA
 from tests.cli.conftest import Command, Outcome
 
 CHANNEL = "replay-test"

@@ -13,14 +13,14 @@ from typing import ClassVar
 
 import pytest
 
-from observer_rt.bus.link import Frame, LinkDownError, open_link
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
-from observer_rt.errors import RunError
-from observer_rt.recording.files import read_recording
-from observer_rt.recording.framing import Framer, TimedFrame, whole
-from observer_rt.recording.player import play
-from observer_rt.service import main as service
+from observer_rt.bus.links.link import Frame, LinkDownError, open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.foundation.errors import RunError
+from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.replay.player import play
+from observer_rt.recording.signals.files import read_recording
+from observer_rt.service import run as service
 from observer_rt.service.state_file import load_knowledge, model_hash
 from tests.cli.conftest import Command, Outcome
 from tests.service.end_to_end import SUMMARY, Heard, decoded

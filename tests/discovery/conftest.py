@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import pytest
 
 from observer_rt.discovery.answer import Answer, Question, answer
-from observer_rt.discovery.candidates import NoMemory
-from observer_rt.discovery.data import measurements
+from observer_rt.discovery.evidence.measurement import measurements
 from observer_rt.discovery.opinion import Indicator, Opinion
+from observer_rt.discovery.search.candidates import NoMemory
 from observer_rt.model.effects import sized
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.recording.recording import Recording
+from observer_rt.recording.signals.recording import Recording
 from tests.discovery.hidden import NOMINAL, recordings
 
 WEAR = 0.1

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from observer_rt.config import load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.recording.recording import Recording
+from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.config import NOMINAL_INJECTOR, load_injector
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.discovery.add import InjectorText, in_force, reason_for, write_amended
 from observer_rt.discovery.amend import amendment
-from observer_rt.discovery.data import measurements
-from observer_rt.discovery.naming import Options, name_effects
-from observer_rt.errors import UserError
+from observer_rt.discovery.evidence.measurement import measurements
+from observer_rt.discovery.search.verdict import Options, name_effects
+from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import EffectInForce, EffectValue
 from tests.discovery.conftest import WEAR, Worn

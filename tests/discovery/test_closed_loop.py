@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench, load_injector
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
-from observer_rt.recording.files import write_recording
-from observer_rt.recording.framing import Framer, whole
+from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.recording.signals.files import write_recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from observer_rt.discovery.data import measurements
+from observer_rt.discovery.evidence.measurement import measurements
 from observer_rt.discovery.findings import as_json, gap_share
-from observer_rt.discovery.naming import Options, name_effects
+from observer_rt.discovery.search.verdict import Options, name_effects
 from observer_rt.model.effects import effective_model, sized
 from tests.discovery.conftest import WEAR, Worn
 from tests.discovery.hidden import NOMINAL, recordings

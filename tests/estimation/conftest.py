@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.config import load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.estimation.sensor import LAG_UNIT, lagged
 from observer_rt.model.coefficients import Coefficients, coefficients, with_line_terms
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import HIDDEN
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from observer_rt.model.sensor import LAG_UNIT, lagged
 from observer_rt.model.stability import substeps_needed
 
 SAMPLE_RATE = 100e3

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Window, innovations_with_sensitivity
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.estimation.sensor import LAG_UNIT
+from observer_rt.model.sensor import LAG_UNIT
 from tests.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
 
 HEALTHY = np.zeros(PARAMETERS)

@@ -6,7 +6,7 @@ Frames on a bus are those of `evaluate`, bit for bit (tests of the daemon), so t
 import numpy as np
 import pytest
 
-from observer_rt.config import load_bench, load_injector
+from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.evaluation.results import injection_results
 from observer_rt.model.effects import sized

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from observer_rt.config import EXAMPLE_BENCH, load_bench, load_injector
-from observer_rt.errors import UserError
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
 from observer_rt.evaluation.evaluate import Evaluation, History, evaluate
 from observer_rt.evaluation.results import injection_results, recording_json
 from observer_rt.evaluation.trace_file import write_trace
+from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import sized
-from observer_rt.observer.state import State
+from observer_rt.observer.stream.state import State
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import Shot, make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate

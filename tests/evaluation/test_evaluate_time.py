@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.config import load_bench, load_injector
+from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
-from observer_rt.recording.recording import Recording
+from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate

@@ -7,21 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.link import Frame
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import Bench, load_bench, load_injector
-from observer_rt.errors import UserError
+from observer_rt.bus.links.link import Frame
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import Bench, load_bench, load_injector
 from observer_rt.evaluation.evaluate import History, evaluate, evaluate_logs
 from observer_rt.evaluation.logged import read_logged
+from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import sized
-from observer_rt.recording.framing import Framer, Span, whole, windows
-from observer_rt.recording.log import LogFrame
-from observer_rt.recording.logs import LOG_WRITERS
-from observer_rt.recording.recording import Recording
+from observer_rt.recording.canlog.can_log import LogFrame
+from observer_rt.recording.canlog.formats import LOG_WRITERS
+from observer_rt.recording.replay.framing import Framer, Span, whole, windows
+from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
-from tests.recording.log_cases import write_log
+from tests.recording.canlog.log_cases import write_log
 from tests.service.time_frames import Clock, merged, plant, send, write_time_bench
 from tests.service.time_scenarios import LIFT_ALONE
 

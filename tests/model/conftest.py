@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.config import load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import Network, zero_network

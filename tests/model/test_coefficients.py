@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from observer_rt.config import load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import coefficients, full_lift_area
 from observer_rt.model.laws import seat_area
 from observer_rt.model.parameters import LineOutflow

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.config import load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effect import Effect, SizedEffect
 from observer_rt.model.effective import EffectiveModel, InputTerms, SensorTerms

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from observer_rt.config import load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.flows import (

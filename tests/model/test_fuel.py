@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from observer_rt.config import load_injector
-from observer_rt.errors import UserError
+from observer_rt.config.bench import load_injector
+from observer_rt.foundation.errors import UserError
 from observer_rt.model.fuel import at_temperature, is_plausible
 from observer_rt.model.parameters import InjectorParameters
 

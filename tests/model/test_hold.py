@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.config import load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.integrator import advance, advance_over

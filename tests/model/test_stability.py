@@ -5,14 +5,14 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.config import EXAMPLE_BENCH, Bench, SamplingConfig, load_bench
-from observer_rt.errors import UserError
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, SamplingConfig, load_bench
+from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients, full_lift_area
 from observer_rt.model.network import constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.right_hand_side import right_hand_side
 from observer_rt.model.stability import fastest_rate, substeps_needed
-from observer_rt.service.constants import bench_constants
+from observer_rt.service.core.constants import bench_constants
 from tests.model.conftest import Trajectory
 
 PRESSURE = st.one_of(st.floats(-0.01, 0.05), st.floats(-0.1, 2.5))

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import EffectInForce, EffectValue
-from observer_rt.observer.indicators import Estimate, Indicators
-from observer_rt.service.report import InjectionReport
+from observer_rt.observer.learning.indicators import Estimate, Indicators
+from observer_rt.service.core.injection_report import InjectionReport
 from tools.benchmarks.plant import Bench, Event, Needle, Shot, record
 from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.scoring import bench_at, recording_of

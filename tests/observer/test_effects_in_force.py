@@ -4,13 +4,13 @@ no code with it, and has nothing left to learn."""
 import numpy as np
 import pytest
 
-from observer_rt.config import load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, sized
-from observer_rt.observer.front_end import LOOKAHEAD
 from observer_rt.observer.observer import Durations, constants_for
+from observer_rt.observer.stream.front_end import LOOKAHEAD
 from tests.observer.plant_runs import in_force, run_plant
-from tests.observer.stream import RAIL, Stream
+from tests.observer.sample_stream import RAIL, Stream
 from tools.benchmarks.plant_parameters import Faults
 
 INJECTOR = load_injector()

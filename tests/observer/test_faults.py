@@ -2,8 +2,8 @@
 
 import pytest
 
-from observer_rt.config import load_injector
-from observer_rt.observer.state import Reason
+from observer_rt.config.bench import load_injector
+from observer_rt.observer.stream.state import Reason
 from tests.observer.plant_runs import EVENTS, HEALTHY, PlantRun, run_plant
 from tools.benchmarks.plant_parameters import Faults
 

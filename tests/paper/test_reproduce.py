@@ -7,8 +7,8 @@ import pytest
 from matplotlib.image import imread
 from typer.testing import CliRunner
 
-from observer_rt.cli import app
-from observer_rt.errors import UserError
+from observer_rt.cli.app import app
+from observer_rt.foundation.errors import UserError
 
 RATE = "25000"
 

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.link import Link, open_link
-from observer_rt.errors import UserError
-from observer_rt.link_config import LinkConfig
-from observer_rt.recording.framing import TimedFrame
-from observer_rt.recording.log_frames import LogPart, log_frames
-from observer_rt.recording.logs import open_log
-from observer_rt.recording.player import play
-from observer_rt.recording.recorder import RecordLimits, RecordStatistics, record
-from observer_rt.recording.remapping import Sent
-from observer_rt.recording.traffic import refuse_traffic
+from observer_rt.bus.links.link import Link, open_link
+from observer_rt.config.links import LinkConfig
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.formats import open_log
+from observer_rt.recording.record.recorder import RecordLimits, RecordStatistics, record
+from observer_rt.recording.record.traffic import refuse_traffic
+from observer_rt.recording.replay.framing import TimedFrame
+from observer_rt.recording.replay.log_frames import LogPart, log_frames
+from observer_rt.recording.replay.player import play
+from observer_rt.recording.replay.remapping import Sent
 
 pytestmark = pytest.mark.vcan
 

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench
-from observer_rt.recording.framing import Framer, TimedFrame, whole
-from observer_rt.recording.recording import Recording
-from observer_rt.service.core import Core
-from observer_rt.service.output import OutputFrame
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import OutputFrame
 from tests.service.participants import SAMPLE_RATE
 
 AMPLIFIER_SAMPLES = 28

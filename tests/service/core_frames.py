@@ -10,14 +10,14 @@ import e2e.p05
 import numpy as np
 from cantools.database.can import Database, Message
 
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import PACKAGE_DATA, load_bench, load_injector
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
 from observer_rt.model.effects import sized
-from observer_rt.observer.knowledge import Knowledge
-from observer_rt.recording.recording import Recording
-from observer_rt.service.core import Core
-from observer_rt.service.output import OutputFrame
-from observer_rt.service.report import InjectionReport
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.messages import OutputFrame
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate

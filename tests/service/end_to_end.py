@@ -14,7 +14,7 @@ import cantools.database
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config import EXAMPLE_BENCH, PACKAGE_DATA
+from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA
 
 DATABASE = cantools.database.load_file(PACKAGE_DATA / "observer_fd.dbc")
 RATE = DATABASE.get_message_by_name("InjectionRate")

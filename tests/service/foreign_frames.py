@@ -7,9 +7,9 @@ from pathlib import Path
 import cantools.database
 from cantools.database.can import Database
 
-from observer_rt.config import load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.model.effects import sized
-from observer_rt.recording.recording import Recording
+from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate

@@ -6,7 +6,7 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.sensitivity import PARAMETERS
-from observer_rt.observer.knowledge import GATE, Knowledge, theta_bounds
+from observer_rt.observer.learning.knowledge import GATE, Knowledge, theta_bounds
 
 PRESSURE_SCALE = 1e8  # Pa
 

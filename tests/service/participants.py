@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.link import Frame, Link, open_link
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench, load_injector
-from observer_rt.errors import RunError
+from observer_rt.bus.links.link import Frame, Link, open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.foundation.errors import RunError
 from observer_rt.model.effects import sized
-from observer_rt.recording.framing import TimedFrame
-from observer_rt.recording.player import play
-from observer_rt.recording.recording import Recording
+from observer_rt.recording.replay.framing import TimedFrame
+from observer_rt.recording.replay.player import play
+from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels

@@ -9,13 +9,13 @@ import cantools
 import numpy as np
 from cantools.database.can import Database
 
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench, load_injector
-from observer_rt.recording.recording import Recording
-from observer_rt.service.core import Core
-from observer_rt.service.energizing import Mismatch
-from observer_rt.service.output import OutputFrame
-from observer_rt.service.report import InjectionReport
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.messages import OutputFrame
+from observer_rt.service.inputs.energizing import Mismatch
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import Schedule, Shot, make_schedule
 from observer_rt.simulation.simulate import simulate

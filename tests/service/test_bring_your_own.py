@@ -12,19 +12,19 @@ import e2e.p01
 import numpy as np
 import pytest
 
-from observer_rt.bus.link import open_link
-from observer_rt.bus.mapping import map_bus
-from observer_rt.bus.outputs import STATUS_SIGNALS
-from observer_rt.config import PACKAGE_DATA, load_bench, load_injector
+from observer_rt.bus.links.link import open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.output_messages import STATUS_SIGNALS
+from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
 from observer_rt.model.effects import sized
-from observer_rt.recording.framing import Framer, whole
-from observer_rt.recording.player import play
-from observer_rt.recording.recording import Recording
-from observer_rt.recording.recording_frames import recording_extent, recording_frames
-from observer_rt.service.core import Core
+from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.recording.replay.player import play
+from observer_rt.recording.replay.recording_frames import recording_extent, recording_frames
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.output import OutputFrame
-from observer_rt.service.report import InjectionReport
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule

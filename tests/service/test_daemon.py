@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench
-from observer_rt.errors import RunError
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import History, evaluate
-from observer_rt.observer.state import Reason, State
-from observer_rt.recording.framing import Framer, TimedFrame, whole, windows
-from observer_rt.recording.recording import Recording
+from observer_rt.foundation.errors import RunError
+from observer_rt.observer.stream.state import Reason, State
+from observer_rt.recording.replay.framing import Framer, TimedFrame, whole, windows
+from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
 from tests.service.end_to_end import RATE, SUMMARY, decoded, published_rates

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.condition import BusCondition, BusState
-from observer_rt.bus.link import Link, open_link
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench
+from observer_rt.bus.links.controller import BusCondition, BusState
+from observer_rt.bus.links.link import Link, open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.observer.state import Reason, State
-from observer_rt.recording.framing import TimedFrame
-from observer_rt.recording.player import play
+from observer_rt.observer.stream.state import Reason, State
+from observer_rt.recording.replay.framing import TimedFrame
+from observer_rt.recording.replay.player import play
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.condition import BusCondition, BusState
-from observer_rt.bus.link import Frame, LinkDownError
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench
-from observer_rt.observer.state import Reason, State
-from observer_rt.recording.framing import Framer, TimedFrame, whole
+from observer_rt.bus.links.controller import BusCondition, BusState
+from observer_rt.bus.links.link import Frame, LinkDownError
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.observer.stream.state import Reason, State
+from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
 from tests.service.end_to_end import RATE, published_rates

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping import BusMap, map_bus
-from observer_rt.config import Bench, load_bench
-from observer_rt.recording.framing import Framer, Span, TimedFrame
-from observer_rt.recording.recording import Recording
-from observer_rt.service.core import Core
-from observer_rt.service.counters import Counters
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.recording.replay.framing import Framer, Span, TimedFrame
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.counters import Counters
 
 RATE = 50e3
 WINDOWS = [Span(0, 600), Span(3000, 3600)]

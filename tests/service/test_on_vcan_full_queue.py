@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.recording.framing import Framer, whole
+from observer_rt.recording.replay.framing import Framer, whole
 from tests.bus.refusals import note_refusals
 from tests.interface import FRAME_BYTES, OwnInterface
 from tests.service.end_to_end import RATE, SUMMARY

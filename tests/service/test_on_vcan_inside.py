@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.recording.framing import Framer, Span, TimedFrame, whole, windows
-from observer_rt.recording.recording import Recording
+from observer_rt.recording.replay.framing import Framer, Span, TimedFrame, whole, windows
+from observer_rt.recording.signals.recording import Recording
 from tests.service.end_to_end import RATE, SUMMARY, published_rates
 from tests.service.participants import bench_file, over_bus, worn_recording
 

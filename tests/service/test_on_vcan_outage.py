@@ -7,11 +7,11 @@ from pathlib import Path
 import can
 import pytest
 
-from observer_rt.bus.link import open_link
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench
-from observer_rt.recording.framing import Framer, TimedFrame, whole
-from observer_rt.recording.player import play
+from observer_rt.bus.links.link import open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.replay.player import play
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
 from tests.interface import OwnInterface

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.link import Frame, Link, LinkDownError
+from observer_rt.bus.links.link import Frame, Link, LinkDownError
+from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.outbox import CAPACITY, Outbox
-from observer_rt.service.output import OutputFrame
 
 
 def frame(number: int) -> OutputFrame:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.observer.state import State
+from observer_rt.observer.stream.state import State
 from tests.service.time_frames import Clock, merged, observe, send, write_time_bench
 from tests.service.time_scenarios import (
     DISTURBED,

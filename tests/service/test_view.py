@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench
-from observer_rt.recording.framing import Framer, whole
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.service.core.injection_report import InjectionReport
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.report import InjectionReport
 from observer_rt.service.view import Reference, View
 from tests.service.participants import SAMPLE_RATE, ScriptedLink, bench_file, worn_recording
 

@@ -9,18 +9,18 @@ import cantools
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping import map_bus
-from observer_rt.config import load_bench, load_injector
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.observer.state import Reason, State
-from observer_rt.service.core import Core
-from observer_rt.service.report import InjectionReport
+from observer_rt.observer.stream.state import Reason, State
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.injection_report import InjectionReport
 from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels, Quantisation
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.units import MEGAPASCAL, MICROMETRE
 
 EPOCH = 1_700_000_000_000_000_000  # ns, of the receiver's clock
 PLANT_RATE = 200e3

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from observer_rt.observer.state import Reason, State
+from observer_rt.observer.stream.state import Reason, State
 from tests.service.time_frames import (
     Clock,
     Outcome,

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from observer_rt.config import load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.model.effects import VOCABULARY, sized
 from observer_rt.simulation.needle import lift_of_stroke, strokes
 from observer_rt.simulation.schedule import make_schedule

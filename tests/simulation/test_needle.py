@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.config import load_injector
-from observer_rt.errors import UserError
+from observer_rt.config.bench import load_injector
+from observer_rt.foundation.errors import UserError
 from observer_rt.simulation.needle import CORNER_ROUNDING, Stroke, lift_of_stroke, stroke, strokes
 from observer_rt.simulation.schedule import Shot, make_schedule
 

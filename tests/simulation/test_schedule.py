@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.errors import UserError
+from observer_rt.foundation.errors import UserError
 from observer_rt.simulation.schedule import (
     Shot,
     make_schedule,

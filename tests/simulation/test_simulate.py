@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from observer_rt.config import load_injector
-from observer_rt.errors import UserError
+from observer_rt.config.bench import load_injector
+from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.recording.csv_file import write_csv
+from observer_rt.recording.signals.csv_file import write_csv
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.needle import Stroke, lift_of_stroke, strokes
 from observer_rt.simulation.plant import Truth, run_plant

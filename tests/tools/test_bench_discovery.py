@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from observer_rt.config import NOMINAL_INJECTOR
+from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.discovery import summary
 from tools.benchmarks.discovery.answers import Answer, read_answer

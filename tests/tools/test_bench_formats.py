@@ -2,8 +2,8 @@
 
 import json
 
-from observer_rt.recording.files import WRITERS
-from observer_rt.recording.logs import LOG_WRITERS
+from observer_rt.recording.canlog.formats import LOG_WRITERS
+from observer_rt.recording.signals.files import WRITERS
 from tools.benchmarks.formats import formats_document, formats_table, measure_formats
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from observer_rt.observer.state import RING
+from observer_rt.observer.stream.state import RING
 from tools.benchmarks.sample_time import (
     BLOCK,
     OPEN_LIFT,

@@ -11,8 +11,8 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from observer_rt.errors import ObserverError, UserError
-from observer_rt.screen import progress_bar
+from observer_rt.foundation.errors import ObserverError, UserError
+from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.ablation import CLASSES_TRIED, run_ablation
 from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
 from tools.benchmarks.accuracy import print_results, run_accuracy

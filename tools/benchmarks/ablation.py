@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 
 from rich.console import Console
 
-from observer_rt.config import Bench
+from observer_rt.config.bench import Bench
 from observer_rt.estimation.gating import Gate
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.observer.knowledge import Knowledge, LearningRules, Scales, no_knowledge
-from observer_rt.observer.learning import Learner
-from observer_rt.observer.state import Constants
-from observer_rt.service.constants import bench_constants, configured_noise
-from observer_rt.service.learners import LearnerFactory, make_learner
+from observer_rt.observer.learning.knowledge import Knowledge, LearningRules, Scales, no_knowledge
+from observer_rt.observer.learning.learner import Learner
+from observer_rt.observer.stream.state import Constants
+from observer_rt.service.core.constants import bench_constants, configured_noise
+from observer_rt.service.core.learners import LearnerFactory, make_learner
 from tools.benchmarks.batch_learning import (
     BatchResult,
     Listener,

@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.estimation.gating import best_subset
 from observer_rt.estimation.learned import learned_of
-from observer_rt.estimation.minimiser import minimise
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.prediction_error import Linearisation
 from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.coefficients import with_line_terms
-from observer_rt.observer.fitting import TOLERANCE, Cost, EventFitter, Limits
-from observer_rt.observer.knowledge import GATE, EventLearner, Outcome
-from observer_rt.observer.learning import BURN_IN, FIRST_ITERATIONS, ITERATIONS
-from observer_rt.observer.standstill import Standstill
-from observer_rt.observer.state import Constants
-from observer_rt.units import MILLISECOND
+from observer_rt.observer.learning.fitting import TOLERANCE, Cost, EventFitter, Limits
+from observer_rt.observer.learning.knowledge import GATE, EventLearner, Outcome
+from observer_rt.observer.learning.learner import BURN_IN, FIRST_ITERATIONS, ITERATIONS
+from observer_rt.observer.paper_scheme.bfgs import minimise
+from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.observer.stream.state import Constants
 
 BFGS_ITERATIONS = 12
 SUBSETS_TRIED = 3  # of the gated scalars, between searches over the active ones

@@ -12,10 +12,10 @@ from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.network import ARGUMENTS, HIDDEN, constant_network, zero_network
-from observer_rt.observer.fitting import Limits, theta_limits
-from observer_rt.observer.knowledge import DRIFT, PRIOR
-from observer_rt.paper.network import FreeNetwork
-from observer_rt.paper.systems import PaperSetting, design_vector
+from observer_rt.observer.learning.fitting import Limits, theta_limits
+from observer_rt.observer.learning.knowledge import DRIFT, PRIOR
+from observer_rt.observer.paper_scheme.network import FreeNetwork
+from observer_rt.observer.paper_scheme.systems import PaperSetting, design_vector
 from tools.benchmarks.batch_learning import Model
 from tools.benchmarks.tied_rows import Correction, sweep
 

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from observer_rt.bus.link import Frame
-from observer_rt.errors import UserError
-from observer_rt.recording.files import WRITERS, read_recording, write_recording
-from observer_rt.recording.log import LogFrame
-from observer_rt.recording.logs import LOG_WRITERS, open_log
-from observer_rt.recording.recording import Recording
+from observer_rt.bus.links.link import Frame
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.can_log import LogFrame
+from observer_rt.recording.canlog.formats import LOG_WRITERS, open_log
+from observer_rt.recording.signals.files import WRITERS, read_recording, write_recording
+from observer_rt.recording.signals.recording import Recording
 
 PERIOD = 90_001  # ns between two frames, so that every digit of a stamp counts
 START = 1_700_000_000_123_456_789  # ns since 1970

@@ -6,7 +6,7 @@ the one with which its target is nearest the fault.
 
 import numpy as np
 
-from observer_rt.config import Bench, LearningConfig, Training
+from observer_rt.config.bench import Bench, LearningConfig, Training
 from observer_rt.evaluation.evaluate import evaluate
 from tools.benchmarks.cases import CLASSES, Case, Group
 from tools.benchmarks.peers import PeerScore

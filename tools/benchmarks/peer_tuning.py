@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 from rich.table import Table
 
-from observer_rt.units import MEGAPASCAL, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from tools.benchmarks.cases import CLASSES, Group, make_case
 from tools.benchmarks.kalman_peers import FilterResult, Tuning
 from tools.benchmarks.peer_inputs import PeerInputs, peer_inputs

@@ -9,7 +9,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from observer_rt.errors import RunError
+from observer_rt.foundation.errors import RunError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 from rich.console import Console
 
 import observer_rt
-from observer_rt.screen import progress_bar
+from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.pool import Crash, Task, run_tasks
 from tools.benchmarks.store import Store
 

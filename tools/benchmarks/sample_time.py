@@ -6,16 +6,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.continuity import Break
 from observer_rt.estimation.sensitivity import Parameter
-from observer_rt.estimation.sensor import LAG_UNIT
-from observer_rt.observer.knowledge import no_knowledge
-from observer_rt.observer.learning import Learner
+from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
+from observer_rt.model.sensor import LAG_UNIT
+from observer_rt.observer.learning.knowledge import no_knowledge
+from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.observer import make_observer
-from observer_rt.observer.state import Observer
-from observer_rt.observer.step import advance_stream, push
-from observer_rt.service.constants import bench_constants, configured_noise
-from observer_rt.units import MEGAPASCAL, MICROMETRE, MICROSECOND
+from observer_rt.observer.stream.state import Observer
+from observer_rt.observer.stream.step import advance_stream, push
+from observer_rt.service.core.constants import bench_constants, configured_noise
 from tools.benchmarks.score import SampleTime
 from tools.benchmarks.scoring import bench_at
 

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config import Bench, SamplingConfig, load_bench
+from observer_rt.config.bench import Bench, SamplingConfig, load_bench
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
-from observer_rt.recording.recording import Recording
-from observer_rt.service.learners import LearnerFactory, make_learner
-from observer_rt.service.report import InjectionReport
-from observer_rt.service.training import InlineExecutor
-from observer_rt.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.learners import LearnerFactory, make_learner
+from observer_rt.service.core.worker import InlineExecutor
 from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore

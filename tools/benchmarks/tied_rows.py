@@ -7,9 +7,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window, correct
-from observer_rt.estimation.sensor import lagged
-from observer_rt.paper.network import FreeNetwork, free_fault
-from observer_rt.paper.systems import PaperSetting, balanced_rate, observe
+from observer_rt.model.sensor import lagged
+from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
+from observer_rt.observer.paper_scheme.systems import PaperSetting, balanced_rate, observe
 
 
 class Correction(NamedTuple):

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config import Bench
+from observer_rt.config.bench import Bench
 from observer_rt.evaluation.evaluate import Evaluation, Trace, evaluate
-from observer_rt.observer.state import State
-from observer_rt.recording.framing import Span, windows
-from observer_rt.recording.recording import Recording
-from observer_rt.service.counters import Counters
-from observer_rt.service.learners import LearnerFactory
+from observer_rt.observer.stream.state import State
+from observer_rt.recording.replay.framing import Span, windows
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.counters import Counters
+from observer_rt.service.core.learners import LearnerFactory
 
 
 def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFactory) -> Evaluation:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
 from tools.benchmarks.plant import Outcome, Truth
 from tools.benchmarks.score import EstimatorScore
 

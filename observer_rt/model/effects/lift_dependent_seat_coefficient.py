@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
+from observer_rt.foundation.units import MICROMETRE
 from observer_rt.model.coefficients import NO_DEPARTURES
 from observer_rt.model.effect import Effect, EffectClass, EffectParameter, Equation, Place
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.units import MICROMETRE
 
 
 def _apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
+from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.effect import Effect, EffectClass, EffectParameter, Equation, Place
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.units import MEGAPASCAL
 
 
 def _apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from observer_rt.config import NOMINAL_INJECTOR
+from observer_rt.config.bench import NOMINAL_INJECTOR
 
 TIME_LIMIT = 600  # s
 OUR_PROGRAM = (sys.executable, "-m", "observer_rt")

@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.data import measurements
-from observer_rt.discovery.windows import Inputs
+from observer_rt.discovery.evidence.measurement import measurements
+from observer_rt.discovery.evidence.windows import Inputs
 from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import Setting, Window, follow
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.recording.recording import Recording
+from observer_rt.recording.signals.recording import Recording
 
 SUBSTEPS = 10  # at 100 kHz: a fifth of what is stable at the largest orifice
 

@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 from rich.console import Console
 
 import observer_rt
-from observer_rt.screen import progress_bar
+from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.discovery.answers import OUR_PROGRAM, Answer, ask
 from tools.benchmarks.discovery.cases import HiddenCase, make_case
 from tools.benchmarks.discovery.generator import LABELS, HidingPlan, opened, write_recordings

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config import load_injector
+from observer_rt.config.bench import load_injector
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.units import MEGAPASCAL, MILLIGRAM
 from tools.benchmarks.discovery.answers import Answer, Claim
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, HiddenCase, benches, without_noise
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, same_effect

@@ -1,0 +1,135 @@
+"""What the alignment remembers: streams of messages, samples that wait, samples decided."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.mapping.input_tables import MAX_INPUTS
+from observer_rt.bus.mapping.timing import SLOTS, Following
+from observer_rt.foundation.continuity import Break
+
+STREAM = np.dtype(
+    [
+        ("on_grid", np.bool_),  # its index is the grid's; else it is a follower
+        ("seen", np.bool_),
+        ("first_index", np.int64),  # of the first sample, unwrapped
+        ("next_index", np.int64),  # of the sample expected next
+        ("last_start", np.int64),  # of the last accepted block
+        ("jump_block", np.int64),  # start of the last block before the last gap of this message
+        ("jump_from", np.int64),  # that gap: [jump_from, jump_to)
+        ("jump_to", np.int64),
+        ("jump_contiguous", np.bool_),  # by the E2E counter
+        ("old_blocks", np.int64),  # consecutive
+        ("old_next", np.int64),
+    ],
+    align=True,
+)
+
+# A message with samples between those of the grid, or further apart.
+FOLLOWER = np.dtype(
+    [
+        ("roles", np.int64),  # bit r: carries ROLES[r]
+        ("spacing", np.float64),  # samples of the grid between two of its own
+        (
+            "reach",
+            np.float64,
+        ),  # samples of the grid between two of its own that are joined by a straight line
+        ("holds", np.bool_),  # its last value counts for `reach`
+        ("begun", np.bool_),
+        ("position", np.float64),  # of its last sample on the grid
+        ("values", np.float64, (MAX_INPUTS,)),  # SI
+        ("first_index", np.int64),  # of the first sample of the grid that has its values
+        ("next_index", np.int64),  # of the first that has not got them yet
+        ("lift_row", np.int64),  # index of the sample of the grid that has its last lift
+        ("lift_after", np.float64),  # by how much [samples of the grid] it was taken later than that
+        ("shut_for", np.int64),  # its samples in a row with a closed needle
+        ("stale", np.bool_),  # the others do not wait for it any longer
+    ],
+    align=True,
+)
+
+SLOT = np.dtype(
+    [
+        ("index", np.int64),
+        ("present", np.int64),
+        ("interpolated", np.bool_),  # over a gap of a follower
+        ("values", np.float64, (MAX_INPUTS,)),
+        ("shares", np.float64, (MAX_INPUTS,)),  # 0..1: see `alignment.store`
+    ],
+    align=True,
+)
+
+ALIGNED = np.dtype(
+    [
+        ("index", np.int64),
+        ("values", np.float64, (MAX_INPUTS,)),  # SI, in the order of ROLES
+        ("shares", np.float64, (MAX_INPUTS,)),
+        ("interpolated", np.bool_),
+        ("broken", np.int8),  # Break
+    ],
+    align=True,
+)
+
+ALIGNMENT = np.dtype(
+    [
+        ("streams", STREAM, (MAX_INPUTS,)),
+        ("followers", FOLLOWER, (MAX_INPUTS,)),
+        ("stream_count", np.int64),
+        ("next_index", np.int64),  # of the sample to decide on next
+        ("newest", np.int64),  # index beyond the last sample any message sent
+        ("begun", np.bool_),
+        ("next_break", np.int8),  # of the first sample to come: START or RESTART
+        ("last_index", np.int64),  # of the last sample passed on
+        ("last_values", np.float64, (MAX_INPUTS,)),
+        ("closed_lift", np.float64),  # m, at or below which the needle is closed
+        ("ready", np.int64),  # samples in the queue
+        # counters
+        ("lost", np.int64),  # samples
+        ("repeated", np.int64),  # blocks
+        ("old", np.int64),
+        ("restarts", np.int64),
+        ("jumps", np.int64),
+    ],
+    align=True,
+)
+
+
+class Alignment(NamedTuple):
+    """Alignment as compiled functions see it; `queue` holds `memory[0].ready` decided samples for the caller."""
+
+    memory: NDArray[np.void]  # (1,) ALIGNMENT
+    slots: NDArray[np.void]  # (SLOTS,) SLOT
+    queue: NDArray[np.void]  # (2 SLOTS,) ALIGNED
+
+
+def make_alignment(following: Sequence[Following | None], closed_lift: float) -> Alignment:
+    """Empty alignment of messages on the grid (None) and others that follow it.
+
+    `closed_lift` [m] bounds the lift of a closed needle.
+    """
+    alignment = Alignment(np.zeros(1, ALIGNMENT), np.zeros(SLOTS, SLOT), np.zeros(2 * SLOTS, ALIGNED))
+    memory = alignment.memory[0]
+    memory["stream_count"] = len(following)
+    for number, follows in enumerate(following):
+        memory["streams"][number]["on_grid"] = follows is None
+        if follows is not None:
+            for name, value in follows._asdict().items():
+                memory["followers"][number][name] = value
+    memory["closed_lift"] = closed_lift
+    memory["next_break"] = int(Break.START)
+    alignment.slots["index"] = -1
+    return alignment
+
+
+def progress(alignment: Alignment) -> list[int]:
+    """The index on the grid up to which each stream has sent its samples; -1: none yet."""
+    memory = alignment.memory[0]
+    count = int(memory["stream_count"])
+    return [
+        int(stream["next_index"] if stream["seen"] else -1)
+        if stream["on_grid"]
+        else int(follower["next_index"] if follower["begun"] else -1)
+        for stream, follower in zip(memory["streams"][:count], memory["followers"][:count], strict=True)
+    ]

@@ -1,0 +1,79 @@
+"""How regularly the input messages come, and how well the time of their samples is known."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from observer_rt.bus.alignment.clock import Jitter, jitter_of
+from observer_rt.bus.alignment.timekeeping import Timekeeping
+from observer_rt.bus.mapping.bus_map import BusMap, layout_of
+from observer_rt.bus.mapping.timing import Joining
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
+
+LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
+SECOND = 1e9  # ns
+LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
+
+
+@dataclass(frozen=True)
+class MessageTiming:
+    """One input message: delays of its frames, drift of its clock against the receiver's [-].
+
+    unknown [s]: what its samples may lie beside their place on the grid; 0 where an index joins them, infinite
+    while the clocks are not known.
+    """
+
+    name: str
+    jitter: Jitter
+    drift: float
+    unknown: float
+
+    @property
+    def pressure_error(self) -> float:
+        """Line pressure [Pa] that `unknown` is worth."""
+        return self.unknown * LINE_SLOPE
+
+    def as_text(self) -> str:
+        """One line for the screen."""
+        if self.jitter.frames == 0:
+            return f"{self.name}: times not known yet"
+        text = (
+            f"{self.name}: jitter {self.jitter.sigma / MICROSECOND:.1f} us, at most "
+            f"{self.jitter.greatest / MICROSECOND:.0f} us ({self.jitter.sigma * LINE_SLOPE / MEGAPASCAL:.2g} MPa, "
+            f"were it in the samples), {self._drift_as_text()}"
+        )
+        if self.unknown > 0.0:
+            text += (
+                f"; in the samples {self.unknown / MICROSECOND:.2g} us, "
+                f"{self.pressure_error / MEGAPASCAL:.2g} MPa"
+            )
+        return text
+
+    def _drift_as_text(self) -> str:
+        if abs(self.drift) < LARGEST_DRIFT:
+            return f"drift {self.drift * 1e6:+.1f} ppm"
+        return f"sent at {1.0 / (1.0 + self.drift):.3g} times its rate"
+
+
+def summary_of(timing: Sequence[MessageTiming]) -> str:
+    """The worst of all messages in less than 80 characters."""
+    known = [message.jitter.sigma for message in timing if message.jitter.frames > 0]
+    if len(known) < len(timing):
+        return "jitter not known yet"
+    jitter, unknown = max(known), max(message.unknown for message in timing)
+    text = f"jitter {jitter / MICROSECOND:.1f} us ({jitter * LINE_SLOPE / MEGAPASCAL:.2g} MPa)"
+    if unknown > 0.0:
+        text += f"  time unknown {unknown / MICROSECOND:.2g} us ({unknown * LINE_SLOPE / MEGAPASCAL:.2g} MPa)"
+    return text
+
+
+def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:
+    """What the stamps have shown so far, message by message."""
+    grid = keeping.clocks[int(keeping.memory[0]["leading"])]
+    result = []
+    for stream, (timing, clock) in enumerate(zip(keeping.timing, keeping.clocks, strict=True)):
+        unknown = 0.0
+        if timing["joining"] == Joining.CLOCK:
+            unknown = float(grid["residual"] + clock["residual"]) / SECOND
+        drift = float(clock["drift"]) / float(clock["interval"])
+        result.append(MessageTiming(bus.name_of(layout_of(bus, stream)), jitter_of(clock), drift, unknown))
+    return tuple(result)

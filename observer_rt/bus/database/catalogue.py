@@ -1,0 +1,74 @@
+"""The bus databases of a bench: which message of which file is meant, and which bus it is on."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from cantools.database.can import Message
+
+from observer_rt.bus.database.dbc_file import load_database, overlooked
+from observer_rt.bus.database.lookup import find_message
+from observer_rt.config.bench import Bench
+from observer_rt.foundation.errors import UserError
+
+
+class BusMessage(NamedTuple):
+    """A message, and the number of the bus it is on."""
+
+    message: Message
+    bus: int
+
+
+class BenchDatabases:
+    """The databases a bench file names, read. Raises `UserError` for one that cannot be."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._databases = [
+            (path, entry.lenient, load_database(path, entry.lenient), bench.config.bus_number(entry.link))
+            for path, entry in zip(bench.databases, bench.config.dbc, strict=True)
+        ]
+
+    def find(self, key: str, name: str, link: str | None) -> BusMessage:
+        """The first message of this name; `link` names its bus, of whose databases it is taken if one has it.
+
+        Raises `UserError` naming bench file, `key` of it and what the database has instead.
+        """
+        config = self._bench.config
+        in_order = [(database, bus) for _, _, database, bus in self._databases]
+        if link is not None:
+            wanted = config.bus_number(link)
+            in_order.sort(key=lambda known: known[1] != wanted)
+            in_order = [(database, wanted) for database, _ in in_order]
+        for database, bus in in_order:
+            if any(message.name == name for message in database.messages):
+                return BusMessage(find_message(database, name), bus)
+        with named(f"{self._bench.path}: {key}"):
+            return BusMessage(find_message(in_order[0][0], name), in_order[0][1])
+
+    def __iter__(self) -> Iterator[tuple[Path, BusMessage]]:
+        """All messages, used or not, on the buses of their databases."""
+        return (
+            (path, BusMessage(message, bus))
+            for path, _, database, bus in self._databases
+            for message in database.messages
+        )
+
+    def overlooked(self) -> tuple[str, ...]:
+        """What is wrong with databases that were read leniently."""
+        return tuple(
+            f"{path}: {complaint}"
+            for path, lenient, database, _ in self._databases
+            if lenient
+            for complaint in overlooked(database)
+        )
+
+
+@contextmanager
+def named(place: str) -> Iterator[None]:
+    """Errors that name message and signal also name the place in the bench file."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(place, f"{error.place} {error.problem}", error.remedy) from None

@@ -1,0 +1,295 @@
+"""Signals of a bus database, compiled into a table that decodes and encodes payloads without Python.
+
+cantools is the reference: wherever it defines a result, `decode` gives the same number as a float and
+`encode` the same bits (`rint`, half to even). Where it defines none, or one that could mislead:
+
+- The code "not available" and the code "error" decode to NaN, and no number encodes to either of them: it
+  becomes the nearest code that is neither.
+- A number outside the declared minimum and maximum, or outside what the field holds, is clamped (infinities
+  included).
+- NaN encodes to "not available"; without that code to NaN in a float field, else to the number nearest zero.
+- A float64 holds 53 bits. An integer wider than that decodes to the nearest float64 (half to even) when it is
+  not scaled; scaled, it is the float64 product and sum, not rounded once from exact integers. Encoding a
+  float64 is exact at any width.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from cantools.database.can import Message, Signal
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.bus.database.lookup import error_code, find_signal, not_available_code
+from observer_rt.foundation.errors import UserError
+
+# How the bits of a field are to be read.
+UNSIGNED, SIGNED, FLOAT16, FLOAT32, FLOAT64 = 0, 1, 2, 3, 4
+_FLOAT_KIND = {16: FLOAT16, 32: FLOAT32, 64: FLOAT64}
+_LARGEST_FLOAT = {16: 65504.0, 32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.float64).max)}
+
+SIGNAL = np.dtype(
+    [
+        ("kind", np.int64),
+        ("first_byte", np.int64),  # the byte with the least significant bit
+        ("step", np.int64),  # to the byte with the next higher bits: +1 little-endian, -1 big-endian
+        ("byte_count", np.int64),  # bytes touched, 1 to 9
+        ("shift", np.uint64),  # of the least significant bit in its byte
+        ("mask", np.uint64),  # as many ones as the field has bits
+        ("sign", np.uint64),  # the sign bit of a signed field
+        ("scale", np.float64),
+        ("offset", np.float64),
+        ("lowest", np.float64),  # raw, by minimum and field
+        ("highest", np.float64),
+        ("has_not_available", np.bool_),
+        ("not_available", np.uint64),
+        ("instead_of_not_available", np.uint64),  # nearest code that is an ordinary number
+        ("has_error", np.bool_),
+        ("error", np.uint64),
+        ("instead_of_error", np.uint64),
+    ],
+    align=True,
+)
+
+
+def signal_table(message: Message, names: Sequence[str]) -> NDArray[np.void]:
+    """Compile the signals `names` of `message`, in this order, into a table of dtype `SIGNAL`.
+
+    Raises:
+        UserError: a signal is missing, does not fit, has scale 0, a float of odd width, or no usable code.
+    """
+    table = np.zeros(len(names), SIGNAL)
+    for row, name in zip(table, names, strict=True):
+        _compile(find_signal(message, name), row, f"message {message.name}, signal {name}", message.length)
+    return table
+
+
+def _compile(signal: Signal, row: np.void, place: str, message_length: int) -> None:
+    if signal.length > 64:
+        raise UserError(place, f"has {signal.length} bits, at most 64 are supported")
+    if signal.scale == 0:
+        raise UserError(place, "has scale 0", "correct the scale in the bus database")
+    if signal.conversion.is_float and signal.length not in _FLOAT_KIND:
+        raise UserError(place, f"is a float of {signal.length} bits, must be 16, 32 or 64")
+    _set_position(signal, row)
+    last_byte = row["first_byte"] + row["step"] * (row["byte_count"] - 1)
+    if min(row["first_byte"], last_byte) < 0 or max(row["first_byte"], last_byte) >= message_length:
+        raise UserError(
+            place, f"does not fit in the {message_length} bytes of the message", "correct the bus database"
+        )
+    if signal.conversion.is_float:
+        row["kind"] = _FLOAT_KIND[signal.length]
+    else:
+        row["kind"] = SIGNED if signal.is_signed else UNSIGNED
+    row["scale"] = signal.scale
+    row["offset"] = signal.offset
+    row["lowest"], row["highest"] = _raw_limits(signal)
+    if row["lowest"] > row["highest"]:
+        raise UserError(
+            place, f"no code of {signal.length} bits lies within {signal.minimum} to {signal.maximum}"
+        )
+    _set_reserved_codes(signal, row, place)
+
+
+def _set_position(signal: Signal, row: np.void) -> None:
+    """DBC counts bits from 0 at the least significant bit of each byte, and `start` is the most significant
+    bit of a big-endian signal."""
+    if signal.byte_order == "little_endian":
+        row["first_byte"], row["step"], row["shift"] = signal.start // 8, 1, signal.start % 8
+    else:
+        last_in_transmission = 8 * (signal.start // 8) + (7 - signal.start % 8) + signal.length - 1
+        row["first_byte"], row["step"] = last_in_transmission // 8, -1
+        row["shift"] = 7 - last_in_transmission % 8
+    row["byte_count"] = (int(row["shift"]) + signal.length + 7) // 8
+    row["mask"] = (1 << signal.length) - 1
+    row["sign"] = 1 << (signal.length - 1)
+
+
+def _raw_limits(signal: Signal) -> tuple[float, float]:
+    """Lowest and highest raw value by the declared range and by the field, both float64 the field holds."""
+    if signal.conversion.is_float:
+        highest = _LARGEST_FLOAT[signal.length]
+        lowest = -highest
+    elif signal.is_signed:
+        lowest, highest = -math.ldexp(1.0, signal.length - 1), _largest_float_to((1 << signal.length - 1) - 1)
+    else:
+        lowest, highest = 0.0, _largest_float_to((1 << signal.length) - 1)
+    # [0|0] means no range; cantools knows it, but not [0.0|0.0].
+    stated = (None, None) if signal.minimum == signal.maximum == 0 else (signal.minimum, signal.maximum)
+    declared = [(limit - signal.offset) / signal.scale if limit is not None else None for limit in stated]
+    if signal.scale < 0:
+        declared.reverse()
+    if not signal.conversion.is_float:
+        declared = [float(np.rint(raw)) if raw is not None else None for raw in declared]
+    declared_lowest, declared_highest = declared
+    return (
+        lowest if declared_lowest is None else max(lowest, declared_lowest),
+        highest if declared_highest is None else min(highest, declared_highest),
+    )
+
+
+def _largest_float_to(limit: int) -> float:
+    """The largest float64 not above `limit`: 2^64 - 1 itself would round up, out of the field."""
+    nearest = float(limit)
+    return nearest if int(nearest) <= limit else math.nextafter(nearest, 0.0)
+
+
+def _set_reserved_codes(signal: Signal, row: np.void, place: str) -> None:
+    not_available, error = not_available_code(signal), error_code(signal)
+    reserved = [code for code in (not_available, error) if code is not None]
+    if not_available is not None:
+        row["has_not_available"], row["not_available"] = True, not_available
+        row["instead_of_not_available"] = _nearest_ordinary(not_available, reserved, row, place)
+    if error is not None:
+        row["has_error"], row["error"] = True, error
+        row["instead_of_error"] = _nearest_ordinary(error, reserved, row, place)
+
+
+def _nearest_ordinary(code: int, reserved: list[int], row: np.void, place: str) -> int:
+    """The code nearest to `code` whose value is within the limits and not reserved."""
+    value = _raw_value(np.uint64(code), row)
+    if not row["lowest"] <= value <= row["highest"]:
+        return code  # clamping keeps every number away from it
+    mask = int(row["mask"])
+    # At most the other reserved code stands between.
+    for distance in range(1, len(reserved) + 1):
+        for candidate in ((code - distance) & mask, (code + distance) & mask):
+            raw = _raw_value(np.uint64(candidate), row)
+            wrapped_round = row["kind"] < FLOAT16 and abs(raw - value) > distance
+            if candidate not in reserved and not wrapped_round and row["lowest"] <= raw <= row["highest"]:
+                return candidate
+    raise UserError(place, "all codes within its range are reserved", "correct GenSigSNA or GenSigError")
+
+
+@njit(cache=True, nogil=True)
+def decode(payload: NDArray[np.uint8], table: NDArray[np.void], out: NDArray[np.float64]) -> None:
+    """Physical values, in the units of the bus database, of the signals in `table`.
+
+    `payload`: the bytes of one frame, at least as long as the message (not checked here). `out`: as many
+    as `table` has rows; NaN where the signal is not available or in error.
+    """
+    for i in range(table.size):
+        signal = table[i]
+        bits = field_bits(payload, signal)
+        if (signal.has_not_available and bits == signal.not_available) or (
+            signal.has_error and bits == signal.error
+        ):
+            out[i] = np.nan
+            continue
+        raw = _raw_value(bits, signal)
+        # An unscaled float passes as it is: adding zero would lose the sign of -0.0.
+        if signal.kind >= FLOAT16 and signal.scale == 1.0 and signal.offset == 0.0:
+            out[i] = raw
+        else:
+            out[i] = raw * signal.scale + signal.offset
+
+
+@njit(cache=True, nogil=True)
+def encode(values: NDArray[np.float64], table: NDArray[np.void], payload: NDArray[np.uint8]) -> None:
+    """Write physical values, in the units of the bus database, into `payload` in place.
+
+    `values`: as many as `table` has rows; NaN means not available. `payload`: at least as long as the message
+    (not checked here); bits of other signals stay as they are.
+    """
+    for i in range(table.size):
+        signal = table[i]
+        put_bits(payload, signal, _bits(values[i], signal))
+
+
+@njit(cache=True, nogil=True)
+def field_bits(payload, signal):  # type: ignore[no-untyped-def]
+    """The bits of a signal's field as they are; `signal`: one row of a table."""
+    bits = np.uint64(payload[signal.first_byte]) >> signal.shift
+    filled = np.uint64(8) - signal.shift
+    position = signal.first_byte
+    for _ in range(1, signal.byte_count):
+        position += signal.step
+        bits |= np.uint64(payload[position]) << filled
+        filled += np.uint64(8)
+    return bits & signal.mask
+
+
+@njit(cache=True, nogil=True)
+def put_bits(payload, signal, bits):  # type: ignore[no-untyped-def]
+    """Write the low bits of `bits` into a signal's field, in place."""
+    bits &= signal.mask
+    low_bits = np.uint64(8) - signal.shift
+    position = signal.first_byte
+    kept = ~(signal.mask << signal.shift) & np.uint64(0xFF)
+    payload[position] = (np.uint64(payload[position]) & kept) | ((bits << signal.shift) & np.uint64(0xFF))
+    for _ in range(1, signal.byte_count):
+        position += signal.step
+        kept = ~(signal.mask >> low_bits) & np.uint64(0xFF)
+        payload[position] = (np.uint64(payload[position]) & kept) | ((bits >> low_bits) & np.uint64(0xFF))
+        low_bits += np.uint64(8)
+
+
+@njit(cache=True, nogil=True)
+def _raw_value(bits, signal):  # type: ignore[no-untyped-def]
+    """The number a field holds, before scale and offset."""
+    if signal.kind == UNSIGNED:
+        return np.float64(bits)
+    if signal.kind == SIGNED:
+        return np.float64(np.int64((bits ^ signal.sign) - signal.sign))
+    if signal.kind == FLOAT32:
+        return np.float64(np.uint32(bits).view(np.float32))
+    if signal.kind == FLOAT64:
+        return np.uint64(bits).view(np.float64)
+    return _float16_value(bits)
+
+
+@njit(cache=True, nogil=True)
+def _bits(value, signal):  # type: ignore[no-untyped-def]
+    """The field that stands for a physical value; for a signed one the bits above the field are set too."""
+    if np.isnan(value):
+        if signal.has_not_available:
+            return signal.not_available
+        if signal.kind < FLOAT16:
+            value = 0.0
+    raw = (value - signal.offset) / signal.scale
+    if raw < signal.lowest:
+        raw = signal.lowest
+    elif raw > signal.highest:
+        raw = signal.highest
+    if signal.kind == UNSIGNED:
+        bits = np.uint64(np.rint(raw))
+    elif signal.kind == SIGNED:
+        bits = np.uint64(np.int64(np.rint(raw))) & signal.mask
+    elif signal.kind == FLOAT32:
+        bits = np.uint64(np.float32(raw).view(np.uint32))
+    elif signal.kind == FLOAT64:
+        bits = np.float64(raw).view(np.uint64)
+    else:
+        bits = _float16_bits(raw)
+    if signal.has_not_available and bits == signal.not_available:
+        return signal.instead_of_not_available
+    if signal.has_error and bits == signal.error:
+        return signal.instead_of_error
+    return bits
+
+
+@njit(cache=True, nogil=True)
+def _float16_value(bits):  # type: ignore[no-untyped-def]
+    exponent = np.int64(bits >> np.uint64(10)) & 0x1F
+    fraction = np.float64(bits & np.uint64(0x3FF))
+    if exponent == 0x1F:
+        magnitude = np.inf if fraction == 0.0 else np.nan
+    elif exponent == 0:
+        magnitude = fraction * 2.0**-24
+    else:
+        magnitude = (fraction + 1024.0) * 2.0 ** (exponent - 25)
+    return math.copysign(magnitude, -1.0 if bits & np.uint64(0x8000) else 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _float16_bits(raw):  # type: ignore[no-untyped-def]
+    """Rounded half to even; `raw` is NaN or within +-65504."""
+    if np.isnan(raw):
+        return np.uint64(0x7E00)
+    # Below 2^-14 the step is 2^-24 and there is no hidden bit; above, eleven bits count.
+    exponent = math.frexp(raw)[1] if abs(raw) >= 2.0**-14 else -13
+    significand = np.int64(np.rint(abs(raw) * 2.0 ** (11 - exponent)))
+    # Adding, not or-ing: the hidden bit and a carry out of the fraction raise the exponent.
+    bits = significand + ((exponent + 13) << 10)
+    return np.uint64(bits | (0x8000 if math.copysign(1.0, raw) < 0.0 else 0))

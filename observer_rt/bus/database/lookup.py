@@ -1,0 +1,242 @@
+"""Bus databases: looking up messages and signals, and the layout attributes the observer needs."""
+
+import hashlib
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cantools.database.can import Database, Message, Signal
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.misspelt import nearest
+
+NANOSECONDS_PER_MILLISECOND = 1_000_000
+NOT_AVAILABLE_NAMES = ("sna", "not_available", "signal_not_available", "value_not_available")
+ERROR_NAMES = ("error", "err", "signal_error")
+
+
+@dataclass(frozen=True)
+class MessageLayout:
+    """What the observer must know of a message besides its signals.
+
+    `length` is in bytes. Time between two samples, time between two frames and number of samples in one are None
+    where the database does not state them. `e2e_profile` is the AUTOSAR profile number, None without protection.
+    """
+
+    name: str
+    frame_id: int
+    is_extended: bool
+    is_fd: bool
+    length: int
+    samples_per_frame: int | None
+    sample_period_ns: int | None
+    cycle_time_ns: int | None
+    e2e_profile: int | None
+    e2e_data_id: int | None
+    bus: int = 0
+    """Number of the bus it is on."""
+
+    @classmethod
+    def of(cls, message: Message, bus: int = 0) -> "MessageLayout":
+        """Read the layout of `message`, which is on the bus of this number.
+
+        Raises:
+            UserError: an attribute is not a number, or a protected message has no `E2EDataId`.
+        """
+        e2e_profile = _integer_attribute(message, "E2EProfile") or None
+        e2e_data_id = _integer_attribute(message, "E2EDataId")
+        if e2e_profile is not None and e2e_data_id is None:
+            raise UserError(
+                f"message {message.name}",
+                f"is protected by E2E profile {e2e_profile}, but has no attribute E2EDataId",
+                'add BA_ "E2EDataId" to the message, or set its E2EProfile to 0',
+            )
+        return cls(
+            name=message.name,
+            frame_id=message.frame_id,
+            is_extended=message.is_extended_frame,
+            is_fd=message.is_fd,
+            length=message.length,
+            samples_per_frame=_integer_attribute(message, "SamplesPerFrame") or None,
+            sample_period_ns=_integer_attribute(message, "SamplePeriodNs") or None,
+            cycle_time_ns=(message.cycle_time or 0) * NANOSECONDS_PER_MILLISECOND or None,
+            e2e_profile=e2e_profile,
+            e2e_data_id=e2e_data_id if e2e_profile is not None else None,
+            bus=bus,
+        )
+
+
+def database_hash(paths: Iterable[Path]) -> int:
+    """First 32 bits of the SHA-256 over the bytes of all files, in the order given.
+
+    Raises:
+        UserError: a file cannot be read.
+    """
+    digest = hashlib.sha256()
+    for path in paths:
+        try:
+            digest.update(path.read_bytes())
+        except OSError as error:
+            raise UserError(str(path), f"cannot be read: {error.strerror}") from None
+    return int.from_bytes(digest.digest()[:4], "big")
+
+
+def find_message(database: Database, name: str) -> Message:
+    """The message called `name`.
+
+    Raises:
+        UserError: there is none; names the nearest.
+    """
+    names = [message.name for message in database.messages]
+    if name not in names:
+        raise UserError(f"message {name}", "not in the bus database", _nearest(name, names))
+    return database.get_message_by_name(name)
+
+
+def signal_names(message: Message, pattern_or_list: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of the signals a mapping means, in sample order.
+
+    A list names them one by one; text with a replacement field, such as `"RailPressure_{:02d}"`, means all
+    signals it produces with 0, 1, 2, ... (or 1, 2, ...); text without one names a single signal.
+
+    Raises:
+        UserError: a signal is not in the message, or the pattern produces none or leaves out a number.
+    """
+    known = [signal.name for signal in message.signals]
+    place = f"message {message.name}"
+    if not isinstance(pattern_or_list, str):
+        wanted = tuple(pattern_or_list)
+        if not wanted:
+            raise UserError(place, "the list of signals is empty", "name at least one signal")
+        if len(set(wanted)) != len(wanted):
+            twice = next(name for name in wanted if wanted.count(name) > 1)
+            raise UserError(place, f"signal {twice} is listed twice", "list every signal once")
+    elif "{" in pattern_or_list:
+        wanted = _expand(pattern_or_list, known, place)
+    else:
+        wanted = (pattern_or_list,)
+    for name in wanted:
+        find_signal(message, name)
+    return wanted
+
+
+def find_signal(message: Message, name: str) -> Signal:
+    """The signal called `name`.
+
+    Raises:
+        UserError: there is none; names the nearest.
+    """
+    known = [signal.name for signal in message.signals]
+    if name not in known:
+        raise UserError(f"message {message.name}", f"has no signal {name}", _nearest(name, known))
+    return message.get_signal_by_name(name)
+
+
+def not_available_code(signal: Signal) -> int | None:
+    """Raw code of "signal not available": attribute `GenSigSNA`, or the code of that name in the value table.
+
+    Raises:
+        UserError: the attribute is not a code of the signal's width.
+    """
+    return _raw_code(signal, "GenSigSNA", NOT_AVAILABLE_NAMES)
+
+
+def error_code(signal: Signal) -> int | None:
+    """Raw code of "error": attribute `GenSigError`, or the code of that name in the value table; None without.
+
+    Raises:
+        UserError: the attribute is not a code of the signal's width.
+    """
+    return _raw_code(signal, "GenSigError", ERROR_NAMES)
+
+
+def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | None:
+    """The code as the bits of the field. Negative is a code for a signed signal, -1 means none otherwise."""
+    code = _integer_attribute(signal, attribute)
+    if code is None:
+        code = _named_code(signal, names)
+    if code is None or (code == -1 and not signal.is_signed):
+        return None
+    bits: int = signal.length
+    lowest = -(1 << (bits - 1)) if signal.is_signed else 0
+    if not lowest <= code < (1 << bits):
+        raise UserError(
+            f"signal {signal.name}",
+            f"{attribute} is {code}, which its {bits} bits cannot hold",
+            f"give a raw code from 0 to {(1 << bits) - 1}",
+        )
+    return code & ((1 << bits) - 1)
+
+
+def _named_code(signal: Signal, names: Collection[str]) -> int | None:
+    """The code a value table gives one of these names, in lower case with underscores; not of floats."""
+    if signal.conversion.is_float:
+        return None
+    choices = signal.choices or {}
+    return next((int(code) for code, name in choices.items() if _plain(str(name)) in names), None)
+
+
+def _plain(name: str) -> str:
+    return name.strip().lower().replace(" ", "_").replace("-", "_")
+
+
+def _integer_attribute(owner: Message | Signal, name: str) -> int | None:
+    """A database attribute set at `owner` itself as an integer; text like "0xFFFF" is accepted."""
+    attributes = owner.dbc.attributes if owner.dbc is not None else None
+    if not attributes or name not in attributes:
+        return None
+    value = attributes[name].value
+    try:
+        number: int | None = int(value, 0) if isinstance(value, str) else int(value)
+    except (ValueError, OverflowError):
+        number = None
+    if number is None or (isinstance(value, float) and number != value):
+        raise UserError(f"{owner.name}, attribute {name}", f"{value!r} is not a whole number")
+    return number
+
+
+def _expand(pattern: str, known: Sequence[str], place: str) -> tuple[str, ...]:
+    try:
+        # One number more than there are signals, because counting may start at 1.
+        produced = [pattern.format(number) for number in range(len(known) + 1)]
+    except (ValueError, IndexError, KeyError):
+        raise UserError(
+            place,
+            f"{pattern!r} is not a pattern of signal names",
+            'write it with one number field, as in "RailPressure_{:02d}"',
+        ) from None
+    present = [number for number, name in enumerate(produced) if name in known]
+    if not present or present[0] > 1:
+        raise UserError(
+            place, f"has no signal {produced[0]} (from {pattern!r})", _nearest(produced[0], known)
+        )
+    missing = sorted(set(range(present[0], present[-1])) - set(present))
+    if missing:
+        raise UserError(
+            place,
+            f"{pattern!r} leaves out {produced[missing[0]]}, though {produced[present[-1]]} exists",
+            "list the signals one by one, in sample order",
+        )
+    return tuple(produced[number] for number in present)
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    best = nearest(name, known)
+    return f"there are: {', '.join(known)}" if best is None else f"nearest name: {best}"
+
+
+def from_unit(
+    place: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]
+) -> float:
+    """What `units` holds for the unit of a signal: `unit` of the bench file, or else what the database states.
+
+    Raises `UserError` naming `place` of the bench file for a unit that is none of them.
+    """
+    stated = unit or find_signal(message, signal).unit or ""
+    if stated not in units:
+        raise UserError(
+            place,
+            f"unit {stated!r} of {message.name} is not known" if stated else f"{message.name} states no unit",
+            f'add unit = "..." with one of {", ".join(units)}',
+        )
+    return units[stated]

@@ -1,0 +1,134 @@
+"""Multiplexed signals: which frames of a message carry them.
+
+A multiplexed signal is in a frame only where its selector has one of the values the database lists; the selector
+may be multiplexed itself (extended multiplexing), so a signal has one condition for every selector above it.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from cantools.database.can import Message
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.bus.database.codec import field_bits, put_bits, signal_table
+from observer_rt.bus.database.lookup import find_signal
+from observer_rt.foundation.errors import UserError
+
+CONDITION = np.dtype([("selector", np.int64), ("value", np.uint64)], align=True)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """The field of `selector` must hold one of `values` (its raw bits)."""
+
+    selector: str
+    values: frozenset[int]
+
+
+Conditions: TypeAlias = frozenset[Condition]
+"""All must hold; none: the signal is in every frame."""
+
+
+class Selection(NamedTuple):
+    """Conditions as compiled functions see them.
+
+    Rows of `conditions` that follow each other with one selector are its alternatives; every selector must match.
+    """
+
+    selectors: NDArray[np.void]  # SIGNAL
+    conditions: NDArray[np.void]  # CONDITION
+
+
+def conditions_of(message: Message, name: str) -> Conditions:
+    """What must hold for a frame of `message` to carry the signal `name`.
+
+    Raises:
+        UserError: the signal or a selector is not there, or selectors select each other.
+    """
+    conditions: list[Condition] = []
+    signal = find_signal(message, name)
+    while signal.multiplexer_ids is not None:
+        if signal.multiplexer_signal is None or len(conditions) == len(message.signals):
+            raise UserError(
+                f"message {message.name}, signal {name}",
+                "is multiplexed, but by no selector that is always sent",
+                "correct the multiplexing in the bus database",
+            )
+        selector = find_signal(message, signal.multiplexer_signal)
+        mask = (1 << selector.length) - 1
+        conditions.append(
+            Condition(selector.name, frozenset(value & mask for value in signal.multiplexer_ids))
+        )
+        signal = selector
+    return frozenset(conditions)
+
+
+def are_exclusive(one: Conditions, other: Conditions) -> bool:
+    """Whether no frame meets both."""
+    return any(
+        mine.selector == yours.selector and not mine.values & yours.values for mine in one for yours in other
+    )
+
+
+def frame_kinds(conditions: Iterable[Conditions]) -> tuple[Mapping[str, int], ...]:
+    """Selector values of as few frames as it takes to carry signals under all these conditions.
+
+    In the order of the conditions; one frame without selectors where nothing is multiplexed.
+    """
+    wanted = list(dict.fromkeys(conditions))
+    kinds: list[tuple[int, dict[str, int]]] = []
+    # A frame for a nested signal also carries what its outer selector alone selects: those first.
+    for place, needed in sorted(enumerate(wanted), key=lambda item: -len(item[1])):
+        shared = next((n for n, (_, kind) in enumerate(kinds) if _can_meet(kind, needed)), len(kinds))
+        if shared == len(kinds):
+            kinds.append((place, {}))
+        first, kind = kinds[shared]
+        kinds[shared] = min(place, first), {c.selector: min(c.values) for c in needed} | kind
+    return tuple(kind for _, kind in sorted(kinds, key=lambda item: item[0])) or ({},)
+
+
+def meets(kind: Mapping[str, int], needed: Conditions) -> bool:
+    """Whether a frame with these selector values meets the conditions."""
+    return all(kind.get(condition.selector) in condition.values for condition in needed)
+
+
+def _can_meet(kind: Mapping[str, int], needed: Conditions) -> bool:
+    return all(
+        kind.get(condition.selector, min(condition.values)) in condition.values for condition in needed
+    )
+
+
+def blank_frame(message: Message, kind: Mapping[str, int]) -> NDArray[np.uint8]:
+    """A frame of `message` of one kind: its selectors set, all else 0."""
+    payload = np.zeros(message.length, np.uint8)
+    for signal, value in zip(signal_table(message, list(kind)), kind.values(), strict=True):
+        put_bits(payload, signal, np.uint64(value))
+    return payload
+
+
+def compile_conditions(message: Message, conditions: Conditions) -> Selection:
+    """Table of conditions for `is_selected`, selectors counted from 0."""
+    in_order = sorted(conditions, key=lambda condition: condition.selector)
+    rows = [(n, value) for n, condition in enumerate(in_order) for value in sorted(condition.values)]
+    return Selection(
+        signal_table(message, [condition.selector for condition in in_order]), np.array(rows, CONDITION)
+    )
+
+
+@njit(cache=True, nogil=True)
+def is_selected(payload: NDArray[np.uint8], selection: Selection, first: int, count: int) -> bool:
+    """Whether a frame meets the conditions in rows [first, first + count) of `selection`."""
+    row, end = first, first + count
+    while row < end:
+        selector = selection.conditions[row].selector
+        bits = field_bits(payload, selection.selectors[selector])
+        is_met = False
+        while row < end and selection.conditions[row].selector == selector:
+            is_met |= selection.conditions[row].value == bits
+            row += 1
+        if not is_met:
+            return False
+    return True

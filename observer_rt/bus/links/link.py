@@ -1,0 +1,160 @@
+"""The one protocol every CAN connection follows, and the choice of its implementation."""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from enum import StrEnum
+from types import TracebackType
+from typing import NamedTuple, Protocol, Self
+
+from observer_rt.bus.links.controller import BusCondition
+from observer_rt.foundation.errors import RunError
+
+
+class Frame(NamedTuple):
+    """One received data frame. `stamp_ns`: when, nanoseconds since 1970; by which clock says the link."""
+
+    frame_id: int
+    payload: bytes
+    stamp_ns: int
+    is_extended: bool = False
+    is_fd: bool = True
+    bit_rate_switch: bool = False
+    """Of a CAN FD frame: its data came at the faster bit rate."""
+    error_state_indicator: bool = False
+    """Of a CAN FD frame: its sender had seen so many errors that it was error passive."""
+
+
+class BusFrame(NamedTuple):
+    """A frame, and the number of the bus it came on."""
+
+    bus: int
+    frame: Frame
+
+
+class StampSource(StrEnum):
+    """Who says when a frame arrived; each less jittery than those after it."""
+
+    HARDWARE = "hardware"  # the CAN interface
+    KERNEL = "kernel"  # the kernel of this computer
+    DRIVER = "driver"  # a vendor's driver, by a clock it chooses
+    ARRIVAL = "arrival"  # this process
+
+
+class LinkDownError(RunError):
+    """The interface went down or away; `Link.reconnect` tells when it is back."""
+
+
+class Link(Protocol):
+    """An open connection to one CAN bus; a context manager that closes it.
+
+    Own frames are not received. Remote and error frames are left out; what error frames tell is in `condition`.
+    """
+
+    @abstractmethod
+    def receive(self, timeout_s: float) -> Frame | None:
+        """The next wanted frame, or None if none came within `timeout_s` [s] (0: only what waits already).
+
+        Raises:
+            LinkDownError: the interface went down or away.
+            RunError: it failed otherwise.
+        """
+
+    @abstractmethod
+    def send(
+        self,
+        frame_id: int,
+        payload: bytes,
+        is_extended: bool,
+        is_fd: bool,
+        bit_rate_switch: bool = True,
+        error_state_indicator: bool = False,
+    ) -> None:
+        """Send one data frame, the last two of a CAN FD frame. Waits a moment for a full queue.
+
+        A controller may set the error state indicator by itself.
+
+        Raises:
+            LinkDownError: the interface went down or away.
+            RunError: its queue stays full, it carries no CAN FD, or it failed otherwise.
+            ValueError: the payload is too long for a frame of this kind.
+        """
+
+    def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
+        """`send` without waiting: whether there was room for the frame. Raises as `send` does."""
+        self.send(frame_id, payload, is_extended, is_fd)
+        return True
+
+    def reconnect(self) -> None:
+        """Connect anew after a `LinkDownError`; what was counted stays. Nothing to do where nothing can be lost.
+
+        Raises:
+            LinkDownError: the interface is not back yet, or cannot be used as it is.
+        """
+        return
+
+    @property
+    @abstractmethod
+    def dropped(self) -> int:
+        """Frames lost by controller, driver or kernel so far, as known when the last frame was received."""
+
+    @property
+    def condition(self) -> BusCondition:
+        """How the controller fares; always the same where the interface does not tell."""
+        return BusCondition()
+
+    @property
+    def stamp_source(self) -> StampSource:
+        """Who stamps the received frames."""
+        return StampSource.ARRIVAL
+
+    @property
+    def descriptor(self) -> int | None:
+        """File descriptor that `poll` finds readable while `receive` has something to do; None where there is none.
+
+        Another one after `reconnect`.
+        """
+        return None
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What the user should know of the link, found when it was opened; with remedies."""
+        return ()
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the interface. The link cannot be used afterwards."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def open_link(
+    interface: str,
+    channel: str,
+    fd: bool,
+    receive_ids: Sequence[tuple[int, bool]] | None = None,
+    computer_time: bool = False,
+) -> Link:
+    """Connect to `channel` of a python-can interface; `socketcan` is served by a faster implementation.
+
+    `fd`: allow CAN FD frames. `receive_ids`: the (identifier, is extended) pairs wanted; None means all,
+    empty none. `computer_time`: stamp by the clock of this computer even if interface or driver have a better one,
+    so that stamps of several links can be compared.
+
+    Raises:
+        UserError: no such interface.
+        RunError: the interface is there but cannot be used.
+    """
+    # Imported here so that neither python-can's drivers nor Linux are needed by those who use the other.
+    if interface == "socketcan":
+        from observer_rt.bus.links.socketcan import SocketCanLink
+
+        return SocketCanLink(channel, fd, receive_ids, computer_time)
+    from observer_rt.bus.links.python_can import PythonCanLink
+
+    return PythonCanLink(interface, channel, fd, receive_ids, computer_time)

@@ -1,0 +1,156 @@
+"""A link over any python-can interface: vendor hardware, or `virtual` within one process."""
+
+import contextlib
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import can
+
+from observer_rt.bus.links.controller import BusCondition
+from observer_rt.bus.links.link import Frame, Link, LinkDownError, StampSource
+from observer_rt.foundation.errors import RunError, UserError
+
+SEND_TIMEOUT_S = 0.5  # how long a driver may wait for a place in its queue
+
+
+class PythonCanLink(Link):
+    """Time stamps are as good as python-can's float seconds: 0.24 us at best."""
+
+    def __init__(
+        self,
+        interface: str,
+        channel: str,
+        fd: bool,
+        receive_ids: Sequence[tuple[int, bool]] | None,
+        computer_time: bool = False,
+    ) -> None:
+        """See `open_link`."""
+        if interface not in can.VALID_INTERFACES:
+            known = ", ".join(sorted({"socketcan", *can.VALID_INTERFACES}))
+            raise UserError("link.interface", f"unknown interface {interface!r}", f"use one of {known}")
+        self._interface, self._channel, self._fd = interface, channel, fd
+        self._name = f"{interface} channel {channel}"
+        self._receive_ids = None if receive_ids is None else frozenset(receive_ids)
+        self._by_arrival = computer_time or interface == "virtual"
+        self._computer_time = computer_time
+        self._condition = BusCondition()
+        self._open()
+
+    def _open(self) -> None:
+        try:
+            self._bus = can.Bus(interface=self._interface, channel=self._channel, fd=self._fd)
+        except (can.CanError, OSError, ValueError, TypeError) as error:
+            raise LinkDownError(
+                f"{self._name} cannot be opened: {error}\n"
+                "  remedy: check that the device is connected, its driver installed and the channel correct"
+            ) from error
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        deadline = time.monotonic() + timeout_s
+        # Frames are chosen here, not by python-can: its recv(0) may report "none" for an unwanted frame.
+        while True:
+            try:
+                message = self._bus.recv(max(0.0, deadline - time.monotonic()))
+            except (can.CanError, OSError) as error:
+                raise LinkDownError(
+                    f"{self._name} failed while receiving: {error}\n"
+                    "  remedy: check that the device is connected"
+                ) from error
+            if message is None:
+                return None
+            if message.is_error_frame:
+                counted = self._condition.error_frames + 1
+                self._condition = replace(self._condition, error_frames=counted)
+                continue
+            key = (message.arbitration_id, message.is_extended_id)
+            if message.is_remote_frame:
+                continue
+            if self._receive_ids is None or key in self._receive_ids:
+                stamp_ns = 0 if self._computer_time else round(message.timestamp * 1e9)
+                return Frame(
+                    message.arbitration_id,
+                    bytes(message.data),
+                    stamp_ns or time.time_ns(),  # not every driver has stamps
+                    message.is_extended_id,
+                    message.is_fd,
+                    message.is_fd and message.bitrate_switch,
+                    message.is_fd and message.error_state_indicator,
+                )
+
+    def send(
+        self,
+        frame_id: int,
+        payload: bytes,
+        is_extended: bool,
+        is_fd: bool,
+        bit_rate_switch: bool = True,
+        error_state_indicator: bool = False,
+    ) -> None:
+        message = _message(frame_id, payload, is_extended, is_fd, bit_rate_switch, error_state_indicator)
+        try:
+            self._send(message, SEND_TIMEOUT_S)
+        except (can.CanError, OSError) as error:
+            raise RunError(
+                f"{self._name} cannot send: {error}\n"
+                "  remedy: check that another node is on the bus and the bit rates agree"
+            ) from error
+
+    def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
+        """Whether the driver took it. What else but a full queue kept it from that, receiving tells."""
+        message = _message(frame_id, payload, is_extended, is_fd)
+        try:
+            self._send(message, 0.0)
+        except (can.CanError, OSError):  # drivers have errors of their own for a full queue
+            return False
+        return True
+
+    def _send(self, message: can.Message, timeout_s: float) -> None:
+        self._bus.send(message, timeout_s)
+        if self._receive_ids is not None and not self._receive_ids:
+            self._discard_received()
+
+    def reconnect(self) -> None:
+        self.close()
+        self._open()
+
+    def _discard_received(self) -> None:
+        """A link that only sends is never read, and the queue of the virtual bus grows without limit."""
+        while self._bus.recv(0.0) is not None:
+            pass
+
+    @property
+    def dropped(self) -> int:
+        """Always 0: python-can does not tell. The virtual bus loses nothing."""
+        return 0
+
+    @property
+    def condition(self) -> BusCondition:
+        return self._condition
+
+    @property
+    def stamp_source(self) -> StampSource:
+        return StampSource.ARRIVAL if self._by_arrival else StampSource.DRIVER
+
+    def close(self) -> None:
+        with contextlib.suppress(can.CanError, OSError):  # the device may be gone
+            self._bus.shutdown()
+
+
+def _message(
+    frame_id: int,
+    payload: bytes,
+    is_extended: bool,
+    is_fd: bool,
+    bit_rate_switch: bool = True,
+    error_state_indicator: bool = False,
+) -> can.Message:
+    return can.Message(
+        arbitration_id=frame_id,
+        data=payload,
+        is_extended_id=is_extended,
+        is_fd=is_fd,
+        bitrate_switch=is_fd and bit_rate_switch,
+        error_state_indicator=is_fd and error_state_indicator,
+        check=True,
+    )

@@ -1,0 +1,279 @@
+"""A link over a raw SocketCAN socket: one system call a frame, exact time stamps, lost frames counted."""
+
+import errno
+import fcntl
+import select
+import socket
+import struct
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from observer_rt.bus.links.controller import BusCondition, BusState, ErrorClass, after_error_frame
+from observer_rt.bus.links.link import Frame, Link, LinkDownError, StampSource
+from observer_rt.bus.links.stamps import ANCILLARY_BYTES, StampReader
+from observer_rt.foundation.errors import RunError, UserError
+
+RECEIVE_BUFFER_BYTES = 16 << 20  # some 20,000 frames; the usual default holds about 300
+FRAME_BYTES = 768  # about what a received frame takes of it
+SEND_RETRY_S = 0.5e-3  # about three full frames at 500k/5M
+SEND_PATIENCE_S = 0.5
+
+# Of the generic Linux interface, not all known to Python's socket module.
+_SO_RCVBUFFORCE = 33
+_SO_RXQ_OVFL = 40
+_SIOCGIFMTU = 0x8921
+_CAN_RAW_ERR_FILTER = 2
+_CANFD_MTU = 72
+_CANFD_BRS, _CANFD_ESI = 0x01, 0x02  # flags: bit rate switched, sender error passive
+_CLASSIC_DATA_BYTES = 8
+_FD_DATA_BYTES = 64
+_ARPHRD_CAN = 280
+
+# struct can_frame: identifier, length, 3 unused, data. struct canfd_frame: identifier, length, flags, 2
+# unused, data. The whole size tells which of the two was read.
+_HEADER = struct.Struct("=IBB2x")
+_CLASSIC_FRAME = struct.Struct("=IB3x8s")
+_FD_FRAME = struct.Struct("=IBB2x64s")
+_FILTER = struct.Struct("=II")
+_COUNT = struct.Struct("=I")
+_ANCILLARY_BYTES = ANCILLARY_BYTES + socket.CMSG_SPACE(_COUNT.size)
+_TOLD_ERRORS = ErrorClass.CONTROLLER | ErrorClass.BUS_OFF | ErrorClass.RESTARTED
+
+
+class SocketCanLink(Link):
+    """Raw socket on one interface, such as `can0` or `vcan0`."""
+
+    def __init__(
+        self,
+        channel: str,
+        fd: bool,
+        receive_ids: Sequence[tuple[int, bool]] | None,
+        computer_time: bool = False,
+    ) -> None:
+        """See `open_link`."""
+        if not hasattr(socket, "AF_CAN"):
+            raise UserError("link.interface", "socketcan needs Linux", "use another python-can interface")
+        self._channel = channel
+        self._fd = fd
+        self._receive_ids = receive_ids
+        self._computer_time = computer_time
+        self._dropped = 0
+        self._condition = BusCondition()
+        self._warnings: list[str] = []
+        self._open()
+
+    def _open(self) -> None:
+        try:
+            self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        except OSError as error:
+            raise RunError(
+                f"the kernel offers no SocketCAN: {error.strerror}\n  remedy: sudo modprobe can_raw"
+            ) from error
+        try:
+            self._configure()
+        except OSError as error:
+            self._socket.close()
+            raise self._failure(error) from error
+        except RunError:
+            self._socket.close()
+            raise
+        self._dropped_by_socket = 0
+        self._readable = select.poll()
+        self._readable.register(self._socket, select.POLLIN)
+
+    def _configure(self) -> None:
+        if self._fd:
+            self._require_fd_mtu()
+            self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+        self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, _filters(self._receive_ids))
+        if self._receive_ids is None or self._receive_ids:  # else nobody would ever read them
+            self._socket.setsockopt(socket.SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, int(_TOLD_ERRORS))
+            self._warnings = self._size_receive_buffer()
+        self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        self._stamps = StampReader(self._socket, self._channel, self._computer_time)
+        self._socket.bind((self._channel,))
+        self._socket.setblocking(False)
+        pending = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if pending:  # binding to an interface that is down succeeds
+            raise OSError(pending, "")
+
+    def _size_receive_buffer(self) -> list[str]:
+        """Returns a warning where the kernel gives less than is wanted."""
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
+        except PermissionError:  # needs CAP_NET_ADMIN; else the most that net.core.rmem_max allows
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        given = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)  # twice what was asked for
+        if given >= 2 * RECEIVE_BUFFER_BYTES:
+            return []
+        return [
+            f"the kernel gives {self._channel} a receive buffer for some {given // FRAME_BYTES} frames only: more "
+            "are lost when this process has to wait\n"
+            f"  remedy: sudo sysctl --write net.core.rmem_max={RECEIVE_BUFFER_BYTES}"
+        ]
+
+    def _require_fd_mtu(self) -> None:
+        request = struct.pack("16si12x", self._channel.encode(), 0)
+        _, mtu = struct.unpack("16si12x", fcntl.ioctl(self._socket, _SIOCGIFMTU, request))
+        if mtu < _CANFD_MTU:
+            name = self._channel
+            # down, too: an interface that was plugged in again may not be configured yet
+            raise LinkDownError(
+                f"{name} cannot carry CAN FD frames: its mtu is {mtu}\n"
+                f"  remedy: sudo ip link set {name} down && sudo ip link set {name} mtu {_CANFD_MTU} && "
+                f"sudo ip link set {name} up (hardware: with `fd on` and a `dbitrate`)"
+            )
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        deadline: float | None = None
+        while True:
+            try:
+                data, ancillary, _, _ = self._socket.recvmsg(_FD_FRAME.size, _ANCILLARY_BYTES)
+            except BlockingIOError:
+                now = time.monotonic()
+                if deadline is None:
+                    deadline = now + timeout_s
+                if now > deadline or not self._readable.poll(1e3 * (deadline - now)):
+                    return None
+                continue
+            except OSError as error:
+                raise self._failure(error) from error
+            stamp_ns = self._read_ancillary(ancillary)
+            identifier, length, flags = _HEADER.unpack_from(data)
+            payload = data[_HEADER.size : _HEADER.size + length]
+            if identifier & socket.CAN_ERR_FLAG:
+                self._condition = after_error_frame(self._condition, identifier, payload)
+                continue
+            is_extended = bool(identifier & socket.CAN_EFF_FLAG)
+            is_fd = len(data) == _FD_FRAME.size
+            return Frame(
+                identifier & (socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK),
+                payload,
+                stamp_ns,
+                is_extended,
+                is_fd,
+                is_fd and bool(flags & _CANFD_BRS),  # nothing stands there in a classic frame
+                is_fd and bool(flags & _CANFD_ESI),
+            )
+
+    def _read_ancillary(self, ancillary: list[tuple[int, int, bytes]]) -> int:
+        """Notes lost frames; returns the stamp [ns since 1970]."""
+        stamp_ns = 0
+        for level, kind, value in ancillary:
+            if level != socket.SOL_SOCKET:
+                continue
+            if kind == _SO_RXQ_OVFL:
+                # The kernel counts in 32 bits; the difference is right across its wrap.
+                more = (_COUNT.unpack(value)[0] - self._dropped_by_socket) & 0xFFFFFFFF
+                self._dropped_by_socket += more
+                self._dropped += more
+            else:
+                stamp_ns = self._stamps.read(kind, value) or stamp_ns
+        return stamp_ns or time.time_ns()  # the kernel begins to stamp a moment after it was asked to
+
+    def send(
+        self,
+        frame_id: int,
+        payload: bytes,
+        is_extended: bool,
+        is_fd: bool,
+        bit_rate_switch: bool = True,
+        error_state_indicator: bool = False,
+    ) -> None:
+        deadline = time.monotonic() + SEND_PATIENCE_S
+        flags = _CANFD_BRS * bit_rate_switch | _CANFD_ESI * error_state_indicator
+        frame = self._packed(frame_id, payload, is_extended, is_fd, flags)
+        while not self._try_send(frame):
+            if time.monotonic() > deadline:
+                raise RunError(
+                    f"the transmit queue of {self._channel} stayed full for {SEND_PATIENCE_S} s\n"
+                    "  remedy: check that another node acknowledges and the bit rates agree, or lengthen the "
+                    f"queue: sudo ip link set {self._channel} txqueuelen 1000"
+                )
+            time.sleep(SEND_RETRY_S)
+
+    def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
+        return self._try_send(self._packed(frame_id, payload, is_extended, is_fd, _CANFD_BRS))
+
+    def _packed(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: int) -> bytes:
+        """The frame as the kernel takes it. Raises as `send` does."""
+        if len(payload) > (_FD_DATA_BYTES if is_fd else _CLASSIC_DATA_BYTES):
+            raise ValueError(f"{len(payload)} bytes do not fit into one frame")
+        identifier = frame_id | (socket.CAN_EFF_FLAG if is_extended else 0)
+        if is_fd:
+            if not self._fd:
+                raise RunError(f"{self._channel} was opened without CAN FD\n  remedy: set link.fd = true")
+            return _FD_FRAME.pack(identifier, len(payload), flags, payload)
+        return _CLASSIC_FRAME.pack(identifier, len(payload), payload)
+
+    def _try_send(self, frame: bytes) -> bool:
+        try:
+            self._socket.send(frame)
+        except OSError as error:
+            # ENOBUFS: the queue of the interface is full, which poll() cannot wait for. EAGAIN: our own.
+            if error.errno in (errno.ENOBUFS, errno.EAGAIN):
+                return False
+            raise self._failure(error) from error
+        return True
+
+    def reconnect(self) -> None:
+        self.close()
+        self._open()  # anew: the old socket may be bound to a device that is gone
+        self._condition = replace(self._condition, state=BusState.ACTIVE)
+
+    @property
+    def dropped(self) -> int:
+        return self._dropped + self._condition.overruns
+
+    @property
+    def condition(self) -> BusCondition:
+        return self._condition
+
+    @property
+    def stamp_source(self) -> StampSource:
+        return StampSource.HARDWARE if self._stamps.by_hardware else StampSource.KERNEL
+
+    @property
+    def descriptor(self) -> int:
+        return self._socket.fileno()
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        return self._warnings
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _failure(self, error: OSError) -> RunError:
+        """What the user can do about `error`."""
+        name = self._channel
+        if error.errno == errno.ENETDOWN:
+            return LinkDownError(f"{name} is down\n  remedy: sudo ip link set {name} up")
+        if error.errno in (errno.ENODEV, errno.ENXIO):
+            there = ", ".join(_can_interfaces()) or "none"
+            return LinkDownError(
+                f"there is no interface {name} (CAN interfaces present: {there})\n"
+                "  remedy: connect the device, or for a virtual bus: "
+                f"sudo ip link add dev {name} type vcan && sudo ip link set {name} mtu {_CANFD_MTU} up"
+            )
+        return RunError(f"{name} failed: {error.strerror or error}")
+
+
+def _filters(receive_ids: Sequence[tuple[int, bool]] | None) -> bytes:
+    """Kernel filters (identifier, mask): only data frames, and of these the wanted ones."""
+    if receive_ids is None:
+        return _FILTER.pack(0, socket.CAN_RTR_FLAG)
+    exact = socket.CAN_EFF_FLAG | socket.CAN_RTR_FLAG
+    return b"".join(
+        _FILTER.pack(frame_id | socket.CAN_EFF_FLAG, socket.CAN_EFF_MASK | exact)
+        if is_extended
+        else _FILTER.pack(frame_id, socket.CAN_SFF_MASK | exact)
+        for frame_id, is_extended in receive_ids
+    )
+
+
+def _can_interfaces() -> list[str]:
+    types = sorted(Path("/sys/class/net").glob("*/type"))
+    return [path.parent.name for path in types if path.read_text().strip() == str(_ARPHRD_CAN)]

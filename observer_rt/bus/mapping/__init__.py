@@ -1,0 +1,1 @@
+"""From bench file and bus database to arrays: which frames carry what."""

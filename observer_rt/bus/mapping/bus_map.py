@@ -1,0 +1,221 @@
+"""From bench file and bus database to arrays: which frames carry which samples, which carry the results."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from cantools.database.can import Message
+from numpy.typing import NDArray
+
+from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
+from observer_rt.bus.database.frame_key import frame_key, frame_row
+from observer_rt.bus.database.lookup import MessageLayout, from_unit, signal_names
+from observer_rt.bus.mapping.energizing import Energizing
+from observer_rt.bus.mapping.input_tables import INPUT_GROUP, ROLES, Inputs, InputTables
+from observer_rt.bus.mapping.output_messages import (
+    ENERGIZING_STATUS_SIGNALS,
+    STATUS_SIGNALS,
+    SUMMARY_SIGNALS,
+    OutputMessage,
+    RateMessage,
+    output_message,
+    protected_layout,
+    rate_message,
+)
+from observer_rt.bus.mapping.sample_groups import (
+    SampleGroup,
+    require_carried,
+    require_one_rate,
+    sample_groups,
+)
+from observer_rt.bus.mapping.slow_inputs import SlowMessage
+from observer_rt.bus.mapping.slow_mapping import map_optional
+from observer_rt.bus.mapping.timing import INDEX_BITS, Following, following, map_timing, number_signal
+from observer_rt.config.bench import Bench, Role
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
+
+_UNITS = {
+    Role.RAIL_PRESSURE: PRESSURE_UNITS,
+    Role.NEEDLE_LIFT: LENGTH_UNITS,
+    Role.LINE_PRESSURE: PRESSURE_UNITS,
+}
+
+
+@dataclass(frozen=True)
+class KnownMessage:
+    """A message that some database defines, for a bus; `key` as by `frame_key`."""
+
+    name: str
+    key: int
+    path: Path
+    bus: int
+
+
+@dataclass(frozen=True)
+class BusMap:
+    """Everything the bench file says of the bus, compiled."""
+
+    inputs: Inputs
+    input_layouts: tuple[MessageLayout, ...]
+    slow: tuple[SlowMessage, ...]
+    """Messages with optional inputs."""
+    energizing: Energizing | None
+    following: tuple[Following | None, ...]  # how a stream that is not on the grid follows it
+    rate: RateMessage | None
+    """None: the injection rate is not published."""
+    summary: OutputMessage
+    status: OutputMessage
+    known: tuple[KnownMessage, ...]
+    """All messages of all databases, used or not."""
+    overlooked: tuple[str, ...]
+    """What is wrong with databases that were read leniently."""
+    labels: tuple[str, ...]
+    """What messages to the user call the buses."""
+
+    @property
+    def received(self) -> tuple[MessageLayout, ...]:
+        """Every message that something is read from, once."""
+        return (*self.input_layouts, *(slow.layout for slow in self.slow if not slow.is_input))
+
+    @property
+    def sent(self) -> tuple[MessageLayout, ...]:
+        """Every message the results go out in."""
+        return tuple(output.layout for output in (self.rate, self.summary, self.status) if output is not None)
+
+    def received_on(self, bus: int) -> list[tuple[int, bool]]:
+        """(identifier, is extended) to be read from a bus.
+
+        Of one with results only they are those of the results, which nobody else sends: a link that reads nothing
+        would not hear what its controller tells either.
+        """
+        wanted = [layout for layout in self.received if layout.bus == bus]
+        wanted = wanted or [layout for layout in self.sent if layout.bus == bus]
+        return [(layout.frame_id, layout.is_extended) for layout in wanted]
+
+    def name_of(self, layout: MessageLayout) -> str:
+        """Its name and, where there are several, its bus."""
+        return f"{layout.name} on {self.labels[layout.bus]}" if len(self.labels) > 1 else layout.name
+
+
+def stream_of(bus: BusMap, role: Role) -> int:
+    """Number of the stream that carries a role."""
+    bit = 1 << ROLES.index(role)
+    return next(n for n, stream in enumerate(bus.inputs.streams) if int(stream["roles"]) & bit)
+
+
+def layout_of(bus: BusMap, stream: int) -> MessageLayout:
+    """The input message that carries a stream."""
+    group = int(np.flatnonzero(bus.inputs.groups["stream"] == stream)[0])
+    number = int(np.searchsorted(bus.inputs.messages["first_group"], group, side="right")) - 1
+    return bus.input_layouts[number]
+
+
+def map_bus(bench: Bench) -> BusMap:
+    """Compile the mapping of a bench file.
+
+    Raises `UserError` naming bench file, key and what the database has instead.
+    """
+    databases = BenchDatabases(bench)
+    inputs, layouts = _map_inputs(bench, databases)
+    slow, energizing = map_optional(bench, databases, inputs, layouts)
+    outputs = bench.config.outputs
+
+    def output(key: str, name: str) -> BusMessage:
+        return databases.find(f"outputs.{key}", name, outputs.link)
+
+    return BusMap(
+        inputs=inputs,
+        input_layouts=layouts,
+        slow=slow,
+        energizing=energizing,
+        following=tuple(following(bench, inputs.timing, inputs.streams["roles"].tolist())),
+        rate=rate_message(*output("injection_rate", outputs.injection_rate))
+        if outputs.injection_rate
+        else None,
+        summary=_output(output("injection_summary", outputs.injection_summary), SUMMARY_SIGNALS),
+        status=_output(output("status", outputs.status), (*STATUS_SIGNALS, *ENERGIZING_STATUS_SIGNALS)),
+        known=tuple(
+            KnownMessage(message.name, frame_key(message.frame_id, message.is_extended_frame, bus), path, bus)
+            for path, (message, bus) in databases
+        ),
+        overlooked=databases.overlooked(),
+        labels=tuple(link.label for link in bench.config.buses),
+    )
+
+
+def _output(on_bus: BusMessage, known: Sequence[str]) -> OutputMessage:
+    return output_message(on_bus.message, known, on_bus.bus)
+
+
+def _map_inputs(bench: Bench, databases: BenchDatabases) -> tuple[Inputs, tuple[MessageLayout, ...]]:
+    by_message: dict[tuple[str, int], tuple[BusMessage, list[Role]]] = {}
+    for role in ROLES:
+        config = bench.config.signals.of(role)
+        found = databases.find(f"signals.{role}.message", config.message, config.link)
+        by_message.setdefault((config.message, found.bus), (found, []))[1].append(role)
+    tables = InputTables()
+    layouts = []
+    streams: list[tuple[BusMessage, list[Role]]] = []
+    for found, roles in by_message.values():
+        layout = protected_layout(*found)
+        layouts.append(layout)
+        row = frame_row(layout)
+        streams += [(found, together) for together in _map_message(bench, found.message, roles, row, tables)]
+    timing = map_timing(
+        bench,
+        [(found.message, roles) for found, roles in streams],
+        [bench.config.buses[found.bus].config for found, _ in streams],
+        tables.stream_samples,
+    )
+    require_one_rate(bench, streams, timing["steps"].tolist())
+    return tables.inputs(timing), tuple(layouts)
+
+
+def _map_message(
+    bench: Bench, message: Message, roles: Sequence[Role], row: NDArray[np.void], tables: InputTables
+) -> list[list[Role]]:
+    """Add a message to the tables; returns the roles of each of its streams."""
+    samples: dict[Role, tuple[str, ...]] = {}
+    streams: dict[tuple[SampleGroup, ...], list[Role]] = {}
+    for role in roles:
+        with named(f"{bench.path}: signals.{role}"):
+            samples[role] = signal_names(message, bench.config.signals.of(role).names)
+            groups = sample_groups(message, samples[role])
+        if row["samples"] not in (0, len(samples[role])):
+            raise UserError(
+                f"{bench.path}: signals.{role}",
+                f"has {len(samples[role])} samples a frame, other signals of {message.name} have {row['samples']}",
+                "name as many samples for every signal of a message",
+            )
+        row["samples"] = len(samples[role])
+        streams.setdefault(groups, []).append(role)
+    for groups, together in streams.items():
+        number = number_signal(bench, message, together)
+        if number is not None:
+            with named(f"{bench.path}: signals.{together[0]}"):
+                require_carried(message, number.name, groups)
+        if any(group.conditions for group in groups) and (number is None or number.length != INDEX_BITS):
+            raise UserError(
+                f"{bench.path}: signals.{together[0]}.index",
+                f"{message.name} sends samples in turns under a multiplexer, but no sample index with them",
+                "name the signal with the index of the frame's first sample",
+            )
+        for group in groups:
+            group_row = np.zeros((), INPUT_GROUP)
+            names = [] if number is None else [number.name]
+            for role in together:
+                place = ROLES.index(role)
+                group_row["position"][place] = len(names)
+                group_row["factor"][place] = _factor(bench, message, role, samples[role])
+                names.extend(samples[role][group.offset : group.offset + group.count])
+            tables.add_group(group_row, message, names, group)
+        tables.add_stream(int(row["samples"]), sum(1 << ROLES.index(role) for role in together))
+    tables.add_message(row, message, [group for groups in streams for group in groups])
+    return list(streams.values())
+
+
+def _factor(bench: Bench, message: Message, role: Role, samples: Sequence[str]) -> float:
+    place = f"{bench.path}: signals.{role}"
+    return from_unit(place, message, samples[0], bench.config.signals.of(role).unit, _UNITS[role])

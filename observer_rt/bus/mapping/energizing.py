@@ -1,0 +1,205 @@
+"""The energizing of the injector on the bus: which signals tell it, and what a frame says of it.
+
+Either a level, 0 while the injector is not energized, one or several samples a frame; or a duration, one value a
+frame, 0 where there is none.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from cantools.database.can import Message
+from numpy.typing import NDArray
+
+from observer_rt.bus.database.catalogue import named
+from observer_rt.bus.database.codec import encode, signal_table
+from observer_rt.bus.database.e2e import UNPROTECTED, counter_values
+from observer_rt.bus.database.lookup import MessageLayout, find_signal, signal_names
+from observer_rt.bus.database.multiplexing import Selection, compile_conditions, is_selected
+from observer_rt.bus.mapping.sample_groups import require_carried, sample_groups
+from observer_rt.bus.mapping.slow_inputs import Receipt, SlowMessage, check_frame, read_value
+from observer_rt.bus.mapping.timing import USUAL_INDEX, Numbering, index_signal, time_on_bus
+from observer_rt.config.bench import Bench, EnergizingConfig, Role, SignalConfig
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, TIME_UNITS
+
+NO_UNITS = ("", "-", "1")  # of a level
+NANOSECONDS = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class Energizing:
+    """Where the energizing is on the bus, compiled."""
+
+    layout: MessageLayout
+    frame: NDArray[np.void]
+    """(1,) `inputs.INPUT_MESSAGE`: key, length and protection."""
+    names: tuple[str, ...]
+    """Its signals: one, or the samples of a level."""
+    table: NDArray[np.void]
+    """`codec.SIGNAL`: the index, where there is one, then its signals."""
+    selection: Selection
+    """What a multiplexed frame must hold to carry it."""
+    index: str | None
+    """The signal with the index of the frame's first sample; None: placed by its stamp."""
+    factor: float | None
+    """To seconds; None: a level."""
+    delay: float
+    """s from a frame's last sample to its stamp."""
+    cycle: float | None
+    """s from frame to frame, None: it is sent when there is something to say."""
+    window: float
+    """s from the start of energizing, within which the needle opens."""
+
+    @property
+    def is_level(self) -> bool:
+        """Whether it is a level; else a duration."""
+        return self.factor is None
+
+
+class Reading(NamedTuple):
+    """What a frame says of the energizing, sample by sample."""
+
+    first: int | None
+    """Index of its first sample, modulo 2^32; None: the message has none."""
+    taken: int
+    """ns, by the clock of the stamps, when its last sample was taken."""
+    values: NDArray[np.float64]
+    """(samples,) levels, or the duration [s]; nan: not available."""
+    follows: bool | None
+    """Whether, by its protection, no frame was lost since the reading before; None: without one."""
+
+
+def map_energizing(bench: Bench, message: Message, slow: SlowMessage, grid: np.void) -> Energizing:
+    """Compile the mapping; grid: `timing.TIMING` of the line pressure's message.
+
+    Raises `UserError` naming bench file and key.
+    """
+    place = f"{bench.path}: signals.energizing"
+    config = bench.config.signals.energizing
+    assert config is not None
+    beside = _samples_beside(bench, message)
+    with named(place):
+        names = signal_names(message, config.names)
+        groups = sample_groups(message, names)
+    index = _index(bench, config, message, beside, grid)
+    if index is not None:
+        with named(place):
+            require_carried(message, index, groups)
+    if len(groups) > 1:
+        problem = f"comes in {len(groups)} kinds of frame of {message.name} that take turns"
+        raise UserError(place, problem, "name samples that one frame carries")
+    factor = _factor(place, config, message, names)
+    if factor is not None and len(names) > 1:
+        problem = f"names {len(names)} durations a frame of {message.name}"
+        raise UserError(place, problem, "name one; only levels may come as several samples")
+    expected = len(signal_names(message, beside[0].names)) if beside else len(names)
+    if len(names) not in (1, expected):
+        problem = f"names {len(names)} levels a frame, {message.name} has {expected} samples of other signals"
+        raise UserError(place, problem, "name as many, or one")
+    delay = config.delay_us
+    on_bus = time_on_bus(slow.layout, bench.config.buses[slow.layout.bus].config)
+    return Energizing(
+        layout=slow.layout,
+        frame=slow.frame,
+        names=names,
+        table=signal_table(message, names if index is None else (index, *names)),
+        selection=compile_conditions(message, groups[0].conditions),
+        index=index,
+        factor=factor,
+        delay=on_bus if delay is None else delay * MICROSECOND,
+        cycle=_cycle(bench, slow.layout, expected, bool(beside) or len(names) > 1),
+        window=config.missing_after_ms * MILLISECOND,
+    )
+
+
+def _index(
+    bench: Bench, config: EnergizingConfig, message: Message, beside: Sequence[SignalConfig], grid: np.void
+) -> str | None:
+    """The signal that places the frames on the grid, None where their stamps must."""
+    line = bench.config.signals.of(Role.LINE_PRESSURE)
+    on_grid = config.time_base == line.time_base and grid["numbering"] == Numbering.INDEX
+    on_grid = on_grid and all(other.rate_hz in (None, bench.config.sampling.rate_hz) for other in beside)
+    name = config.index
+    if name is None and on_grid:
+        usual = USUAL_INDEX if any(signal.name == USUAL_INDEX for signal in message.signals) else None
+        name = next((other.index for other in beside if other.index is not None), usual)
+    if not name:
+        return None
+    place = f"{bench.path}: signals.energizing.index"
+    if not on_grid:
+        problem = f"{name} of {message.name} is not the index that the line pressure is numbered by"
+        raise UserError(place, problem, 'set index = "", so that its stamps place it')
+    index_signal(place, message, name)
+    return name
+
+
+def _samples_beside(bench: Bench, message: Message) -> list[SignalConfig]:
+    """The mappings of roles whose samples the message carries too."""
+    mappings = (bench.config.signals.of(role) for role in Role)
+    return [mapping for mapping in mappings if mapping.message == message.name]
+
+
+def _cycle(bench: Bench, layout: MessageLayout, samples: int, is_block: bool) -> float | None:
+    """Time [s] from frame to frame, as far as the samples of one or the database tell it."""
+    if is_block:
+        return samples / bench.config.sampling.rate_hz
+    return layout.cycle_time_ns / NANOSECONDS if layout.cycle_time_ns else None
+
+
+def _factor(place: str, config: EnergizingConfig, message: Message, names: tuple[str, ...]) -> float | None:
+    stated = config.unit or find_signal(message, names[0]).unit or ""
+    if stated in NO_UNITS:
+        return None
+    if stated not in TIME_UNITS:
+        raise UserError(
+            place,
+            f"unit {stated!r} of {message.name} is neither a time nor that of a level",
+            f'add unit = "..." with one of {", ".join(TIME_UNITS)} for a duration, or "-" for a level',
+        )
+    return TIME_UNITS[stated]
+
+
+def say_no_energizing(energizing: Energizing, payload: NDArray[np.uint8]) -> None:
+    """Make a frame without protection say nothing of the energizing, or that there is none."""
+    if is_selected(payload, energizing.selection, 0, len(energizing.selection.conditions)):
+        table = energizing.table[-len(energizing.names) :]
+        encode(np.full(len(table), np.nan), table, payload)
+
+
+class EnergizingReceiver:
+    """Checks and decodes the frames; errors are counted where all optional inputs are."""
+
+    def __init__(self, energizing: Energizing) -> None:
+        self._energizing = energizing
+        self._key = int(energizing.frame[0]["key"])
+        profile = int(energizing.frame[0]["e2e_profile"])
+        self._counters = 0 if profile == UNPROTECTED else counter_values(profile)
+        self._counter = -1
+        self._interrupted = False
+        self._values = np.zeros(len(energizing.table))
+
+    def is_ours(self, key: int) -> bool:
+        """Whether the frames `key` (`frame_key.frame_key`) names may tell of the energizing."""
+        return key == self._key
+
+    def read(self, payload: NDArray[np.uint8], stamp: int) -> Reading | None:
+        """What a frame of ours, received at `stamp` [ns], says; None: nothing, bad, or repeated."""
+        last = self._counter
+        receipt, self._counter = check_frame(payload, self._energizing.frame, last)
+        if receipt != Receipt.GOOD:
+            return None
+        if self._counters and last >= 0 and (self._counter - last) % self._counters != 1:
+            self._interrupted = True
+        if not read_value(payload, self._energizing.table, self._energizing.selection, self._values):
+            return None
+        index = None
+        if self._energizing.index is not None:
+            if np.isnan(self._values[0]):
+                return None
+            index = int(self._values[0])
+        follows, self._interrupted = not self._interrupted, False
+        values = self._values[-len(self._energizing.names) :] * (self._energizing.factor or 1.0)
+        taken = stamp - round(self._energizing.delay * NANOSECONDS)
+        return Reading(index, taken, values, follows if self._counters else None)

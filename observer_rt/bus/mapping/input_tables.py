@@ -1,0 +1,161 @@
+"""Input frames as compiled code sees them: tables of messages, of groups of samples in their frames, of signals."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from cantools.database.can import Message
+from numpy.typing import NDArray
+
+from observer_rt.bus.database.codec import SIGNAL, signal_table
+from observer_rt.bus.database.multiplexing import (
+    CONDITION,
+    Selection,
+    blank_frame,
+    compile_conditions,
+    frame_kinds,
+    meets,
+)
+from observer_rt.bus.mapping.sample_groups import SampleGroup
+from observer_rt.config.bench import Role
+from observer_rt.foundation.errors import UserError
+
+ROLES = tuple(Role)
+MAX_INPUTS = len(ROLES)
+MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
+LONGEST_FRAME = 64  # bytes
+
+INPUT_MESSAGE = np.dtype(
+    [
+        ("key", np.int64),
+        ("length", np.int64),  # bytes, by the database
+        ("padded_length", np.int64),  # bytes, as CAN FD carries a message of this length
+        ("e2e_profile", np.int64),
+        ("data_id", np.int64),  # of E2E
+        ("samples", np.int64),  # of every role, in all frames that share one sample index
+        ("first_group", np.int64),
+        ("group_count", np.int64),
+        ("first_kind", np.int64),  # of the frames that share one sample index
+        ("kind_count", np.int64),
+    ],
+    align=True,
+)
+
+# Samples of one or more roles that come together and are aligned with those of other streams.
+INPUT_STREAM = np.dtype(
+    [
+        ("samples", np.int64),  # of every role, in all frames that share one sample index
+        ("roles", np.int64),  # bit r: carries ROLES[r]
+    ],
+    align=True,
+)
+
+# Consecutive samples that one frame carries: all of a message's, or those under one selector value.
+INPUT_GROUP = np.dtype(
+    [
+        ("stream", np.int64),  # that the group is a part of
+        ("offset", np.int64),  # of the first sample from the frame's sample index
+        ("samples", np.int64),  # of every role
+        ("position", np.int64, (MAX_INPUTS,)),  # of a role's first sample among the decoded values
+        ("factor", np.float64, (MAX_INPUTS,)),  # to SI
+        ("first_signal", np.int64),  # rows of the signal table: index or counter, if any, then the samples
+        ("signal_count", np.int64),
+        ("first_condition", np.int64),  # rows of the conditions that a frame with this group meets
+        ("condition_count", np.int64),
+    ],
+    align=True,
+)
+
+
+# One kind of frame of a message: it has one, or one for every selector value that carries samples.
+INPUT_KIND = np.dtype(
+    [
+        ("end", np.int64),  # offset after its last sample
+        ("blank", np.uint8, (LONGEST_FRAME,)),  # the frame with its selectors set and all else 0
+    ],
+    align=True,
+)
+
+
+class Inputs(NamedTuple):
+    """What compiled code needs to decode the input frames."""
+
+    messages: NDArray[np.void]  # INPUT_MESSAGE
+    streams: NDArray[np.void]  # INPUT_STREAM
+    groups: NDArray[np.void]  # INPUT_GROUP, of all messages one after another
+    signals: NDArray[np.void]  # SIGNAL, of all groups one after another
+    selection: Selection
+    kinds: NDArray[np.void]  # INPUT_KIND
+
+    timing: NDArray[np.void]  # TIMING, of every stream
+
+
+class InputTables:
+    """Rows of `Inputs`, message after message."""
+
+    def __init__(self) -> None:
+        self._groups: list[NDArray[np.void]] = []
+        self._streams: list[tuple[int, int]] = []
+        self._messages: list[NDArray[np.void]] = []
+        self._kinds: list[NDArray[np.void]] = []
+        self._signals = [np.zeros(0, SIGNAL)]
+        self._selectors = [np.zeros(0, SIGNAL)]
+        self._conditions = [np.zeros(0, CONDITION)]
+
+    def add_group(
+        self, row: NDArray[np.void], message: Message, names: Sequence[str], group: SampleGroup
+    ) -> None:
+        """Add a group of the stream that comes next; `names` of its index or counter and its samples."""
+        if len(names) > MAX_SIGNALS:
+            raise UserError(
+                f"message {message.name}",
+                f"{len(names)} signals of a frame are mapped, at most {MAX_SIGNALS}",
+            )
+        row["stream"] = len(self._streams)
+        row["offset"], row["samples"] = group.offset, group.count
+        row["first_signal"], row["signal_count"] = _rows(self._signals), len(names)
+        self._signals.append(signal_table(message, names))
+        selection = compile_conditions(message, group.conditions)
+        row["first_condition"], row["condition_count"] = _rows(self._conditions), len(selection.conditions)
+        selection.conditions["selector"] += _rows(self._selectors)
+        self._selectors.append(selection.selectors)
+        self._conditions.append(selection.conditions)
+        self._groups.append(row)
+
+    def add_stream(self, samples: int, roles: int) -> None:
+        """Add the stream whose groups were added just before, with `samples` of its `roles` (bits) a round."""
+        self._streams.append((samples, roles))
+
+    @property
+    def stream_samples(self) -> list[int]:
+        """Samples of every role that the frames with one sample index carry, by stream."""
+        return [samples for samples, _ in self._streams]
+
+    def add_message(self, row: NDArray[np.void], message: Message, groups: Sequence[SampleGroup]) -> None:
+        """Add a message whose groups were added just before."""
+        row["first_group"], row["group_count"] = len(self._groups) - len(groups), len(groups)
+        row["first_kind"] = len(self._kinds)
+        in_order = sorted(groups, key=lambda group: group.offset)
+        for kind in frame_kinds(group.conditions for group in in_order):
+            frame = np.zeros((), INPUT_KIND)
+            frame["end"] = max(g.offset + g.count for g in groups if meets(kind, g.conditions))
+            frame["blank"][: message.length] = blank_frame(message, kind)
+            self._kinds.append(frame)
+        row["kind_count"] = len(self._kinds) - row["first_kind"]
+        self._messages.append(row)
+
+    def inputs(self, timing: NDArray[np.void]) -> Inputs:
+        """All that was added, with the timing of every stream."""
+        return Inputs(
+            np.array(self._messages, INPUT_MESSAGE),
+            np.array(self._streams, INPUT_STREAM),
+            np.array(self._groups, INPUT_GROUP),
+            np.concatenate(self._signals),
+            Selection(np.concatenate(self._selectors), np.concatenate(self._conditions)),
+            np.array(self._kinds, INPUT_KIND),
+            timing,
+        )
+
+
+def _rows(tables: Sequence[NDArray[np.void]]) -> int:
+    return sum(len(table) for table in tables)

@@ -1,0 +1,295 @@
+"""How the samples of a message come onto the grid, as the bench file says it.
+
+The grid is that of the message with the line pressure: its index, or the number of its frames.
+"""
+
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from cantools.database.can import Message, Signal
+from numpy.typing import NDArray
+
+from observer_rt.bus.database.e2e import UNPROTECTED, counter_values
+from observer_rt.bus.database.lookup import MessageLayout, find_signal
+from observer_rt.bus.mapping.load import frame_time
+from observer_rt.config.bench import Bench, Role
+from observer_rt.config.links import LinkConfig
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND
+
+SLOTS = 1 << 12  # samples that may wait for another message
+MAX_INTERPOLATED = 2  # samples that a gap may have without being a loss
+USUAL_INDEX = "SampleIndex"  # where the bench file names none
+INDEX_BITS = 32
+CLASSIC_LENGTH = 8  # bytes
+LONGEST_COUNTER = 16  # bits
+HELD_CYCLES = 2.5  # of a slower signal, where the bench file states no max_hold_ms: one may be lost
+SHORTEST = 0.5  # of the time a frame takes on the bus
+TOLERANCE = 2e-6  # s that the time of lift or line pressure may be unknown by: 0.25 MPa of the line pressure
+RAIL_TOLERANCE = 20e-6  # s, the same of the rail pressure, which changes slowly
+SLOW_TOLERANCE = 0.1  # of the interval of a slower one
+RATIO_TOLERANCE = 1e-6
+
+
+class Joining(IntEnum):
+    """What brings a message's samples onto the grid."""
+
+    INDEX = 0  # its index is the grid's
+    RATIO = 1  # its index counts every n-th sample of the grid
+    NEAREST = (
+        2  # same time base, but counted: its first sample is the nearest one's, then one after the other
+    )
+    CLOCK = 3  # another time base: by both clocks, between samples
+
+
+class Numbering(IntEnum):
+    """What tells a message's frames apart."""
+
+    INDEX = 0  # a signal with the index of the first sample
+    COUNTER = 1  # a signal that counts frames
+    E2E_COUNTER = 2  # the counter of the end-to-end protection
+    STAMPS = 3  # nothing but when they are received
+
+
+TIMING = np.dtype(
+    [
+        ("joining", np.int64),
+        ("numbering", np.int64),
+        ("modulus", np.int64),  # of the counter, 1 without one
+        ("steps", np.int64),  # samples of the grid from one sample of the message to its next
+        ("interval", np.float64),  # s between two samples of the message
+        ("delay", np.float64),  # s from a frame's last sample to its stamp, without waiting
+        (
+            "shortest",
+            np.float64,
+        ),  # s from one frame to the next, below which the stamps are not those of a bus
+        ("hold", np.float64),  # s, of a slower signal
+        ("tolerance", np.float64),  # s that its time may be unknown by
+    ],
+    align=True,
+)
+
+
+class Following(NamedTuple):
+    """How a message follows the grid: the roles (bits) it carries, samples of the grid between two of its own,
+    distance of two of them [samples of the grid] that is bridged, whether its last one is held as long."""
+
+    roles: int
+    spacing: float
+    reach: float
+    holds: bool
+
+
+def map_timing(
+    bench: Bench,
+    messages: Sequence[tuple[Message, Sequence[Role]]],
+    links: Sequence[LinkConfig],
+    samples: Sequence[int],
+) -> NDArray[np.void]:
+    """One row TIMING for each message with its roles; `links` they come by, `samples` of every role in a frame.
+
+    Raises `UserError` naming bench file and key.
+    """
+    rows = np.zeros(len(messages), TIMING)
+    leading = next(n for n, (_, roles) in enumerate(messages) if Role.LINE_PRESSURE in roles)
+    for row, (message, roles), link, size in zip(rows, messages, links, samples, strict=True):
+        _map_message(bench, message, roles, link, size, row)
+    grid = bench.config.signals.of(Role.LINE_PRESSURE)
+    if rows[leading]["steps"] != 1:
+        raise UserError(
+            f"{bench.path}: signals.line_pressure.rate_hz",
+            "the line pressure is the signal all others are joined to and cannot be slower than sampling.rate_hz",
+            "set sampling.rate_hz to the line pressure's rate",
+        )
+    for number, (row, (message, roles)) in enumerate(zip(rows, messages, strict=True)):
+        same_base = _agreed(bench, message, roles, "time_base") == grid.time_base
+        row["joining"] = _joining(row, same_base, number == leading, rows[leading])
+    return rows
+
+
+def following(bench: Bench, timing: NDArray[np.void], roles: Sequence[int]) -> list[Following | None]:
+    """How each message follows the grid, None where it is on it; `roles` (bits) of each."""
+    result: list[Following | None] = []
+    for row, bits in zip(timing, roles, strict=True):
+        if row["joining"] in (Joining.INDEX, Joining.NEAREST):
+            result.append(None)
+            continue
+        is_slow = bool(row["steps"] > 1)
+        reach = MAX_INTERPOLATED + 1.0
+        if is_slow:
+            reach = float(row["hold"]) * bench.config.sampling.rate_hz
+        result.append(Following(int(bits), float(row["steps"]), reach, is_slow))
+    return result
+
+
+def number_signal(bench: Bench, message: Message, roles: Sequence[Role]) -> Signal | None:
+    """The signal that tells the message's frames apart: its index, or the counter of one without; None: neither.
+
+    Raises `UserError` naming bench file and key when the message has no such signal, or one that cannot serve.
+    """
+    index = _agreed(bench, message, roles, "index")
+    counter = _agreed(bench, message, roles, "counter")
+    known = {signal.name for signal in message.signals}
+    if index is None and counter is None and USUAL_INDEX in known:
+        index = USUAL_INDEX
+    if index:
+        if counter is not None:
+            raise UserError(
+                f"{bench.path}: signals.{roles[0]}.counter",
+                f"message {message.name} has an index, {index}, which tells its frames apart already",
+                "leave out 'counter', or set index = \"\"",
+            )
+        return index_signal(f"{bench.path}: signals.{roles[0]}.index", message, index)
+    if not counter:
+        return None
+    place = f"{bench.path}: signals.{roles[0]}.counter"
+    if counter not in known:
+        raise UserError(
+            place, f"message {message.name} has no signal {counter!r}", "name the one that counts"
+        )
+    signal = find_signal(message, counter)
+    if (signal.is_signed, signal.scale, signal.offset) != (False, 1, 0) or signal.length > LONGEST_COUNTER:
+        raise UserError(
+            place,
+            f"{counter} of message {message.name} is no unsigned number of at most {LONGEST_COUNTER} bits in steps "
+            "of 1",
+            "name such a signal, which counts all its codes through",
+        )
+    return signal
+
+
+def index_signal(place: str, message: Message, name: str) -> Signal:
+    """The signal `name` that is to be the sample index of a message.
+
+    Raises `UserError` at `place`, a key of the bench file, when there is none, or one that cannot serve.
+    """
+    if not any(signal.name == name for signal in message.signals):
+        raise UserError(
+            place,
+            f"message {message.name} has no signal {name!r} that carries its sample index",
+            'name the signal with the index of the frame\'s first sample, or set index = "" for a message '
+            "without one: its frames are then counted",
+        )
+    signal = find_signal(message, name)
+    if (signal.length, signal.is_signed, signal.scale, signal.offset) != (INDEX_BITS, False, 1, 0):
+        raise UserError(
+            place,
+            f"{name} of message {message.name} is no unsigned number of {INDEX_BITS} bits in steps of 1",
+            "name such a signal; one that wraps earlier can be named as 'counter' when it counts frames",
+        )
+    return signal
+
+
+def _map_message(
+    bench: Bench, message: Message, roles: Sequence[Role], link: LinkConfig, samples: int, row: np.void
+) -> None:
+    layout = MessageLayout.of(message)
+    signal = number_signal(bench, message, roles)
+    if signal is not None and signal.length == INDEX_BITS:
+        row["numbering"], row["modulus"] = Numbering.INDEX, 1
+    elif signal is not None:
+        row["numbering"], row["modulus"] = Numbering.COUNTER, 1 << signal.length
+    elif layout.e2e_data_id is not None:
+        row["numbering"], row["modulus"] = (
+            Numbering.E2E_COUNTER,
+            counter_values(layout.e2e_profile or UNPROTECTED),
+        )
+    else:
+        row["numbering"], row["modulus"] = Numbering.STAMPS, 1
+    row["steps"] = steps = _steps(bench, message, roles)
+    row["interval"] = steps / bench.config.sampling.rate_hz
+    row["tolerance"] = TOLERANCE
+    if tuple(roles) == (Role.RAIL_PRESSURE,):
+        row["tolerance"] = max(RAIL_TOLERANCE, SLOW_TOLERANCE * row["interval"])
+    delay = _agreed(bench, message, roles, "delay_us")
+    on_bus = time_on_bus(layout, link)
+    row["delay"] = on_bus if delay is None else delay * MICROSECOND
+    row["shortest"] = SHORTEST * on_bus
+    _set_hold(bench, message, roles, samples, row)
+
+
+def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
+    """Time [s] that a frame takes; none where the bus is not a real one."""
+    if link.interface == "virtual" or link.channel.startswith("vcan"):
+        return 0.0
+    is_fd = (
+        layout.is_fd or layout.length > CLASSIC_LENGTH
+    )  # where the database forgot to say so, `check` does
+    return frame_time(layout.length, is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
+
+
+def _steps(bench: Bench, message: Message, roles: Sequence[Role]) -> int:
+    """Samples of the grid from one sample of the message to its next."""
+    rate = bench.config.sampling.rate_hz
+    stated: float | None = _agreed(bench, message, roles, "rate_hz")
+    place = f"{bench.path}: signals.{roles[0]}.rate_hz"
+    if stated is None:
+        return 1
+    ratio = rate / stated
+    if ratio < 1.0 - RATIO_TOLERANCE or abs(ratio - round(ratio)) > RATIO_TOLERANCE * ratio:
+        raise UserError(
+            place,
+            f"{stated:g} Hz is no whole fraction of sampling.rate_hz = {rate:g}",
+            f"use {rate / max(1, round(ratio)):g}",
+        )
+    if round(ratio) > 1 and tuple(roles) != (Role.RAIL_PRESSURE,):
+        raise UserError(
+            place,
+            f"only a message with nothing but the rail pressure can be slower, {message.name} carries "
+            f"{', '.join(roles)}",
+            "needle lift and line pressure must be sampled at sampling.rate_hz",
+        )
+    return round(ratio)
+
+
+def _set_hold(bench: Bench, message: Message, roles: Sequence[Role], samples: int, row: np.void) -> None:
+    stated = _agreed(bench, message, roles, "max_hold_ms")
+    cycle = samples * float(row["interval"])
+    place = f"{bench.path}: signals.{roles[0]}.max_hold_ms"
+    if row["steps"] == 1:
+        if stated is not None:
+            problem = "is only for a signal slower than the others"
+            raise UserError(place, problem, "leave it out, or state its rate_hz")
+        return
+    hold = HELD_CYCLES * cycle if stated is None else stated * MILLISECOND
+    longest = SLOTS // 2 / bench.config.sampling.rate_hz
+    if not cycle <= hold:
+        raise UserError(
+            place,
+            f"is shorter than the {cycle / MILLISECOND:g} ms from frame to frame",
+            "make it longer than that",
+        )
+    if hold > longest:
+        raise UserError(
+            place if stated is not None else f"{bench.path}: signals.{roles[0]}.rate_hz",
+            f"samples would have to wait {hold / MILLISECOND:g} ms for it, at most {longest / MILLISECOND:.3g} are "
+            f"possible at {bench.config.sampling.rate_hz:g} Hz",
+            "state a shorter max_hold_ms"
+            if cycle <= longest
+            else "a faster signal of the rail pressure is needed",
+        )
+    row["hold"] = hold
+
+
+def _joining(row: np.void, same_base: bool, is_leading: bool, leading: np.void) -> Joining:
+    both_indexed = row["numbering"] == Numbering.INDEX and leading["numbering"] == Numbering.INDEX
+    if is_leading or (same_base and both_indexed and row["steps"] == 1):
+        return Joining.INDEX
+    if same_base and both_indexed:
+        return Joining.RATIO
+    return Joining.NEAREST if same_base and row["steps"] == 1 else Joining.CLOCK
+
+
+def _agreed(bench: Bench, message: Message, roles: Sequence[Role], key: str) -> Any:
+    """The value of a key that the roles of a message have in common, None where none of them states it."""
+    stated = [getattr(bench.config.signals.of(role), key) for role in roles]
+    values = {value for value in stated if value is not None}
+    if len(values) > 1:
+        raise UserError(
+            f"{bench.path}: signals.{roles[-1]}.{key}",
+            f"differs from that of signals.{roles[0]}, though message {message.name} carries both",
+            "state it the same for all signals of a message",
+        )
+    return values.pop() if values else None

@@ -1,0 +1,1 @@
+"""What `observer-rt check` says of a bench, without touching its bus."""

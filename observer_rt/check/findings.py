@@ -1,0 +1,70 @@
+"""What a check found, for the screen and for programs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from observer_rt.foundation.errors import UserError
+
+SCHEMA = 1
+
+
+class Level(StrEnum):
+    """How a finding counts."""
+
+    OK = "ok"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+_STYLES = {Level.OK: "green", Level.WARNING: "yellow", Level.ERROR: "bold red"}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at."""
+
+    topic: str
+    level: Level
+    text: str
+
+
+def graded(topic: str, is_good: bool, text: str, remedy: str = "") -> Finding:
+    """A finding that is OK, or else a warning with its remedy."""
+    if is_good:
+        return Finding(topic, Level.OK, text)
+    return Finding(topic, Level.WARNING, f"{text}; {remedy}" if remedy else text)
+
+
+def failed(topic: str, error: UserError) -> Finding:
+    """The finding that a file of the user must change."""
+    remedy = f"; {error.remedy}" if error.remedy else ""
+    return Finding(topic, Level.ERROR, f"{error.place}: {error.problem}{remedy}")
+
+
+def as_table(findings: Sequence[Finding]) -> Table:
+    """Findings as a table for the terminal."""
+    table = Table("topic", "", "finding", box=None, pad_edge=False)
+    topic = ""
+    for finding in findings:
+        shown = "" if finding.topic == topic else finding.topic
+        topic = finding.topic
+        table.add_row(shown, Text(finding.level, _STYLES[finding.level]), Text(finding.text))
+    return table
+
+
+def as_json_document(findings: Sequence[Finding]) -> dict[str, Any]:
+    """Findings as a document for `json.dumps`."""
+    return {
+        "schema": SCHEMA,
+        "warnings": sum(finding.level is Level.WARNING for finding in findings),
+        "errors": sum(finding.level is Level.ERROR for finding in findings),
+        "findings": [
+            {"topic": finding.topic, "level": str(finding.level), "text": finding.text}
+            for finding in findings
+        ],
+    }

@@ -1,0 +1,184 @@
+"""Findings about a SocketCAN interface, as the kernel describes it. No socket is opened on it."""
+
+import json
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from observer_rt.check.findings import Finding, Level, graded
+from observer_rt.config.links import LinkConfig
+
+SHORTEST_QUEUE = 100  # frames
+RATE_TOLERANCE = 0.005  # of a bit rate: CAN nodes of a bus may differ by less
+NETWORK = Path("/sys/class/net")
+TOPIC = "interface"
+_CAN_FD_MTU = 72  # bytes
+_INTERFACE_IS_UP = 1  # IFF_UP
+_CAN_INTERFACE = 280  # ARPHRD_CAN
+_IP_TIMEOUT = 5.0  # s
+_SILENT_MODES = ("LISTEN-ONLY", "LOOPBACK")
+
+
+@dataclass(frozen=True)
+class BitTiming:
+    """Of one phase of a frame: bit/s, and where in a bit it is sampled (0..1), where known."""
+
+    bit_rate: int
+    sample_point: float | None
+
+
+@dataclass(frozen=True)
+class Controller:
+    """How a CAN controller is set up; None or empty what the kernel does not tell."""
+
+    state: str
+    arbitration: BitTiming | None
+    data: BitTiming | None
+    restart_ms: int | None
+    modes: tuple[str, ...]
+
+
+def read_controller(channel: str) -> Controller | None:
+    """What iproute2 tells of an interface's controller; None without iproute2, interface or controller."""
+    command = ["ip", "-json", "-details", "link", "show", "dev", channel]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_IP_TIMEOUT, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return controller_in(done.stdout) if done.returncode == 0 else None
+
+
+def controller_in(text: str) -> Controller | None:
+    """The controller in the answer of `ip -json -details link show`; None where there is none."""
+    try:
+        info = json.loads(text)[0]["linkinfo"]
+        if info["info_kind"] != "can":  # virtual interfaces have no controller
+            return None
+        content = info["info_data"]
+        return Controller(
+            state=str(content.get("state", "")),
+            arbitration=_timing(content, "bittiming"),
+            data=_timing(content, "data_bittiming"),
+            restart_ms=int(content["restart_ms"]) if "restart_ms" in content else None,
+            modes=tuple(map(str, content.get("ctrlmode", ()))),
+        )
+    except (
+        ValueError,
+        OverflowError,
+        LookupError,
+        TypeError,
+        AttributeError,
+    ):  # an iproute2 that writes otherwise
+        return None
+
+
+def _timing(content: dict[str, Any], key: str) -> BitTiming | None:
+    timing = content.get(key)
+    if timing is not None and int(timing["bitrate"]) > 0:
+        return BitTiming(int(timing["bitrate"]), float(timing["sample_point"]))
+    fixed = int(content.get(f"{key}_bitrate", 0))  # controllers that choose the timing themselves
+    return BitTiming(fixed, None) if fixed > 0 else None
+
+
+def interface_findings(
+    link: LinkConfig, controller: Controller | None = None, network: Path = NETWORK, place: str = "link"
+) -> list[Finding]:
+    """What is to be said of the interface with its folder below `network` and, where there is one, a controller.
+
+    place: the section of the bench file.
+    """
+    name = link.channel
+    folder = network / name
+    try:
+        kind, flags, mtu, queue = (
+            int((folder / entry).read_text(), 0) for entry in ("type", "flags", "mtu", "tx_queue_len")
+        )
+        state = (folder / "operstate").read_text().strip()
+    except OSError:
+        return [Finding(TOPIC, Level.WARNING, f"{name} does not exist; {_create(link)}")]
+    if kind != _CAN_INTERFACE:
+        return [Finding(TOPIC, Level.WARNING, f"{name} is no CAN interface; set {place}.channel to one")]
+    is_up = bool(flags & _INTERFACE_IS_UP) and state != "down"
+    is_off = controller is not None and controller.state == "BUS-OFF"  # which also takes the carrier away
+    findings = (
+        [] if is_off else [graded(TOPIC, is_up, f"{name}: {'up' if is_up else 'down'}", _bring_up(link))]
+    )
+    if link.fd:
+        carries_fd = mtu >= _CAN_FD_MTU
+        text = f"{name}: mtu {mtu}, {'' if carries_fd else 'no '}CAN FD"
+        findings.append(graded(TOPIC, carries_fd, text, _set_up_anew(link)))
+    findings.append(
+        graded(
+            TOPIC,
+            queue >= SHORTEST_QUEUE,
+            f"{name}: queue of {queue} frames to send",
+            f"sudo ip link set {name} txqueuelen {10 * SHORTEST_QUEUE}",
+        )
+    )
+    if controller is not None:
+        findings += _controller_findings(link, controller, place)
+    return findings
+
+
+def _controller_findings(link: LinkConfig, controller: Controller, place: str) -> list[Finding]:
+    name = link.channel
+    findings = []
+    if controller.state in ("BUS-OFF", "ERROR-PASSIVE"):
+        remedy = "check wiring, termination and the bit rates of all nodes"
+        if controller.state == "BUS-OFF":
+            remedy += f", then: sudo ip link set {name} type can restart"
+        findings.append(graded(TOPIC, False, f"{name}: {controller.state.lower()}", remedy))
+    for phase, timing, wanted in (
+        ("bit rate", controller.arbitration, link.bit_rate),
+        ("data bit rate", controller.data if link.fd else None, link.data_bit_rate),
+    ):
+        if timing is not None:
+            findings.append(_rate_finding(link, phase, timing, wanted, place))
+    if controller.restart_ms is not None:
+        findings.append(
+            graded(
+                TOPIC,
+                controller.restart_ms > 0,
+                f"{name}: restart-ms {controller.restart_ms}"
+                + ("" if controller.restart_ms else ", after bus-off it stays off"),
+                f"sudo ip link set {name} down && sudo ip link set {name} up type can restart-ms 100",
+            )
+        )
+    for mode in set(_SILENT_MODES).intersection(controller.modes):
+        off = f"sudo ip link set {name} down && sudo ip link set {name} up type can {mode.lower()} off"
+        findings.append(graded(TOPIC, False, f"{name}: {mode.lower()}, nobody will hear the results", off))
+    return findings
+
+
+def _rate_finding(link: LinkConfig, phase: str, timing: BitTiming, wanted: float, place: str) -> Finding:
+    point = "" if timing.sample_point is None else f", sampled at {timing.sample_point:.1%}"
+    key = phase.replace(" ", "_")
+    return graded(
+        TOPIC,
+        abs(timing.bit_rate - wanted) <= RATE_TOLERANCE * wanted,
+        f"{link.channel}: {phase} {timing.bit_rate} bit/s{point}",
+        f"the bench file says {wanted:.0f}: set {place}.{key}, or {_set_up_anew(link)}",
+    )
+
+
+def _create(link: LinkConfig) -> str:
+    if _is_virtual(link):
+        return f"sudo ip link add {link.channel} type vcan && {_bring_up(link)}"
+    return "connect the device and load its driver; `ip -details link show type can` lists what there is"
+
+
+def _set_up_anew(link: LinkConfig) -> str:
+    return f"sudo ip link set {link.channel} down && {_bring_up(link)}"
+
+
+def _bring_up(link: LinkConfig) -> str:
+    name = link.channel
+    if _is_virtual(link):
+        return f"sudo ip link set {name}{f' mtu {_CAN_FD_MTU}' if link.fd else ''} up"
+    fd = f" dbitrate {link.data_bit_rate:.0f} fd on" if link.fd else ""
+    return f"sudo ip link set {name} up type can bitrate {link.bit_rate:.0f}{fd} restart-ms 100"
+
+
+def _is_virtual(link: LinkConfig) -> bool:
+    return link.channel.startswith("vcan")

@@ -1,0 +1,279 @@
+"""The demonstration: a worn injector, replayed as CAN FD frames to the function that `run` starts."""
+
+import contextlib
+import math
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from observer_rt.bus.database.codec import decode
+from observer_rt.bus.links.link import open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.output_messages import RateMessage
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.config.links import LinkConfig
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.evaluation.figures import MassRow, RateCurves, plot_injections
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.model.effects import effective_model, sized
+from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.recording.replay.player import play
+from observer_rt.recording.signals.files import file_errors
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.daemon import Daemon
+from observer_rt.service.run import draw
+from observer_rt.service.view import Reference, View
+from observer_rt.service.warm_up import warm_up
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+from observer_rt.terminal.console import results, say, say_if_compiling
+from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination
+from observer_rt.terminal.stop import stop_on_signals
+
+RAIL_PRESSURES = (60 * MEGAPASCAL, 100 * MEGAPASCAL, 140 * MEGAPASCAL)
+ENERGIZING_TIME = 1.9 * MILLISECOND
+PERIOD = 60 * MILLISECOND
+VCAN = "vcan0"
+_QUIET = 1.0  # s without a frame after which the bus has nothing more to say
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What went over the bus: rates decoded from its frames [m3/s], masses of every injection."""
+
+    curves: tuple[RateCurves, ...]
+    masses: tuple[MassRow, ...]
+    link: str
+
+
+def run_demo(wear: float, injections: int, speed: float, seed: int, figure: Path, console: Console) -> None:
+    """The command: set the scene, show the view, print the table, write the picture."""
+    check_destination("--figure", figure, FIGURE_SUFFIXES)
+    say_if_compiling(console)
+    say(console, f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...")
+    scene = Demo(wear, injections, seed)
+    say(
+        console,
+        f"replaying them as CAN FD frames over {scene.link.interface} {scene.link.channel} at {speed:g} times real "
+        "time; the observer knows the nominal injector only",
+    )
+    result = scene.run(speed, partial(draw, console=console) if console.is_terminal else _wait)
+    with file_errors(figure):
+        write_figure(result, wear, figure)
+    results().print(_table(result))
+    say(console, f"picture: {figure}")
+
+
+def _wait(_view: View, until: threading.Event) -> None:
+    until.wait()
+
+
+def _table(result: DemoResult) -> Table:
+    """Masses and their errors, injection by injection."""
+    table = Table(title=f"Injected mass from the frames on {result.link}", title_justify="left", box=None)
+    for heading in ("injection", "true [mg]", "nominal [mg]", "error", "observer [mg]", "error", "valid"):
+        table.add_column(Text(heading), justify="right", no_wrap=True)
+    for row in result.masses:
+        true = row.reference or math.nan
+        table.add_row(
+            str(row.number),
+            f"{true / MILLIGRAM:.2f}",
+            f"{row.nominal / MILLIGRAM:.2f}",
+            f"{100 * (row.nominal / true - 1):+.2f} %",
+            f"{row.estimated / MILLIGRAM:.2f}",
+            f"{100 * (row.estimated / true - 1):+.2f} %",
+            "yes" if row.valid else "not yet",
+        )
+    return table
+
+
+class Demo:
+    """Bench, worn injector and references of one demonstration."""
+
+    def __init__(self, wear: float, injections: int, seed: int) -> None:
+        """wear: v_H of (27)."""
+        has_vcan = Path(f"/sys/class/net/{VCAN}").exists()
+        self.link = (
+            LinkConfig(channel=VCAN)
+            if has_vcan
+            else LinkConfig(interface="virtual", channel=f"demo-{uuid.uuid4().hex[:8]}")
+        )
+        self.bench = _on_link(load_bench(), self.link)
+        schedule = make_schedule(RAIL_PRESSURES, injections, PERIOD, [ENERGIZING_TIME])
+        simulation = simulate(
+            self.bench.injector,
+            schedule,
+            self.bench.config.sampling.rate_hz,
+            (sized("orifice_area", v_H=wear),),
+            NoiseLevels(),
+            seed=seed,
+        )
+        self.recording: Recording = simulation.recording
+        self._true_rate = simulation.truth.injection_rate
+        self._nominal_rate = (
+            evaluate(self.bench, [self.recording], learning=False).evaluations[0].trace.nominal_rate
+        )
+        self._density = effective_model(self.bench.injector).coefficients.density
+        self.reports: list[InjectionReport] = []
+
+    def references(self, report: InjectionReport) -> Sequence[Reference]:
+        """True and nominal rate and mass of an injection."""
+        window = slice(report.start_index, report.end_index + 1)
+        return [
+            Reference(name, rate[window], self._mass(rate[window]))
+            for name, rate in (("true", self._true_rate), ("nominal", self._nominal_rate))
+        ]
+
+    def run(self, speed: float, show: Callable[[View, threading.Event], None]) -> DemoResult:
+        """Replay at `speed` (1: real time); `show` draws the view until its event is set.
+
+        Raises `RunError` when the bus fails, `KeyboardInterrupt` when stopped by a signal.
+        """
+        bus = map_bus(self.bench)
+        view = View(
+            f"observer_rt demo: {self.link.interface} {self.link.channel}",
+            self.bench.config.sampling.rate_hz,
+            self.references,
+        )
+
+        def on_report(report: InjectionReport) -> None:
+            self.reports.append(report)
+            view.on_report(report)
+
+        stop, done = threading.Event(), threading.Event()
+        inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]
+        with contextlib.ExitStack() as stack:
+            interrupted = stack.enter_context(stop_on_signals())
+            warm_up(self.bench, bus)
+            player_link = stack.enter_context(_open(self.link, []))
+            daemon_link = stack.enter_context(_open(self.link, inputs))
+            assert bus.rate is not None  # the example bench publishes it
+            listener = stack.enter_context(_listening(self.link, bus.rate, self.recording.samples))
+            threads = stack.enter_context(ThreadPoolExecutor(2))
+            daemon = Daemon(self.bench, bus, daemon_link, on_report=on_report)
+            view.watch(daemon)
+
+            def replay() -> None:
+                try:
+                    frames = Framer(bus).frames(self.recording, whole(self.recording))
+                    play(frames, player_link, speed, stop=interrupted)
+                    _wait_until_quiet(daemon, interrupted)
+                finally:
+                    stop.set()
+                    done.set()
+
+            serving = threads.submit(daemon.run, stop)
+            playing = threads.submit(replay)
+            show(view, done)
+            playing.result()
+            serving.result()
+            if interrupted.is_set():
+                raise KeyboardInterrupt
+            time.sleep(0.2)  # for the listener to take in the last frames
+            return self._result(listener.rate)
+
+    def _result(self, published: NDArray[np.float64]) -> DemoResult:
+        curves, masses = [], []
+        for report in self.reports:
+            window = slice(report.start_index, report.end_index + 1)
+            true, nominal = self.references(report)
+            masses.append(
+                MassRow(report.number, self._mass(published[window]), nominal.mass, true.mass, report.valid)
+            )
+            if report.number in (1, 3, len(self.reports)):
+                curves.append(
+                    RateCurves(
+                        f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
+                        np.arange(window.stop - window.start) / self.recording.sample_rate,
+                        published[window],
+                        nominal.rate,
+                        true.rate,
+                    )
+                )
+        return DemoResult(tuple(curves), tuple(masses), f"{self.link.interface} {self.link.channel}")
+
+    def _mass(self, rate: NDArray[np.float64]) -> float:
+        return float(np.trapezoid(rate)) / self.recording.sample_rate * self._density
+
+
+def write_figure(result: DemoResult, wear: float, path: Path) -> None:
+    """The demonstration's picture."""
+    plot_injections(
+        path,
+        f"Injection rate over CAN of an injector with worn nozzle (v_H = {wear:+.2f}): model, observer, truth",
+        result.curves,
+        result.masses,
+        "true",
+    )
+
+
+class _Listener:
+    """Another participant of the bus: collects the published rates [m3/s] by sample index."""
+
+    def __init__(self, message: RateMessage, samples: int) -> None:
+        self.rate = np.full(samples, np.nan)
+        self._page = message.page
+        self._values = np.zeros(len(message.page.names))
+        self._first = len(message.page.names) - message.samples
+
+    def take(self, payload: bytes) -> None:
+        decode(np.frombuffer(payload, np.uint8), self._page.table, self._values)
+        index = int(self._values[self._page.names.index("SampleIndex")])
+        rates = self._values[self._first :]
+        count = min(len(rates), len(self.rate) - index)
+        self.rate[index : index + count] = rates[:count] * MM3_PER_MS
+
+
+@contextlib.contextmanager
+def _listening(config: LinkConfig, message: RateMessage, samples: int) -> Iterator[_Listener]:
+    listener = _Listener(message, samples)
+    layout = message.layout
+    stop = threading.Event()
+    with _open(config, [(layout.frame_id, layout.is_extended)]) as link:
+
+        def listen() -> None:
+            while not stop.is_set():
+                frame = link.receive(0.05)
+                if frame is not None:
+                    listener.take(frame.payload)
+
+        thread = threading.Thread(target=listen, name="listener")
+        thread.start()
+        try:
+            yield listener
+        finally:
+            stop.set()
+            thread.join()
+
+
+def _open(config: LinkConfig, receive: Sequence[tuple[int, bool]]):  # type: ignore[no-untyped-def]
+    return open_link(config.interface, config.channel, config.fd, receive)
+
+
+def _on_link(bench: Bench, link: LinkConfig) -> Bench:
+    """The bench on another link, learning in lockstep so that every demonstration is the same."""
+    learning = bench.config.learning.model_copy(update={"lockstep": True})
+    config = bench.config.model_copy(update={"link": link, "learning": learning})
+    return bench.model_copy(update={"config": config})
+
+
+def _wait_until_quiet(daemon: Daemon, interrupted: threading.Event) -> None:
+    """Until the daemon has processed all it received."""
+    seen, since = -1, time.monotonic()
+    while time.monotonic() - since < _QUIET and not interrupted.wait(0.05):
+        processed = daemon.core.processed
+        if processed != seen:
+            seen, since = processed, time.monotonic()

@@ -1,0 +1,65 @@
+"""The command `discover`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from observer_rt.cli.options import FromChannelOption, JsonOption, LenientOption
+from observer_rt.config.bench import NOMINAL_INJECTOR
+
+
+def discover(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Recordings (.csv, .mf4) or CAN logs (.blf, .asc, .log, .trc, .mf4).",
+            metavar="RECORDING",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder for findings, amended model and report.", metavar="DIR")
+    ],
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            help="Injector file (default: the bench file's, else the nominal injector).",
+            metavar="FILE",
+            show_default=False,
+        ),
+    ] = None,
+    healthy: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--healthy",
+            help="Recording of a healthy injector to judge the model by; repeatable.",
+            metavar="RECORDING",
+        ),
+    ] = None,
+    bench: Annotated[
+        Path | None,
+        typer.Option("--bench", help="Bench file by which CAN logs are decoded.", metavar="FILE"),
+    ] = None,
+    from_channel: FromChannelOption = None,
+    lenient: LenientOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
+    from observer_rt.config.bench import load_bench
+    from observer_rt.discovery.command import DiscoverOptions, discover_files
+    from observer_rt.evaluation.second_opinion import second_opinion
+    from observer_rt.evaluation.sources import read_source, signals_of
+    from observer_rt.recording.signals.recording import Recording
+
+    decoder = None if bench is None else load_bench(bench, model, lenient)
+    messages = Console(stderr=True)
+
+    def read(path: Path) -> Recording:
+        return signals_of(read_source(path, decoder, from_channel or (), messages))
+
+    injector = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector_path)
+    options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json)
+    discover_files(recordings, options, second_opinion, messages, read)

@@ -1,0 +1,163 @@
+"""Commands between files and buses: `replay`, `record` and `convert`."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from observer_rt.cli.options import BenchOption, FromChannelOption, JsonOption, LenientOption
+from observer_rt.config.bench import EXAMPLE_BENCH
+from observer_rt.config.links import of_links, refuse_shared_channels
+
+if TYPE_CHECKING:
+    from observer_rt.config.bench import Bench
+
+ChannelOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--channel",
+        help="CAN channel, instead of the bench's; of a bus of [links] as LINK=CHANNEL; repeatable.",
+        metavar="[LINK=]CHANNEL",
+    ),
+]
+InterfaceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--interface",
+        help="python-can interface, instead of the bench's; of a bus of [links] as LINK=INTERFACE.",
+        metavar="[LINK=]INTERFACE",
+    ),
+]
+MEGABYTE = 1_000_000
+messages = Console(stderr=True)
+
+
+def replay(
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            help="Recording (.csv, .mf4) or CAN log (.blf, .asc, .log, .trc, .mf4).",
+            metavar="RECORDING",
+            show_default=False,
+        ),
+    ],
+    bench: BenchOption = EXAMPLE_BENCH,
+    channel: ChannelOption = None,
+    interface: InterfaceOption = None,
+    speed: Annotated[
+        float, typer.Option("--speed", help="1 = real time; 0 = as fast as the bus takes.", min=0.0)
+    ] = 1.0,
+    loop: Annotated[int, typer.Option("--loop", help="How often; 0 = until stopped.", min=0)] = 1,
+    start: Annotated[
+        float | None, typer.Option("--start", help="From this time of the recording [s].")
+    ] = None,
+    stop: Annotated[float | None, typer.Option("--stop", help="To this time of the recording [s].")] = None,
+    windowed: Annotated[
+        bool, typer.Option("--windowed", help="Only about 6 ms round each injection.")
+    ] = False,
+    map_id: Annotated[
+        list[str] | None,
+        typer.Option("--map-id", help="Send under another identifier; repeatable.", metavar="FROM=TO"),
+    ] = None,
+    map_channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map-channel", help="Frames of this channel of a log onto that bus only.", metavar="FROM=TO"
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Send although others send the same identifiers.")
+    ] = False,
+    lenient: LenientOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
+    from observer_rt.config.bench import load_bench
+    from observer_rt.recording.replay.command import ReplayOptions, replay_onto
+
+    chosen = _with_links(load_bench(bench, lenient=lenient), interface, channel)
+    options = ReplayOptions(speed, loop, start, stop, windowed, map_id or (), map_channel or (), force)
+    statistics = replay_onto(chosen, recording, options, messages)
+    if as_json:
+        print(json.dumps(statistics.as_json(), indent=2))
+    else:
+        print(statistics.as_text())
+
+
+def record(
+    out: Annotated[Path, typer.Option("--out", help="Log to write (.blf, .log).", metavar="FILE")],
+    bench: BenchOption = EXAMPLE_BENCH,
+    channel: ChannelOption = None,
+    interface: InterfaceOption = None,
+    duration: Annotated[
+        float | None, typer.Option("--duration", help="End after this time [s].", min=0.0)
+    ] = None,
+    frames: Annotated[int | None, typer.Option("--frames", help="End after so many frames.", min=1)] = None,
+    rotate_size: Annotated[
+        float | None, typer.Option("--rotate-size", help="Begin a new file at this size [MB].", min=0.001)
+    ] = None,
+    rotate_time: Annotated[
+        float | None, typer.Option("--rotate-time", help="Begin a new file after this time [s].", min=0.001)
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that are there already.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write every frame of the bench's buses into a log, until stopped; how many were lost is noted in it."""
+    from observer_rt.config.bench import load_bench
+    from observer_rt.recording.record.command import record_buses
+    from observer_rt.recording.record.recorder import RecordLimits
+
+    limits = RecordLimits(
+        duration, frames, None if rotate_size is None else round(rotate_size * MEGABYTE), rotate_time
+    )
+    links = _with_links(load_bench(bench), interface, channel).config.buses
+    statistics = record_buses(links, out, limits, force, messages)
+    print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
+
+
+def convert(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="Recording (.csv, .mf4) or CAN log (.blf, .asc, .log, .trc, .mf4).",
+            metavar="IN",
+            show_default=False,
+        ),
+    ],
+    target: Annotated[
+        Path,
+        typer.Argument(help="File to write, in the format of its suffix.", metavar="OUT", show_default=False),
+    ],
+    bench: Annotated[
+        Path | None,
+        typer.Option("--bench", help="Bench file by which a log becomes a recording.", metavar="FILE"),
+    ] = None,
+    from_channel: FromChannelOption = None,
+    lenient: LenientOption = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it is there already.")] = False,
+) -> None:
+    """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""
+    from observer_rt.config.bench import load_bench
+    from observer_rt.recording.convert import convert as convert_file
+
+    chosen = None if bench is None else load_bench(bench, lenient=lenient)
+    print(convert_file(source, target, chosen, from_channel or (), force, messages))
+
+
+def _with_links(bench: "Bench", interfaces: list[str] | None, channels: list[str] | None) -> "Bench":
+    """The bench with the interfaces and channels of the command line."""
+    config = bench.config
+    changes: dict[int, dict[str, str]] = {}
+    for key, texts in (("interface", interfaces), ("channel", channels)):
+        for bus, value in of_links(f"--{key}", texts or (), config.buses, "can1").items():
+            changes.setdefault(bus, {})[key] = value
+    link = config.link.model_copy(update=changes.get(0, {}))
+    links = {
+        name: further.model_copy(update=changes.get(bus, {}))
+        for bus, (name, further) in enumerate(config.links.items(), 1)
+    }
+    config = config.model_copy(update={"link": link, "links": links})
+    refuse_shared_channels("--channel: ", config.buses)
+    return bench.model_copy(update={"config": config})

@@ -1,0 +1,73 @@
+"""Effects and their parameters as users write them, in files and on the command line: found, or refused by name."""
+
+from collections.abc import Sequence
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.misspelt import hint
+from observer_rt.model.effect import Effect, EffectParameter
+from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.parameters import EffectInForce
+
+
+def effect_named(place: str, name: str) -> Effect:
+    """The effect of this id. Raises `UserError` at `place`, naming the nearest."""
+    if name not in VOCABULARY:
+        raise UserError(
+            place,
+            f"unknown effect '{name}'{hint(name, VOCABULARY)}",
+            f"known effects: {', '.join(_described(effect) for effect in VOCABULARY.values())}",
+        )
+    return VOCABULARY[name]
+
+
+def parameter_named(place: str, effect: Effect, name: str) -> EffectParameter:
+    """The effect's parameter of this name. Raises `UserError` at `place`."""
+    for parameter in effect.parameters:
+        if parameter.name == name:
+            return parameter
+    known = ", ".join(parameter.name for parameter in effect.parameters)
+    raise UserError(
+        place,
+        f"'{effect.id}' has no parameter '{name}'",
+        f"its parameters: {known}" if known else "it has none: leave it out",
+    )
+
+
+def value_in_bounds(place: str, effect: Effect, parameter: EffectParameter, printed: float) -> float:
+    """A value in SI. Raises `UserError` at `place` when it is no number or beyond the bounds of physics."""
+    value = printed * parameter.si
+    if not parameter.lowest <= value <= parameter.highest:
+        raise UserError(
+            place,
+            f"{printed:g} is no value for {effect.id}:{parameter.name}",
+            f"allowed: {parameter.lowest / parameter.si:g} to {parameter.highest / parameter.si:g} {parameter.unit}",
+        )
+    return value
+
+
+def check_effects(place: str, effects: Sequence[EffectInForce]) -> None:
+    """Refuse effects of an injector file that do not exist, exceed their bounds or are given twice.
+
+    Raises `UserError` at a key below `place`.
+    """
+    seen: set[str] = set()
+    for number, entry in enumerate(effects):
+        here = f"{place}effects.{number}"
+        effect = effect_named(f"{here}.id", entry.id)
+        if entry.id in seen:
+            raise UserError(f"{here}.id", f"'{entry.id}' is given twice", "give each effect once")
+        seen.add(entry.id)
+        if effect.parameters and not entry.parameters:
+            first = effect.parameters[0]
+            example = f'{{ {first.name} = {{ value = 0.0, unit = "{first.unit}" }} }}'
+            raise UserError(here, f"'{entry.id}' has no size", f"add parameters = {example}")
+        for name, printed in entry.parameters.items():
+            key = f"{here}.parameters.{name}"
+            parameter = parameter_named(key, effect, name)
+            if printed.unit != parameter.unit:
+                raise UserError(f"{key}.unit", f"is '{printed.unit}'", f"give it in '{parameter.unit}'")
+            value_in_bounds(f"{key}.value", effect, parameter, printed.value)
+
+
+def _described(effect: Effect) -> str:
+    return ":".join([effect.id, *(parameter.name for parameter in effect.parameters)])

@@ -1,0 +1,85 @@
+"""When the needle is open, from a measured lift."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.observer.stream.front_end import CONFIRM, FOOT, LOOK_BACK, dead_band
+
+RAMP = 8  # samples through which the straight line of a ramp is laid
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A straight ramp at the edge of an opening: lift [m] at its outermost sample, and change towards the inside
+    [m a sample]."""
+
+    lift: float
+    slope: float
+
+
+@dataclass(frozen=True)
+class Opening:
+    """One opening of the needle as recorded: samples first..last with measured lift, and its two ramps."""
+
+    first: int
+    last: int
+    rising: Ramp
+    falling: Ramp
+
+
+def find_openings(lift: NDArray[np.float64], noise: float) -> list[Opening]:
+    """Openings in a measured lift [m] (n,) with white noise [m] of this standard deviation.
+
+    Open from the first of CONFIRM samples above the dead band to the last before CONFIRM samples below its half;
+    up to LOOK_BACK samples beside them that stand out of the noise belong to the ramps.
+    """
+    opens, shuts = dead_band(noise)
+    above, below = _runs(lift > opens), _runs(~(lift > shuts))
+    result = []
+    k = 0
+    while (first := _next(above, k)) is not None:
+        end = _next(below, first)
+        if end is None:
+            break  # cut off: the recording ends with an open needle
+        if first > 0:
+            result.append(_opening(lift, first, end - 1, opens))
+        k = end
+    return result
+
+
+def _runs(true: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Samples from which on CONFIRM samples are true."""
+    run = true.copy()
+    for ahead in range(1, CONFIRM):
+        run[:-ahead] &= true[ahead:]
+        run[-ahead:] = False
+    return np.flatnonzero(run)
+
+
+def _next(starts: NDArray[np.int64], k: int) -> int | None:
+    place = int(np.searchsorted(starts, k))
+    return int(starts[place]) if place < starts.size else None
+
+
+def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float) -> Opening:
+    for _ in range(LOOK_BACK):
+        if first > 0 and lift[first - 1] > FOOT * opens:
+            first -= 1
+        if last + 1 < lift.size and lift[last + 1] > FOOT * opens:
+            last += 1
+    inside = lift[first : last + 1]
+    return Opening(first, last, _ramp(inside), _ramp(inside[::-1]))
+
+
+def _ramp(lift: NDArray[np.float64]) -> Ramp:
+    """The straight line through the first samples of a ramp, never falling.
+
+    The very first lies in the rounded foot; an opening shorter than two ramps has its line from its first half.
+    """
+    first, end = (1, 1 + RAMP) if lift.size > 2 * RAMP else (0, max(2, math.ceil(lift.size / 2)))
+    used = lift[first:end]
+    slope, level = np.polyfit(np.arange(first, first + used.size), used, 1)
+    return Ramp(float(level), max(float(slope), 0.0))

@@ -1,0 +1,100 @@
+"""Recordings taken apart by operating point, and cut down to the stretches that are judged."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.discovery.evidence.measurement import (
+    MARGIN,
+    POINT_DURATION,
+    POINT_PRESSURE,
+    Event,
+    Measurement,
+    open_time,
+    rail_pressure_before,
+)
+from observer_rt.discovery.evidence.openings import Opening
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+
+
+@dataclass(frozen=True, eq=False)
+class OperatingPoint:
+    """The events of one recording at one rail pressure and duration. file: number of the recording."""
+
+    measurement: Measurement
+    file: int
+
+    @property
+    def name(self) -> str:
+        """Such as `100 MPa, 1.93 ms`."""
+        pressure = self.measurement.rail_pressure / MEGAPASCAL
+        return f"{pressure:.0f} MPa, {self.measurement.duration / MILLISECOND:.2f} ms"
+
+
+def by_operating_point(found: Sequence[Measurement]) -> tuple[OperatingPoint, ...]:
+    """Every recording's operating points, by rail pressure, then duration, in the order of the recordings."""
+    return tuple(
+        OperatingPoint(_part(measurement, events), number)
+        for number, measurement in enumerate(found)
+        for same_pressure in _clusters(
+            measurement.events,
+            partial(rail_pressure_before, recording=measurement.recording),
+            POINT_PRESSURE / 2.0,
+        )
+        for events in _clusters(
+            same_pressure, partial(open_time, recording=measurement.recording), POINT_DURATION / 2.0
+        )
+    )
+
+
+def _clusters(events: Sequence[Event], value: Callable[[Event], float], gap: float) -> list[list[Event]]:
+    """Events in the order of a value, taken apart where it leaps by more than `gap`."""
+    clusters: list[list[Event]] = []
+    for event in sorted(events, key=value):
+        if clusters and value(event) - value(clusters[-1][-1]) <= gap:
+            clusters[-1].append(event)
+        else:
+            clusters.append([event])
+    return clusters
+
+
+def _part(measurement: Measurement, events: Sequence[Event]) -> Measurement:
+    """Some events of a recording, one stretch after another; what lies between them is left out."""
+    recording = measurement.recording
+    margin = round(MARGIN / measurement.interval) + 1
+    ordered = sorted(events, key=lambda event: event.start)
+    stretches = [np.arange(event.start - margin, event.end + margin) for event in ordered]
+    kept = np.concatenate(stretches)
+    moved, begin = [], 0
+    for event, stretch in zip(ordered, stretches, strict=True):
+        moved.append(_moved(event, begin - int(stretch[0])))
+        begin += stretch.size
+
+    def cut(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.ascontiguousarray(values[kept])
+
+    rate = recording.injection_rate
+    part = replace(
+        recording,
+        time=np.arange(kept.size, dtype=np.float64) * measurement.interval,
+        rail_pressure=cut(recording.rail_pressure),
+        needle_lift=cut(recording.needle_lift),
+        line_pressure=cut(recording.line_pressure),
+        injection_rate=None if rate is None else cut(rate),
+    )
+    return replace(
+        measurement,
+        recording=part,
+        events=tuple(moved),
+        rail_pressure=float(np.mean([rail_pressure_before(event, recording) for event in ordered])),
+        duration=float(np.mean([open_time(event, recording) for event in ordered])),
+    )
+
+
+def _moved(event: Event, by: int) -> Event:
+    """An event some samples later."""
+    openings = tuple(Opening(o.first + by, o.last + by, o.rising, o.falling) for o in event.openings)
+    return Event(openings, event.start + by, event.counted + by, event.end + by)

@@ -1,0 +1,1 @@
+"""The answer for people: page, tables, figures, words."""

@@ -1,0 +1,181 @@
+"""Figures of the report, as SVG to stand in the page."""
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from numpy.typing import NDArray
+
+from observer_rt.discovery.report.gaps import Gap
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
+
+MEASURED, NOMINAL, AMENDED = "#1b1f24", "#c0392b", "#1f77b4"
+_STYLE = {
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#59636e",
+    "axes.labelcolor": "#1b1f24",
+    "xtick.color": "#59636e",
+    "ytick.color": "#59636e",
+    "axes.grid": True,
+    "grid.color": "#e3e7eb",
+    "axes.axisbelow": True,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "observer_rt",
+    "path.simplify_threshold": 0.3,
+}
+
+_NO_METADATA = dict.fromkeys(("Date", "Creator", "Type", "Format"))
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One injection: time [s] (n,) from its opening, and signals (n,) in SI; None for what there is not.
+
+    noise_floor: of the line pressure [Pa]: what noise alone leaves between model and measurement.
+    """
+
+    title: str
+    time: NDArray[np.float64]
+    lift: NDArray[np.float64]
+    line_pressure: NDArray[np.float64]
+    nominal_pressure: NDArray[np.float64]
+    amended_pressure: NDArray[np.float64] | None
+    measured_rate: NDArray[np.float64] | None
+    nominal_rate: NDArray[np.float64]
+    amended_rate: NDArray[np.float64] | None
+    noise_floor: float
+
+
+def overlay_figure(overlays: Sequence[Overlay]) -> str:
+    """Lift, line pressure, what the models miss of it, and injection rate; a column for each injection."""
+    with _figure(10.4, 7.4) as (figure, svg):
+        _draw_overlays(figure, overlays)
+    return svg()
+
+
+def _draw_overlays(figure: Figure, overlays: Sequence[Overlay]) -> None:
+    grid = figure.add_gridspec(4, len(overlays), height_ratios=(0.55, 1.5, 1.0, 1.3))
+    for column, one in enumerate(overlays):
+        axes = [figure.add_subplot(grid[row, column]) for row in range(4)]
+        _draw_overlay(axes, one)
+        for row, label in enumerate(
+            (
+                "needle lift\n[µm]",
+                "line pressure\n[MPa]",
+                "model − measured\n[MPa]",
+                "injection rate\n[mm³/ms]",
+            )
+        ):
+            axes[row].sharex(axes[0])
+            axes[row].tick_params(labelbottom=row == 3)
+            if column == 0:
+                axes[row].set_ylabel(label)
+        axes[0].set_title(one.title, loc="left", fontsize=10.5, fontweight="bold")
+        axes[3].set_xlabel("time since the opening [ms]")
+        if column == 0:
+            handles, labels = axes[1].get_legend_handles_labels()
+            figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False)
+    figure.align_ylabels()
+
+
+def _draw_overlay(axes: Sequence[Axes], one: Overlay) -> None:
+    time = one.time / MILLISECOND
+    axes[0].fill_between(time, one.lift / MICROMETRE, color="#dfe5ea", lw=0)
+    axes[0].plot(time, one.lift / MICROMETRE, color="#59636e", lw=0.9)
+    axes[1].plot(time, one.line_pressure / MEGAPASCAL, color=MEASURED, lw=1.5, alpha=0.75, label="measured")
+    axes[1].plot(time, one.nominal_pressure / MEGAPASCAL, color=NOMINAL, lw=1.1, label="model as given")
+    floor = 2.0 * one.noise_floor / MEGAPASCAL
+    axes[2].axhspan(-floor, floor, color="#e8ecef", lw=0)
+    missed = one.nominal_pressure - one.line_pressure
+    axes[2].plot(time, missed / MEGAPASCAL, color=NOMINAL, lw=0.8)
+    if one.measured_rate is not None:
+        axes[3].plot(time, one.measured_rate / MM3_PER_MS, color=MEASURED, lw=1.5, alpha=0.75)
+    axes[3].plot(time, one.nominal_rate / MM3_PER_MS, color=NOMINAL, lw=1.1)
+    if one.amended_pressure is not None and one.amended_rate is not None:
+        axes[1].plot(
+            time,
+            one.amended_pressure / MEGAPASCAL,
+            color=AMENDED,
+            lw=1.1,
+            ls=(0, (5, 1.5)),
+            label="amended model",
+        )
+        missed = one.amended_pressure - one.line_pressure
+        axes[2].plot(time, missed / MEGAPASCAL, color=AMENDED, lw=0.8)
+        axes[3].plot(time, one.amended_rate / MM3_PER_MS, color=AMENDED, lw=1.1, ls=(0, (5, 1.5)))
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Gaps of one quantity at several operating points, in a printed unit whose SI factor is `si`.
+
+    amended: whether there is something to show of the amended model.
+    """
+
+    title: str
+    unit: str
+    si: float
+    gaps: tuple[Gap, ...]
+    amended: bool
+
+
+def gap_figure(labels: Sequence[str], groups: Sequence[Bars]) -> str:
+    """Before and after beside each other at every operating point, on a logarithmic scale; noise as a line."""
+    with _figure(10.4, 3.1) as (figure, svg):
+        for column, bars in enumerate(groups):
+            axes = figure.add_subplot(1, len(groups), column + 1)
+            _draw_bars(axes, labels, bars)
+            if column == 0:
+                handles = axes.get_legend_handles_labels()
+                figure.legend(*handles, loc="outside upper right", ncols=3, frameon=False)
+    return svg()
+
+
+def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
+    places = np.arange(len(labels))
+    width = 0.36 if bars.amended else 0.5
+    series = [("model as given", [g.before for g in bars.gaps], NOMINAL, -0.2 if bars.amended else 0.0)]
+    if bars.amended:
+        series.append(("amended model", [g.after for g in bars.gaps], AMENDED, 0.2))
+    floors = np.array([g.noise_floor for g in bars.gaps]) / bars.si
+    lowest = floors.min() / 4.0 if bars.amended else 0.0
+    for label, values, colour, shift in series:
+        heights = np.maximum(np.array(values) / bars.si, lowest)
+        axes.bar(places + shift, heights, width, color=colour, label=label)
+        for place, height, value in zip(places + shift, heights, values, strict=True):
+            axes.annotate(f"{value / bars.si:.2g}", (place, height), ha="center", va="bottom", fontsize=8)
+    axes.hlines(floors, places - 0.45, places + 0.45, color=MEASURED, lw=1.4, label="noise alone")
+    if bars.amended:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.margins(y=0.15)
+    axes.set_ylim(bottom=lowest)
+    axes.grid(axis="x", visible=False)
+    axes.set_xticks(places, labels)
+    axes.set_ylabel(f"rms [{bars.unit}]")
+    axes.set_title(bars.title, loc="left", fontsize=10.5, fontweight="bold")
+
+
+@contextmanager
+def _figure(width: float, height: float) -> Iterator[tuple[Figure, Callable[[], str]]]:
+    """A figure to draw on, inches, and what makes an <svg> element of it."""
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+
+        def svg() -> str:
+            text = io.StringIO()
+            with mpl.rc_context(_STYLE):
+                figure.savefig(text, format="svg", metadata=_NO_METADATA)
+            return text.getvalue()[text.getvalue().index("<svg") :]
+
+        yield figure, svg

@@ -1,0 +1,210 @@
+"""The gap between model and measurement before and after, on operating points the model was not fitted to."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.discovery.evidence.measurement import Measurement, every_second_point
+from observer_rt.discovery.report.open_loop import (
+    Simulated,
+    in_mass_window,
+    mass,
+    measured_mass,
+    noisier,
+    simulated,
+)
+from observer_rt.discovery.result import Discovery
+from observer_rt.discovery.search.bounded_fit import fit
+from observer_rt.discovery.search.hypothesis import Hypothesis, Sizing
+from observer_rt.discovery.search.likelihood import GAIN_ERROR, evidence_of
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import VOCABULARY
+
+NOISE_RUNS = 3  # with noise added, for the noise floor
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Root mean squares of model minus measurement (SI): nominal, amended, and what noise alone would leave."""
+
+    before: float
+    after: float
+    noise_floor: float
+
+
+@dataclass(frozen=True)
+class PointGap:
+    """The gaps of one held-out recording."""
+
+    recording: int
+    line_pressure: Gap
+    injection_rate: Gap | None
+    mass: Gap
+    injected: float  # kg, mean of an event
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Over all held-out recordings, and for each.
+
+    Mass is compared with the measured one; where no rate is measured, with that of the amended model fitted to all
+    recordings: before is then what the nominal model is wrong if the amended one is right.
+    """
+
+    line_pressure: Gap
+    injection_rate: Gap | None
+    mass: Gap
+    injected: float  # kg, mean of an event
+    refitted: EffectiveModel  # the winner, fitted to `fitted_on`
+    points: tuple[PointGap, ...]
+    fitted_on: tuple[int, ...]
+    held_out: tuple[int, ...]
+
+
+def winner_of(found: Discovery) -> tuple[Hypothesis, NDArray[np.float64]]:
+    """The effects found with their sizes (p,): none for `none` and `unknown`."""
+    effects = Hypothesis(tuple(VOCABULARY[effect.id] for effect in found.effects))
+    return effects, np.array([p.value for effect in found.effects for p in effect.parameters])
+
+
+def amended_by(found: Discovery, nominal: EffectiveModel) -> EffectiveModel:
+    """The nominal model with the effects found."""
+    hypothesis, theta = winner_of(found)
+    return hypothesis.model(nominal, theta)
+
+
+def gaps_of(found: Discovery, measured: Sequence[Measurement], nominal: EffectiveModel) -> Gaps:
+    """The gaps: with the winner refitted to every second operating point, on the others.
+
+    With one operating point there is nothing to hold out: it is fitted and shown.
+    """
+    hypothesis, theta = winner_of(found)
+    amended = amended_by(found, nominal)
+    fitted_on, held_out = every_second_point(measured)
+    held_out = held_out or fitted_on
+    refitted = _refitted(hypothesis, theta, [measured[i] for i in fitted_on], nominal)
+    points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
+    rates = [point.injection_rate for point in points if point.injection_rate is not None]
+    return Gaps(
+        _together([point.line_pressure for point in points]),
+        _together(rates) if rates else None,
+        _together([point.mass for point in points]),
+        float(np.mean([point.injected for point in points])),
+        refitted,
+        points,
+        fitted_on,
+        held_out,
+    )
+
+
+def _refitted(
+    hypothesis: Hypothesis, theta: NDArray[np.float64], part: Sequence[Measurement], nominal: EffectiveModel
+) -> EffectiveModel:
+    again = fit(Sizing(evidence_of(part, nominal), nominal, hypothesis), theta, hypothesis.ranges())
+    return hypothesis.model(nominal, theta if again is None else again.at.theta)
+
+
+def _point(
+    number: int,
+    measurement: Measurement,
+    nominal: EffectiveModel,
+    refitted: EffectiveModel,
+    amended: EffectiveModel,
+) -> PointGap:
+    before, after, reference = (simulated(measurement, model) for model in (nominal, refitted, amended))
+    noisy = [simulated(noisier(measurement, seed), refitted) for seed in range(NOISE_RUNS)]
+    noise = measurement.noise.line_pressure
+    line = measurement.recording.line_pressure
+    pressure = Gap(
+        _rms([one.line_pressure - line[one.samples] for one in before]),
+        _rms([one.line_pressure - line[one.samples] for one in after]),
+        math.hypot(_rms(_moves(noisy, after, "line_pressure")), noise),
+    )
+    models = nominal, refitted, amended
+    mass_gap, injected = _mass_gap(measurement, models, (before, after, reference), noisy)
+    return PointGap(number, pressure, _rate_gap(measurement, before, after, noisy), mass_gap, injected)
+
+
+def _rate_gap(
+    measurement: Measurement,
+    before: Sequence[Simulated],
+    after: Sequence[Simulated],
+    noisy: Sequence[Sequence[Simulated]],
+) -> Gap | None:
+    measured = measurement.recording.injection_rate
+    if measured is None:
+        return None
+    spraying = [in_mass_window(measurement, one) for one in before]
+
+    def rms(parts: Sequence[NDArray[np.float64]]) -> float:
+        return _rms(
+            [part[s] for part, s in zip(parts, [*spraying] * (len(parts) // len(spraying)), strict=True)]
+        )
+
+    floor = (
+        measurement.rate_noise,
+        rms(_moves(noisy, after, "rate")),
+        GAIN_ERROR * rms([one.rate for one in after]),
+    )
+    return Gap(
+        rms([one.rate - measured[one.rate_samples] for one in before]),
+        rms([one.rate - measured[one.rate_samples] for one in after]),
+        math.hypot(*floor),
+    )
+
+
+def _mass_gap(
+    measurement: Measurement,
+    models: tuple[EffectiveModel, EffectiveModel, EffectiveModel],
+    runs: tuple[Sequence[Simulated], Sequence[Simulated], Sequence[Simulated]],
+    noisy: Sequence[Sequence[Simulated]],
+) -> tuple[Gap, float]:
+    """The gap in mass, and the mean mass it belongs to [kg]. models, runs: nominal, refitted, reference."""
+    nominal, refitted, amended = models
+    before, after, reference = runs
+
+    def masses(model: EffectiveModel, ones: Sequence[Simulated]) -> NDArray[np.float64]:
+        return np.array([mass(measurement, one, model.coefficients.density) for one in ones])
+
+    of_after = masses(refitted, after)
+    if measurement.recording.injection_rate is None:
+        truth, gain_error = masses(amended, reference), 0.0
+    else:
+        density = amended.coefficients.density
+        truth = np.array([measured_mass(measurement, one, density) for one in before])
+        gain_error = GAIN_ERROR * float(np.mean(truth))
+    moves = [masses(refitted, ones) - of_after for ones in noisy]
+    gap = Gap(
+        _rms([masses(nominal, before) - truth]),
+        _rms([of_after - truth]),
+        math.hypot(_rms(moves), gain_error),
+    )
+    return gap, float(np.mean(truth))
+
+
+def _moves(
+    noisy: Sequence[Sequence[Simulated]], quiet: Sequence[Simulated], name: str
+) -> list[NDArray[np.float64]]:
+    """By how much noise moves a result, event after event."""
+    return [
+        getattr(one, name) - getattr(still, name)
+        for ones in noisy
+        for one, still in zip(ones, quiet, strict=True)
+    ]
+
+
+def _rms(parts: Sequence[NDArray[np.float64]]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+
+def _together(gaps: Sequence[Gap]) -> Gap:
+    """Root mean square over recordings."""
+    return Gap(
+        *(
+            float(np.sqrt(np.mean([getattr(gap, name) ** 2 for gap in gaps])))
+            for name in ("before", "after", "noise_floor")
+        )
+    )

@@ -1,0 +1,123 @@
+"""What is left unexplained, by signal, phase and operating point; and whether that is adequate."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.discovery.result import Cell, Signal
+from observer_rt.discovery.search.likelihood import Evidence, Judged, Trial
+from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics, phase_statistics
+from observer_rt.model.effective import EffectiveModel
+
+VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
+COLOUR_LIMIT = {Signal.LINE_PRESSURE: 2.0, Signal.INJECTION_RATE: 4.0}
+EXCESS_LIMIT = 5.0  # standard deviations
+
+Pool = Mapping[Signal, PhaseStatistics]
+"""Statistics of each signal, pooled over recordings."""
+
+
+@dataclass(frozen=True)
+class HealthyBaseline:
+    """Variance and colour that healthy recordings leave in each phase: what the model itself does not explain.
+
+    trusted: nothing is named on the healthy recordings; gain: of what is named there, in -2 log L a sample: as much
+    is no evidence of anything else.
+    """
+
+    variance: Mapping[tuple[Signal, Phase], float]
+    colour: Mapping[tuple[Signal, Phase], float]
+    trusted: bool = True
+    gain: float = 0.0
+
+
+NO_BASELINE = HealthyBaseline({}, {})
+
+
+def _normalised(one: Judged) -> dict[Signal, NDArray[np.float64]]:
+    """Normalised residuals by signal, without the rate's gain error at the end."""
+    parts = {Signal.LINE_PRESSURE: one.z}
+    if one.rate_z.size:
+        parts[Signal.INJECTION_RATE] = one.rate_z[:-1]
+    return parts
+
+
+def _phases(trial: Trial) -> dict[Signal, NDArray[np.int8]]:
+    return {Signal.LINE_PRESSURE: trial.phases, Signal.INJECTION_RATE: trial.rate_phases}
+
+
+def pool_of(evidence: Evidence, judged: Sequence[Judged]) -> Pool:
+    """Statistics of all recordings together."""
+    pool: dict[Signal, PhaseStatistics] = {}
+    for trial, one in zip(evidence.trials, judged, strict=True):
+        for signal, z in _normalised(one).items():
+            found = phase_statistics(z, 1.0, _phases(trial)[signal], 0)
+            pool[signal] = pool.get(signal, no_statistics()).faded(1.0, found)
+    return pool
+
+
+def cells_of(evidence: Evidence, judged: Sequence[Judged], model: EffectiveModel) -> tuple[Cell, ...]:
+    """Every signal in every phase of every recording."""
+    result = []
+    for number, (trial, one) in enumerate(zip(evidence.trials, judged, strict=True)):
+        measurement = trial.measurement
+        scale = {
+            Signal.LINE_PRESSURE: float(np.exp(one.log_sigma)) * model.coefficients.pressure_scale,
+            Signal.INJECTION_RATE: measurement.rate_noise,
+        }
+        for signal, z in _normalised(one).items():
+            phases = _phases(trial)[signal]
+            statistics = phase_statistics(z, 1.0, phases, 0)
+            for phase in Phase:
+                if not (phases == phase).any():
+                    continue
+                result.append(
+                    Cell(
+                        signal,
+                        phase,
+                        number,
+                        measurement.rail_pressure,
+                        measurement.duration,
+                        int(statistics.samples[phase]),
+                        statistics.variance(phase),
+                        statistics.colour(phase),
+                        statistics.excess(phase),
+                        float(np.sqrt(statistics.variance(phase))) * scale[signal],
+                    )
+                )
+    return tuple(result)
+
+
+def baseline_of(pool: Pool) -> HealthyBaseline:
+    """The baseline that healthy recordings set; never below what noise alone leaves."""
+    keys = [(signal, phase) for signal in pool for phase in Phase]
+    return HealthyBaseline(
+        {(s, p): max(1.0, pool[s].variance(p)) for s, p in keys},
+        {(s, p): max(1.0, pool[s].colour(p)) for s, p in keys},
+    )
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The signal and phase a model explains worst: how many times its limit (above 1: not adequate)."""
+
+    signal: Signal
+    phase: Phase
+    ratio: float
+
+
+def worst(pool: Pool, baseline: HealthyBaseline = NO_BASELINE) -> Worst:
+    """Where the model is least adequate; what lies within EXCESS_LIMIT of noise counts as explained."""
+    ranked = []
+    for signal, statistics in pool.items():
+        for phase in Phase:
+            key = (signal, phase)
+            variance = statistics.variance(phase) / baseline.variance.get(key, 1.0)
+            colour = statistics.colour(phase) / baseline.colour.get(key, 1.0)
+            ratio = max(variance / VARIANCE_LIMIT[signal], colour / COLOUR_LIMIT[signal])
+            if statistics.excess(phase) < EXCESS_LIMIT:
+                ratio = min(ratio, 1.0)
+            ranked.append(Worst(signal, phase, ratio))
+    return max(ranked, key=lambda item: item.ratio)

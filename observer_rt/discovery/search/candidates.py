@@ -1,0 +1,198 @@
+"""Fitting candidates: the effects alone, then what a second one could add to the leaders."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import product
+from typing import Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.discovery.search.bounded_fit import MAX_ITERATIONS, Residuals, linearise
+from observer_rt.discovery.search.hypothesis import Hypothesis, Sizing, sized_from
+from observer_rt.discovery.search.likelihood import Evidence
+from observer_rt.model.effect import Effect
+from observer_rt.model.effective import EffectiveModel
+
+WORTH_FITTING = 10.0  # predicted gain from which on a second effect is fitted
+MOST_SECONDS = 6  # second effects fitted to one leader
+ROUGH_ITERATIONS = 3  # of the first fit of every effect
+ROUGH_SHARE = 0.5  # of what the best single explains: those that leave more of it unexplained stay rough
+ALWAYS_REFINED = 4  # leaders
+
+ROUGH = "rough"
+
+_Task = tuple[Hypothesis, Sequence[NDArray[np.float64]]]
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True, eq=False)
+class Sized:
+    """A hypothesis with the sizes that explain the recordings best: theta (p,) in SI, -2 log L."""
+
+    hypothesis: Hypothesis
+    theta: NDArray[np.float64]
+    statistic: float
+
+    @property
+    def plausible(self) -> bool:
+        """Whether every effect has a size that matters and that no bound holds back."""
+        return self.hypothesis.is_plausible(self.theta)
+
+    @property
+    def within_bounds(self) -> bool:
+        """Whether no bound holds a size back."""
+        return self.hypothesis.is_within_bounds(self.theta)
+
+    def model(self, nominal: EffectiveModel) -> EffectiveModel:
+        """The nominal model with these effects."""
+        return self.hypothesis.model(nominal, self.theta)
+
+
+class FitMemory(Protocol):
+    """Keeps fitted candidates, so that an interrupted run goes on where it was."""
+
+    def get(self, key: tuple[str, ...]) -> tuple[NDArray[np.float64], float] | None:
+        """theta (p,) and -2 log L kept under this key; None when there is none."""
+
+    def put(self, key: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
+        """Keep a fit; the key is the ids of its effects, and ROUGH after them for a rough one."""
+
+
+class NoMemory:
+    """Keeps nothing."""
+
+    def get(self, key: tuple[str, ...]) -> None:
+        """Nothing is known."""
+
+    def put(self, key: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
+        """Forget."""
+
+
+class Fitter:
+    """Fits hypotheses to the evidence on several threads (the compiled prediction runs without the lock)."""
+
+    def __init__(
+        self,
+        evidence: Evidence,
+        nominal: EffectiveModel,
+        workers: int = 1,
+        memory: FitMemory | None = None,
+        fitted: Callable[[Sized], None] | None = None,
+    ) -> None:
+        """fitted: called with every fit as soon as it is there."""
+        self.evidence = evidence
+        self.nominal = nominal
+        self._workers = workers
+        self._memory = memory or NoMemory()
+        self._fitted = fitted
+
+    def nothing(self) -> Sized:
+        """The nominal model."""
+        residuals = self.evidence.residuals(self.nominal)
+        if residuals is None:
+            raise ArithmeticError("the nominal model has no finite solution on these recordings")
+        return Sized(Hypothesis(), np.zeros(0), residuals.statistic)
+
+    def _fit_all(self, tasks: Sequence[_Task], max_iterations: int) -> list[Sized]:
+        """Fit hypotheses, each from its starts; those without a solution are left out."""
+        found = self._each(lambda task: self._fit(task[0], task[1], max_iterations), tasks)
+        return [one for one in found if one is not None]
+
+    def _each(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
+        """Results of `work` in the order of the items; an interruption does not wait for those not begun."""
+        with ThreadPoolExecutor(self._workers) as pool:
+            try:
+                return list(pool.map(work, items))
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+
+    def _fit(
+        self, hypothesis: Hypothesis, starts: Sequence[NDArray[np.float64]], max_iterations: int
+    ) -> Sized | None:
+        key = hypothesis.ids if max_iterations == MAX_ITERATIONS else (*hypothesis.ids, ROUGH)
+        known = self._memory.get(key)
+        if known is not None:
+            return Sized(hypothesis, *known)
+        found = sized_from(Sizing(self.evidence, self.nominal, hypothesis), starts, max_iterations)
+        if found is None:
+            return None
+        sized = Sized(hypothesis, found.at.theta, found.statistic)
+        self._memory.put(key, sized.theta, sized.statistic)
+        if self._fitted is not None:
+            self._fitted(sized)
+        return sized
+
+    def singles(self, effects: Sequence[Effect], nominal: Sized) -> list[Sized]:
+        """Every effect alone; those that explain far less than the best are fitted roughly."""
+        hypotheses = [Hypothesis((effect,)) for effect in effects]
+        rough = self._fit_all([(h, h.starts()) for h in hypotheses], ROUGH_ITERATIONS)
+        rough.sort(key=lambda one: one.statistic)
+        limit = rough[0].statistic + ROUGH_SHARE * (nominal.statistic - rough[0].statistic)
+        leaders = sum(number < ALWAYS_REFINED or one.statistic <= limit for number, one in enumerate(rough))
+        refined = self._fit_all([(one.hypothesis, [one.theta]) for one in rough[:leaders]], MAX_ITERATIONS)
+        return refined + rough[leaders:]
+
+    def seconds(self, leader: Sized, effects: Sequence[Effect]) -> list[Sized]:
+        """The leader with each second effect that promises something, fitted together."""
+        base = self.evidence.residuals(leader.model(self.nominal))
+        if base is None:
+            return []
+        sizing = Sizing(self.evidence, self.nominal, leader.hypothesis)
+        spanned = linearise(sizing, leader.theta, base, leader.hypothesis.ranges()).slopes
+        others = [effect for effect in effects if effect not in leader.hypothesis.effects]
+        promises = self._each(lambda effect: self._promise(leader, base, spanned, effect), others)
+        ranked = sorted(zip(promises, others, strict=True), key=lambda item: -item[0].gain)
+        worthwhile = [item for item in ranked if item[0].gain > WORTH_FITTING][:MOST_SECONDS]
+        tasks = [(leader.hypothesis.with_effect(e), promise.starts) for promise, e in worthwhile]
+        return self._fit_all(tasks, MAX_ITERATIONS)
+
+    def _promise(
+        self, leader: Sized, base: Residuals, spanned: NDArray[np.float64], effect: Effect
+    ) -> "_Promise":
+        """What a second effect would gain were the residuals linear in it, the leader's sizes free."""
+        both = leader.hypothesis.with_effect(effect)
+        sizing = Sizing(self.evidence, self.nominal, both)
+        best = _Promise(0.0, ())
+        for values in _probes(effect):
+            start = np.concatenate([leader.theta, values])
+            there = sizing.residuals(start)
+            if there is None:
+                continue
+            gain = base.statistic - there.statistic
+            if effect.parameters:
+                gain = max(gain, _predicted_gain(base, there, spanned))
+            if gain > best.gain:
+                off = np.array([p.off for p in effect.parameters])
+                best = _Promise(gain, (start, np.concatenate([leader.theta, off + 0.1 * (values - off)])))
+        return best
+
+
+@dataclass(frozen=True, eq=False)
+class _Promise:
+    gain: float
+    starts: tuple[NDArray[np.float64], ...]
+
+
+def _probes(effect: Effect) -> list[NDArray[np.float64]]:
+    """Sizes at which a second effect is tried: small ones of either sign, and the starts that are not off."""
+    if not effect.parameters:
+        return [np.zeros(0)]
+    first, others = effect.parameters[0], effect.parameters[1:]
+    sizes = [first.off + sign * 3.0 * first.dead_zone for sign in (1.0, -1.0)]
+    sizes += [start for start in first.starts if start != first.off]
+    allowed = [size for size in sizes if first.lowest <= size <= first.highest]
+    return [np.array(values) for values in product(allowed, *(p.starts for p in others))]
+
+
+def _predicted_gain(base: Residuals, there: Residuals, spanned: NDArray[np.float64]) -> float:
+    """Least-squares gain along the secant to `there`, what the leader's own parameters span taken out."""
+    direction = there.z - base.z
+    if spanned.shape[1]:
+        basis, _ = np.linalg.qr(spanned)
+        direction = direction - basis @ (basis.T @ direction)
+    length = float(direction @ direction)
+    return float(direction @ base.z) ** 2 / length if length > 0.0 else 0.0

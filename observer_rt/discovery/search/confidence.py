@@ -1,0 +1,38 @@
+"""How sure a verdict is: -2 log L differences, tempered so that what is said with 90 % is right in 90 %."""
+
+import math
+from collections.abc import Sequence
+
+from observer_rt.discovery.search.candidates import Sized
+from observer_rt.discovery.search.search import Found, price
+
+METHOD = (
+    "share of exp(-X/(2 T)) among all candidates of the same size, X = -2 log L + 10 a parameter, T = 2 for what no "
+    "model knows of noise and line; at most 0.99"
+)
+TEMPER = 2.0
+HIGHEST = 0.99
+WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
+
+
+def confidence_of(found: Found) -> float:
+    """Probability that the winner is right; of the nominal model, that nothing is missing."""
+    if not found.adequate:
+        return HIGHEST * (1.0 - 0.5 / found.ratio)
+    size = max(1, len(found.winner.hypothesis.effects))
+    others = [
+        one
+        for one in found.fitted
+        if one is not found.winner and len(one.hypothesis.effects) == size and one.plausible
+    ]
+    handicap = 0.0 if found.winner.hypothesis.effects else found.threshold  # of those who would be accepted
+    return HIGHEST * _share(found.winner, [*others, found.nominal], handicap)
+
+
+def _share(winner: Sized, others: Sequence[Sized], handicap: float) -> float:
+    weights = [
+        math.exp(min(0.0, -(price(one) + handicap - price(winner)) / (2.0 * TEMPER)))
+        for one in others
+        if one is not winner
+    ]
+    return 1.0 / (1.0 + sum(weights))

@@ -1,0 +1,20 @@
+"""How one sample follows another, and how well its time is known: the words alignment and observer share."""
+
+from enum import IntEnum
+
+
+class Break(IntEnum):
+    """Why a sample does not follow its predecessor."""
+
+    NONE = 0
+    START = 1  # the first sample
+    JUMP = 2  # legal jump of a windowed source
+    LOSS = 3  # samples were lost
+    RESTART = 4  # the device's index began anew
+
+
+class Doubt(IntEnum):
+    """Why a sample cannot be trusted although it is there; numbers are those of `stream.state.Reason`."""
+
+    NONE = 0
+    TIME_BASE = 16  # when it was taken is not known well enough

@@ -1,0 +1,1 @@
+"""What happens between injections: fit, belief, adequacy, intervals."""

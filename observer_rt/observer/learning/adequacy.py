@@ -1,0 +1,152 @@
+"""Whether an event can be believed: innovation statistics and plausibility against limits."""
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from observer_rt.estimation.phases import Phase, PhaseStatistics
+from observer_rt.observer.stream.state import Reason
+
+# A phase is coloured when some statistic, pooled over recent events, exceeds white noise by this many of its
+# standard deviations and by this factor. The first keeps false alarms rare (below 1e-4 an event for white noise),
+# the second keeps a model that is good enough from being refused by very long recordings.
+SIGNIFICANT = 4.5
+RELEVANT_COLOUR = 1.6
+RELEVANT_VARIANCE = 1.15
+# colour beyond which an event's information counts for less, and how significant it must be
+TEMPER_ABOVE = 1.6
+TEMPER_SIGNIFICANT = 2.5
+POOLING = 0.85  # weight of the statistics before this event
+REMEMBERED = 6.0  # standard deviations up to which they count, so that a passing trouble is soon over
+# Pa, between line and rail pressure: more may be a gain of the sensor, which is an error of the mass
+LARGEST_OFFSET = 1.5e6
+FREEZE_AFTER = 2  # events
+SET_ASIDE_AFTER = 2  # events
+RELEASE_AFTER = 3
+LEAST_SCALE = 0.03  # of the logarithm of 1 + r
+LARGEST_LAG = 0.2e-3  # s
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Why an event is not believed, and the phase in which it shows."""
+
+    reason: Reason
+    phase: Phase | None = None
+
+
+def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
+    """The phase that contradicts the model most, None when every phase is compatible with white innovations."""
+    worst, worst_excess = None, SIGNIFICANT
+    for phase in Phase:
+        relevant = (
+            statistics.colour(phase) > RELEVANT_COLOUR or statistics.variance(phase) > RELEVANT_VARIANCE
+        )
+        excess = statistics.excess(phase)
+        if relevant and excess > worst_excess:
+            worst, worst_excess = phase, excess
+    return worst
+
+
+def pooled(before: PhaseStatistics, event: PhaseStatistics) -> PhaseStatistics:
+    """Statistics over recent events, the newest in full."""
+    return before.capped(REMEMBERED).faded(POOLING, event)
+
+
+def tempering(statistics: PhaseStatistics) -> float:
+    """Factor on the variance of an event's innovations: above 1 when they are coloured."""
+    return max(
+        (
+            statistics.colour(phase)
+            for phase in Phase
+            if statistics.excess(phase) > TEMPER_SIGNIFICANT and statistics.colour(phase) > TEMPER_ABOVE
+        ),
+        default=1.0,
+    )
+
+
+def findings(statistics: PhaseStatistics, offset: float, lag: float) -> list[Finding]:
+    """What speaks against an event; offset [Pa] and lag [s] as identified.
+
+    Empty: it passed. What names a cause comes first.
+    """
+    result = []
+    if abs(offset) > LARGEST_OFFSET:
+        result.append(Finding(Reason.PRESSURE_OFFSET))
+    if lag > LARGEST_LAG:
+        result.append(Finding(Reason.SENSOR_LAG))
+    phase = inadequate_phase(statistics)
+    if phase is not None:
+        result.append(Finding(Reason.MODEL_INADEQUATE, phase))
+    return result
+
+
+UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.AMBIGUOUS_SCALE, Reason.SUDDEN_CHANGE, Reason.TIME_BASE)
+BELIEVED_AFTER = 2  # explained events in a row, where what was learned was set aside
+
+
+class Mistrust:
+    """What was learned is not carried where too many events are not explained by it.
+
+    A sudden change is one such event, changes all the time are many; a scale that is not known is enough by itself.
+    Until then an event that passed makes up for one that did not; afterwards several in a row must pass, for some
+    operating points contradict a wrong model more than others.
+    """
+
+    def __init__(self) -> None:
+        self._events = 0
+        self._passed = 0
+        self._because: Finding | None = None
+
+    @property
+    def lasts(self) -> bool:
+        """Whether what was learned is set aside."""
+        return self._because is not None
+
+    def after(self, found: Collection[Finding]) -> Finding | None:
+        """Take in what an event was found to be; why the nominal model is to be carried from it on, None if not."""
+        unexplained = next((finding for finding in found if finding.reason in UNEXPLAINED), None)
+        if unexplained is not None:
+            counts = SET_ASIDE_AFTER if unexplained.reason is Reason.AMBIGUOUS_SCALE else 1
+            self._events, self._passed = self._events + counts, 0
+            if self._events >= SET_ASIDE_AFTER:
+                self._because = unexplained
+        elif not found:
+            self._events, self._passed = max(self._events - 1, 0), self._passed + 1
+            if self._passed >= BELIEVED_AFTER:
+                self._events, self._because = 0, None
+        return self._because
+
+
+class Freezer:
+    """Learning stops when the standstill contradicts the model twice, and goes on after three good events."""
+
+    def __init__(self) -> None:
+        self._bad = 0
+        self._good = 0
+        self._frozen = False
+
+    def is_frozen_after(self, statistics: PhaseStatistics) -> bool:
+        """Take in an event's pooled statistics; whether learning is frozen from it on."""
+        if inadequate_phase(statistics) is Phase.STANDSTILL:
+            self._bad, self._good = self._bad + 1, 0
+        else:
+            self._bad, self._good = 0, self._good + 1
+        if self._bad >= FREEZE_AFTER:
+            self._frozen = True
+        elif self._good >= RELEASE_AFTER:
+            self._frozen = False
+        return self._frozen
+
+
+def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:
+    """Whether N_H and r together look like another A_L/(rho_L L_L) rather than like wear and another K_L.
+
+    Flows, 1/K_L and inertance scaled together leave p_L as it is, so that the level of Q_H is not known then: with
+    the inertance off by a factor s, 1 + N_H -> s and 1 + r -> 1/s are found for a healthy injector.
+    """
+    stiffer = -math.log1p(stiffness_change)
+    wider = math.log1p(max(nozzle_change, -0.99))
+    return abs(stiffer) > LEAST_SCALE and 0.5 * abs(stiffer) < math.copysign(1.0, stiffer) * wider < 2 * abs(
+        stiffer
+    )

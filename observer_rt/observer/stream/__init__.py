@@ -1,0 +1,1 @@
+"""The observer at every sample: dead band, events, the pair. Compiled."""

@@ -1,0 +1,154 @@
+"""Events (openings closer than the event gap), their injections, and the queue of events to be judged."""
+
+import math
+
+from numba import njit
+
+from observer_rt.observer.stream.state import (
+    INJECTIONS,
+    MAX_EVENT,
+    PENDING_EVENTS,
+    RING,
+    Observer,
+)
+
+_MASK = RING - 1
+
+
+@njit(cache=True, nogil=True)
+def begin_injection(observer: Observer, position: int) -> None:
+    """The needle opens at `position`: an injection begins, and an event with it unless one is under way."""
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    row = observer.ring[position & _MASK]
+    if not memory.in_event:
+        memory.in_event = True
+        memory.event_number += 1
+        memory.event_opening = position
+        memory.event_learnable = memory.synchronised
+        memory.event_doubtful = False
+    if memory.injections_begun - memory.injections_reported == INJECTIONS:
+        memory.injections_reported += 1
+    injection = memory.injections[memory.injections_begun % INJECTIONS]
+    memory.injections_begun += 1
+    injection.number = memory.injections_begun
+    injection.event = memory.event_number
+    injection.start = max(position - timing.window_lead, memory.segment_start)
+    injection.end = -1
+    injection.start_index = observer.ring[injection.start & _MASK].index
+    injection.opening_index = row.index
+    injection.opening_seen = position > memory.segment_start
+    injection.rail_pressure = row.rail_pressure
+
+
+@njit(cache=True, nogil=True)
+def follow_injection(observer: Observer, position: int) -> None:
+    """At a processed sample: end the injection's window when its tail is over, the event when its gap is."""
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    if not memory.in_event:
+        return
+    if memory.needle_open:
+        _end_window(observer, memory.injections_begun - 2, position)  # if its tail reaches into this opening
+        return
+    shut_for = observer.ring[position & _MASK].index - memory.shut_since
+    if shut_for >= timing.window_tail:
+        _end_window(observer, memory.injections_begun - 1, position)
+    if shut_for >= timing.event_gap:
+        close_event(observer, position)
+
+
+@njit(cache=True, nogil=True)
+def close_event(observer: Observer, position: int) -> None:
+    """The event ends; `position` is the last sample of its learning window. It waits to be judged."""
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    _end_window(observer, memory.injections_begun - 1, position)
+    memory.in_event = False
+    event = memory.events[memory.events_closed % PENDING_EVENTS]
+    memory.events_closed += 1
+    event.number = memory.event_number
+    event.due_index = memory.shut_since + timing.event_gap + timing.learning_delay
+    event.opening = memory.event_opening
+    event.window_start = max(memory.event_opening - timing.learning_lead, memory.segment_start)
+    event.window_end = position
+    long_enough = position - memory.event_opening >= timing.learning_lead
+    event.learnable = (
+        memory.event_learnable
+        and not memory.needle_open
+        and long_enough
+        and position - event.window_start < MAX_EVENT
+    )
+    event.doubtful = memory.event_doubtful
+    event.rest_count = memory.rest_count
+    event.offset_sum = memory.offset_sum
+    event.difference_count = memory.difference_count
+    event.rail_squares = memory.rail_squares
+    event.line_squares = memory.line_squares
+    event.lift_squares = memory.lift_squares
+
+
+@njit(cache=True, nogil=True)
+def break_event(observer: Observer, position: int) -> None:
+    """The stream breaks after `position`: an event under way ends here, unlearnable if the needle was open."""
+    memory = observer.memory[0]
+    if not memory.in_event:
+        return
+    if memory.needle_open:
+        memory.event_learnable = False
+        memory.shut_since = observer.ring[position & _MASK].index + 1
+    close_event(observer, position)
+    memory.needle_open = False
+
+
+@njit(cache=True, nogil=True)
+def make_all_due(observer: Observer) -> None:
+    """Judge the waiting events at once: the index they were due at will not come, or no sample will."""
+    memory = observer.memory[0]
+    for i in range(memory.events_taken, memory.events_closed):
+        memory.events[i % PENDING_EVENTS].due_index = -1
+
+
+@njit(cache=True, nogil=True)
+def judgement_due(observer: Observer, index: int) -> bool:
+    """Whether the oldest closed event must be judged before the sample `index`, which is outside every event."""
+    memory = observer.memory[0]
+    if memory.events_taken == memory.events_closed:
+        return False
+    return bool(memory.events[memory.events_taken % PENDING_EVENTS].due_index <= index)
+
+
+@njit(cache=True, nogil=True)
+def _end_window(observer: Observer, injections_before: int, position: int) -> None:
+    """Integrate an injection up to the processed sample `position` if its window is still open: trapezoidal rule."""
+    memory = observer.memory[0]
+    if injections_before < 0:
+        return
+    injection = memory.injections[injections_before % INJECTIONS]
+    if injection.end >= 0:
+        return
+    injection.end = position
+    injection.end_index = observer.ring[position & _MASK].index
+    injection.phi_version = memory.phi_version
+    injection.state = observer.ring[position & _MASK].state
+    middle = observer.ring[((injection.start + position) // 2) & _MASK]
+    injection.middle_x[:] = middle.x_hat
+    injection.middle_u[0] = middle.rail_pressure
+    injection.middle_u[1] = middle.seat_area
+    volume = 0.0
+    peak = 0.0
+    reason = 0
+    for k in range(max(injection.start, position - MAX_EVENT), position + 1):
+        row = observer.ring[k & _MASK]
+        if reason == 0:
+            reason = row.reason
+        peak = max(peak, row.injection_rate)
+        if k > injection.start:
+            previous = observer.ring[(k - 1) & _MASK]
+            volume += 0.5 * (previous.injection_rate + row.injection_rate)
+    injection.volume = volume * observer.constants.interval
+    if math.isnan(volume):
+        peak = math.nan
+    injection.peak_rate = peak
+    injection.reason = reason
+    injection.valid = reason == 0

@@ -1,0 +1,228 @@
+"""From measured lift to seat area: dead band with hysteresis, look-back to the foot of the ramp.
+
+A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
+extended to where the needle leaves or meets its seat.
+"""
+
+import math
+
+from numba import njit
+
+from observer_rt.model.effective import InputTerms
+from observer_rt.model.flows import normalised_area
+from observer_rt.observer.stream.state import RING, Observer
+
+LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts
+DEAD_BAND_SIGMAS = 5.0
+DEAD_BAND_FLOOR = 2.0e-6  # m
+CONFIRM = 2  # consecutive samples that decide
+FOOT = 0.3  # of the dead band, above which these samples are the foot of a ramp
+LOOKAHEAD = LOOK_BACK + CONFIRM - 1  # samples the front end must know beyond the first recorded as open
+RAMP = 30e-6  # s of a ramp from which its slope is taken, behind its first sample
+LONGEST_RAMP = LOOKAHEAD - 1  # samples; so many are known when the slope is needed
+SLOWEST_OPENING = 0.3  # m/s
+_MASK = RING - 1
+
+
+def dead_band(lift_noise: float) -> tuple[float, float]:
+    """Lift [m] above which the needle is open and below which it is shut again, from the lift noise [m]."""
+    opens = max(DEAD_BAND_FLOOR, DEAD_BAND_SIGMAS * lift_noise)
+    return opens, 0.5 * opens
+
+
+def toe_samples(inputs: InputTerms, interval: float) -> int:
+    """Most samples of an opening ramp that the recorded lift does not show; sample interval [s]."""
+    return math.ceil(max(inputs.lift_shift, 0.0) / (SLOWEST_OPENING * interval))
+
+
+def ramp_samples(interval: float) -> int:
+    """Samples behind the first of a ramp from which its slope is taken; sample interval [s]."""
+    return min(max(round(RAMP / interval), 1), LONGEST_RAMP)
+
+
+@njit(cache=True, nogil=True)
+def known(observer: Observer, position: int) -> int:
+    """How many samples after `position` are received and follow it without a break (at most the look-ahead)."""
+    count = 0
+    received = observer.memory[0].received
+    while (
+        count < observer.constants.timing.lookahead
+        and position + count + 1 < received
+        and observer.ring[(position + count + 1) & _MASK].broken == 0
+    ):
+        count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def opens_at(observer: Observer, position: int) -> bool:
+    """Whether the needle counts as open from `position` on: it is recorded so, or its ramp begins before."""
+    foot: int = _foot_ahead(observer, position, 0)
+    if foot <= 0:
+        return foot == 0
+    return bool(_ramp_lift(observer, position, foot) > 0.0)
+
+
+@njit(cache=True, nogil=True)
+def open_from(observer: Observer, position: int) -> None:
+    """Note the ramp of a needle that opens at `position`: where it is first recorded, and how it gets there."""
+    memory = observer.memory[0]
+    foot = max(_foot_ahead(observer, position, 0), 0)
+    memory.foot = position + foot
+    memory.rise = _rise(observer, position + foot, known(observer, position) - foot)
+    memory.foot_lift = _lift_before_foot(observer, position + foot, memory.rise)
+    memory.fall = 0.0
+
+
+@njit(cache=True, nogil=True)
+def _foot_ahead(observer: Observer, position: int, nearest: int) -> int:
+    """Samples from `position` to the first recorded as open, from `nearest` to a toe beyond; -1 if there is none."""
+    ahead = known(observer, position)
+    for distance in range(nearest, min(nearest + observer.constants.timing.toe, ahead) + 1):
+        if _opens_within(observer, position + distance, min(ahead - distance, LOOKAHEAD)):
+            return distance
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _opens_within(observer: Observer, position: int, samples: int) -> bool:
+    """Whether `position` is recorded as open: it crosses the dead band there, or within the next `samples`.
+
+    Up to LOOK_BACK samples before the crossing belong to the opening while they stand out of the noise.
+    """
+    threshold = observer.memory[0].lift_on
+    run = 0
+    for ahead in range(samples + 1):
+        lift = observer.ring[(position + ahead) & _MASK].needle_lift
+        if lift > threshold:
+            run += 1
+            if run == CONFIRM:
+                return True
+        elif run > 0 or lift < FOOT * threshold:
+            return False
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _recorded_lift(observer: Observer, position: int) -> float:
+    """True lift [m] of an open needle, from the recorded one."""
+    inputs = observer.constants.inputs
+    return float(inputs.lift_factor * observer.ring[position & _MASK].needle_lift + inputs.lift_shift)
+
+
+@njit(cache=True, nogil=True)
+def _rise(observer: Observer, foot: int, ahead: int) -> float:
+    """Slope [m a sample] of the ramp whose first recorded sample is at `foot`; its first interval may be cut."""
+    length = min(observer.constants.timing.ramp, ahead)
+    first = 1 if length > 1 else 0
+    if length == 0:
+        return 0.0
+    rise = _recorded_lift(observer, foot + length) - _recorded_lift(observer, foot + first)
+    return float(max(rise / (length - first), 0.0))
+
+
+@njit(cache=True, nogil=True)
+def _lift_before_foot(observer: Observer, foot: int, rise: float) -> float:
+    """Lift [m] a sample before the first recorded one: above the shift of the lift it would have been recorded."""
+    return float(min(_recorded_lift(observer, foot) - rise, observer.constants.inputs.lift_shift))
+
+
+@njit(cache=True, nogil=True)
+def _ramp_lift(observer: Observer, position: int, foot: int) -> float:
+    """Lift [m] at `position`, `foot` samples before the first recorded as open (0: the recorded one)."""
+    if foot <= 0:
+        return float(_recorded_lift(observer, position))
+    rise = _rise(observer, position + foot, known(observer, position) - foot)
+    if rise == 0.0:
+        return 0.0
+    return float(_lift_before_foot(observer, position + foot, rise) - (foot - 1) * rise)
+
+
+@njit(cache=True, nogil=True)
+def is_recorded_shut(observer: Observer, position: int) -> bool:
+    """Whether an open needle is recorded as shut from `position` on (not while the ramp is still to come)."""
+    memory = observer.memory[0]
+    if position < memory.foot:
+        return False
+    # a ramp whose toe is missing ends at once: what is below the dead band is noise
+    threshold = memory.lift_on if observer.constants.timing.toe > 0 else memory.lift_off
+    ahead = known(observer, position)
+    for distance in range(min(ahead + 1, CONFIRM)):
+        if observer.ring[(position + distance) & _MASK].needle_lift > threshold:
+            return False
+    return not _opens_within(observer, position, min(ahead, LOOKAHEAD))
+
+
+@njit(cache=True, nogil=True)
+def keep_sinking(observer: Observer, position: int) -> bool:
+    """Whether a needle recorded as shut has still to sink to its seat; moves it down its ramp by a sample."""
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    if timing.toe == 0:
+        return False
+    if memory.fall > 0.0:
+        memory.sinking_lift -= memory.fall
+    else:
+        last = position - 1  # its interval may be cut, as at the foot of the opening
+        length = min(timing.ramp, last - max(memory.event_opening, memory.foot))
+        final = 1 if length > 1 else 0
+        if length > 0:
+            fall = _recorded_lift(observer, last - length) - _recorded_lift(observer, last - final)
+            memory.fall = max(fall / (length - final), 0.0)
+        highest = max(_recorded_lift(observer, position), observer.constants.inputs.lift_shift)
+        memory.sinking_lift = min(_recorded_lift(observer, last) - memory.fall, highest)
+    if memory.fall == 0.0 or memory.sinking_lift <= 0.0:
+        memory.fall = 0.0
+        return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def area_at(observer: Observer, position: int) -> float:
+    """Normalised seat area of an open needle."""
+    memory = observer.memory[0]
+    if position < memory.foot:
+        lift = memory.foot_lift - (memory.foot - 1 - position) * memory.rise
+    elif memory.fall > 0.0:
+        lift = memory.sinking_lift
+    else:
+        lift = _recorded_lift(observer, position)
+    return float(normalised_area(lift, observer.constants.coefficients))
+
+
+@njit(cache=True, nogil=True)
+def shut_area(observer: Observer, position: int) -> float:
+    """Normalised seat area of a closed needle: 0, or beside an opening the negative area its ramp comes from.
+
+    The ramp of the two samples beyond is extrapolated, so that an area linear between samples reaches 0 where the
+    needle leaves or meets its seat, and not at the sample before or after.
+    """
+    virtual = 0.0
+    c = observer.constants.coefficients
+    foot = _foot_ahead(observer, position, 1) if known(observer, position) >= 2 else -1
+    if foot > 0:
+        first = _ramp_lift(observer, position + 1, foot - 1)
+        if first > 0.0 or foot == 1:
+            second = _ramp_lift(observer, position + 2, foot - 2)
+            virtual = 2.0 * normalised_area(first, c) - normalised_area(second, c)
+    elif position >= observer.memory[0].segment_start + 2:
+        last = observer.ring[(position - 1) & _MASK].lift_area
+        before = observer.ring[(position - 2) & _MASK].lift_area
+        if last > 0.0:
+            virtual = 2.0 * last - before
+    return min(virtual, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def area_between_lifts(observer: Observer, position: int) -> float:
+    """Normalised seat area at the time of a sample, on the straight line between two areas where the lift was taken.
+
+    So the corners of the ramps stay where they were recorded; the lift itself, brought to the times of the samples,
+    would lose them.
+    """
+    row = observer.ring[position & _MASK]
+    if row.lift_after == 0.0 or position == observer.memory[0].segment_start:
+        return float(row.lift_area)
+    before = observer.ring[(position - 1) & _MASK]
+    since = 1.0 - before.lift_after
+    return float(before.lift_area + (row.lift_area - before.lift_area) * since / (since + row.lift_after))

@@ -1,0 +1,237 @@
+"""The observer's memory: one ring of samples and one record of everything else, both preallocated."""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.foundation.continuity import Break
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import InputTerms
+from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
+from observer_rt.model.sensor import Sensor
+from observer_rt.observer.paper_scheme.network import ROWS
+
+RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
+MAX_EVENT = RING // 2  # samples; a longer event is not learned
+PENDING_EVENTS = 512  # closed, not yet judged: the longest learning delay over the shortest event gap
+INJECTIONS = 1024  # finished, not yet reported; of more, the oldest are forgotten
+
+
+class State(IntEnum):
+    """What the service as a whole is in; sent in every output frame."""
+
+    STARTING = 0
+    WAITING_FOR_DATA = 1
+    RUNNING_NOMINAL = 2
+    ADAPTED = 3
+    DEGRADED = 4
+    FAULT = 5
+
+
+class Reason(IntEnum):
+    """Why a sample, an injection or the service is not valid; the first five continue `Break`."""
+
+    NONE = Break.NONE
+    STARTING = Break.START
+    JUMPED = Break.JUMP  # x~ restarted after a window of the source
+    SAMPLES_LOST = Break.LOSS
+    DEVICE_RESTARTED = Break.RESTART
+    NUMERICAL = 5  # a state was not finite
+    NEEDLE_STUCK = 6  # open longer than any injection
+    TOO_FEW_EVENTS = 7  # not enough events were judged since the start
+    INPUT_TIMEOUT = 8  # no input frames
+    MODEL_INADEQUATE = 9  # the innovations contradict the model
+    PRESSURE_OFFSET = 10  # line and rail pressure differ at standstill beyond what a good sensor does
+    SENSOR_LAG = 11  # the line-pressure sensor is implausibly slow
+    NOT_LEARNED = 12  # the event could not be learned from
+    SUDDEN_CHANGE = 13  # the event contradicts what was learned before it
+    AMBIGUOUS_SCALE = 14  # line stiffness and nozzle flow changed as if the line's inertance had
+    UNTESTED = 15  # the training in use (the paper's) has no test of its result
+    TIME_BASE = 16  # when samples were taken is in doubt, or the line pressure seems recorded late
+    REVISED = 17  # what was learned from the injection changes its mass
+    INPUT_STALE = 18  # one of the inputs stays away while others come
+
+
+SAMPLE = np.dtype(
+    [
+        # as received, normalised by (24), lift in m
+        ("index", np.int64),
+        ("rail_pressure", np.float64),
+        ("needle_lift", np.float64),
+        ("line_pressure", np.float64),
+        ("lift_after", np.float64),  # share of an interval by which the lift was taken later than the rest
+        ("rail_share", np.float64),  # in the rail pressure, of the later one of two neighbours
+        ("interpolated", np.bool_),
+        ("broken", np.int8),  # Break
+        ("doubt", np.int8),  # Doubt
+        # as computed
+        ("lift_area", np.float64),  # normalised seat area when the lift was taken
+        ("seat_area", np.float64),  # u2
+        ("resting", np.bool_),
+        ("x_tilde", np.float64, (3,)),
+        ("indicated", np.float64),  # line pressure as the lagging sensor of x~ shows it, without offset
+        ("x_hat", np.float64, (3,)),
+        ("phi", np.float64, (3,)),  # 1/s
+        ("injection_rate", np.float64),  # m3/s, NaN while not synchronised
+        ("valid", np.bool_),
+        ("state", np.int8),  # State
+        ("reason", np.int8),  # Reason
+    ],
+    align=True,
+)
+
+# what the closed needle has told so far
+_STANDSTILL = [
+    ("rest_count", np.int64),
+    ("offset_sum", np.float64),
+    ("difference_count", np.int64),
+    ("rail_squares", np.float64),
+    ("line_squares", np.float64),
+    ("lift_squares", np.float64),
+]
+
+EVENT = np.dtype(
+    [
+        ("number", np.int64),
+        ("due_index", np.int64),  # judged at the first sample >= this outside every event
+        ("window_start", np.int64),  # positions in the stream of samples
+        ("window_end", np.int64),
+        ("opening", np.int64),
+        ("learnable", np.bool_),
+        ("doubtful", np.bool_),  # it has samples that are not to be trusted
+        *_STANDSTILL,  # up to the event's end
+    ],
+    align=True,
+)
+
+INJECTION = np.dtype(
+    [
+        ("number", np.int64),
+        ("event", np.int64),
+        ("start", np.int64),  # position of the window's first sample
+        ("end", np.int64),  # position of its last, -1 while not known
+        ("start_index", np.int64),
+        ("end_index", np.int64),
+        ("volume", np.float64),  # m3
+        ("peak_rate", np.float64),  # m3/s
+        ("opening_index", np.int64),  # of its first sample with the needle open
+        ("opening_seen", np.bool_),  # else it was open when the samples began
+        ("rail_pressure", np.float64),  # at its opening, normalised
+        ("valid", np.bool_),
+        ("reason", np.int8),  # Reason of its first sample that is not valid
+        ("phi_version", np.int64),
+        ("state", np.int8),
+        ("middle_x", np.float64, (3,)),  # x^ and inputs in the middle of the window
+        ("middle_u", np.float64, (2,)),
+    ],
+    align=True,
+)
+
+OBSERVER = np.dtype(
+    [
+        # positions in the stream of samples: received >= processed
+        ("received", np.int64),
+        ("processed", np.int64),
+        ("segment_start", np.int64),  # position of the first sample since the last break
+        ("draining", np.bool_),  # no more samples will come: do without look-ahead
+        # parameters in force
+        ("hidden", np.float64, (HIDDEN, ARGUMENTS)),
+        ("output", np.float64, (OUTPUTS, HIDDEN)),
+        ("bias", np.float64, (OUTPUTS,)),
+        ("theta", np.float64, (PARAMETERS,)),  # of which these are parts:
+        ("offset", np.float64),
+        ("lag", np.float64),  # s
+        ("friction", np.float64),
+        ("leakage", np.float64),
+        ("stiffness", np.float64),
+        ("air", np.float64),
+        ("back_pressure", np.float64, (2,)),
+        # the paper's network, which x^ carries instead of the one above where `training = "paper"`
+        ("has_free_rows", np.bool_),
+        ("free_hidden", np.float64, (HIDDEN, ARGUMENTS)),
+        ("free_output", np.float64, (ROWS, HIDDEN)),
+        ("free_bias", np.float64, (ROWS,)),
+        ("free_unit", np.float64),  # 1/s
+        ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
+        ("doubted", np.int8),  # Reason all that comes now is not to be trusted, 0 when it is
+        ("lift_on", np.float64),  # m
+        ("lift_off", np.float64),
+        ("phi_version", np.int64),
+        # the pair x~, x^ is in the ring; what else it needs
+        ("since_start", np.int64),  # samples since x~ started
+        ("closed_since_start", np.int64),  # of these, with a closed needle
+        ("synchronised", np.bool_),
+        ("unsynchronised_by", np.int8),  # Reason
+        # needle and event
+        ("needle_open", np.bool_),
+        ("shut_since", np.int64),  # index of the first closed sample
+        ("in_event", np.bool_),
+        ("event_learnable", np.bool_),
+        ("event_doubtful", np.bool_),
+        ("event_number", np.int64),
+        ("event_opening", np.int64),
+        # the part of a ramp that a lift recorded too low does not show
+        ("foot", np.int64),  # position of the first sample whose recorded lift counts
+        ("foot_lift", np.float64),  # m, lift at the sample before
+        ("rise", np.float64),  # m a sample
+        ("sinking_lift", np.float64),  # m, of a needle no longer recorded as open
+        ("fall", np.float64),  # m a sample, 0 while the recorded lift counts
+        ("events_judged", np.int64),
+        ("waiting", np.bool_),  # the head of `events` is due and must be judged before going on
+        ("events", EVENT, (PENDING_EVENTS,)),
+        ("events_closed", np.int64),
+        ("events_taken", np.int64),
+        ("injections", INJECTION, (INJECTIONS,)),
+        ("injections_begun", np.int64),
+        ("injections_reported", np.int64),
+        # statistics of the standstill
+        ("rest_run", np.int64),
+        *_STANDSTILL,
+        # counters
+        ("interpolated", np.int64),
+        ("lost", np.int64),
+        ("breaks", np.int64),
+        ("numerical_resets", np.int64),
+        ("doubtful_events", np.int64),  # judged
+    ],
+    align=True,
+)
+
+
+class Timing(NamedTuple):
+    """Durations in samples."""
+
+    settle: int  # closed needle after which the sac is at rest and x^ follows x~
+    good: int  # closed needle after which x~ is good again
+    event_gap: int
+    learning_delay: int
+    window_lead: int  # injection window: before the opening
+    window_tail: int  # and after the needle is shut
+    learning_lead: int  # learning window: before the event's first opening
+    lookahead: int  # samples the observer must know beyond the one in hand
+    toe: int  # most samples of an opening ramp that a lift recorded too low does not show
+    ramp: int  # samples beyond the first of a ramp from which its slope is taken
+
+
+class Constants(NamedTuple):
+    """What does not change while the observer runs."""
+
+    coefficients: Coefficients
+    inputs: InputTerms
+    sensor: Sensor
+    interval: float  # s
+    substeps: int
+    timing: Timing
+    events_required: int  # judged events before a sample can be valid
+
+
+class Observer(NamedTuple):
+    """The observer as compiled functions see it: constants and preallocated memory."""
+
+    constants: Constants
+    memory: NDArray[np.void]  # (1,) OBSERVER
+    ring: NDArray[np.void]  # (RING,) SAMPLE
+    gains: NDArray[np.float64]  # (n, 3) gain schedule in force

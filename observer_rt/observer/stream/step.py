@@ -1,0 +1,259 @@
+"""The observer over its stream of samples: what happens, in which order, at every sample."""
+
+import numpy as np
+from numba import njit
+
+from observer_rt.foundation.continuity import Break, Doubt
+from observer_rt.observer.stream.events import (
+    begin_injection,
+    break_event,
+    follow_injection,
+    judgement_due,
+    make_all_due,
+)
+from observer_rt.observer.stream.front_end import (
+    area_at,
+    area_between_lifts,
+    is_recorded_shut,
+    keep_sinking,
+    known,
+    open_from,
+    opens_at,
+    shut_area,
+)
+from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
+from observer_rt.observer.stream.standstill import gather
+from observer_rt.observer.stream.state import MAX_EVENT, RING, Observer, Reason, State
+
+_MASK = RING - 1
+_NONE = int(Break.NONE)
+_JUMP = int(Break.JUMP)
+_RESTART = int(Break.RESTART)
+_NO_DOUBT = int(Doubt.NONE)
+_NO_REASON = int(Reason.NONE)
+_BEFORE_START = int(Reason.STARTING)
+_JUMPED = int(Reason.JUMPED)
+_NUMERICAL = int(Reason.NUMERICAL)
+_NEEDLE_STUCK = int(Reason.NEEDLE_STUCK)
+_TOO_FEW_EVENTS = int(Reason.TOO_FEW_EVENTS)
+_STARTING = int(State.STARTING)
+_NOMINAL = int(State.RUNNING_NOMINAL)
+_ADAPTED = int(State.ADAPTED)
+_DEGRADED = int(State.DEGRADED)
+
+
+@njit(cache=True, nogil=True)
+def push(
+    observer: Observer,
+    index: int,
+    rail_pressure: float,
+    needle_lift: float,
+    line_pressure: float,
+    interpolated: bool,
+    broken: int,
+    doubt: int = 0,
+    lift_after: float = 0.0,
+    rail_share: float = 0.0,
+) -> None:
+    """Append a sample in SI units to the stream.
+
+    `broken` (Break) says why it does not follow the last one, `doubt` (Doubt) why it is not to be trusted,
+    `lift_after` by which share of an interval (0..1) its lift was taken later than the rest of it, `rail_share` that
+    its rail pressure lies between two neighbours and which share (0..1) the later one has in it.
+    """
+    c = observer.constants.coefficients
+    inputs = observer.constants.inputs
+    memory = observer.memory[0]
+    row = observer.ring[memory.received & _MASK]
+    row.index = index
+    true_rail_pressure = inputs.rail_factor * rail_pressure + inputs.rail_shift
+    row.rail_pressure = (true_rail_pressure - c.chamber_pressure) / c.pressure_scale
+    row.needle_lift = needle_lift
+    row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
+    row.lift_after = lift_after
+    row.rail_share = rail_share
+    row.interpolated = interpolated
+    row.broken = broken
+    row.doubt = doubt
+    if doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
+        for position in range(memory.processed, memory.received):
+            observer.ring[position & _MASK].doubt = doubt
+    memory.received += 1
+    if interpolated:
+        memory.interpolated += 1
+
+
+@njit(cache=True, nogil=True)
+def advance_stream(observer: Observer) -> bool:
+    """Process every sample whose look-ahead is complete.
+
+    Returns True when it stopped because an event must be judged first (`memory.waiting`).
+    """
+    memory = observer.memory[0]
+    while memory.processed < memory.received:
+        position = memory.processed
+        if (
+            not memory.draining
+            and known(observer, position) < observer.constants.timing.lookahead
+            and not _cut_short(observer, position)
+        ):
+            break
+        if not _process(observer, position):
+            return True
+        memory.processed += 1
+    if memory.draining and not memory.waiting:
+        _finish(observer)
+    return bool(memory.waiting)
+
+
+@njit(cache=True, nogil=True)
+def _cut_short(observer: Observer, position: int) -> bool:
+    """Whether a break follows within the look-ahead, so that it will never be longer."""
+    following = position + known(observer, position) + 1
+    return bool(following < observer.memory[0].received)
+
+
+@njit(cache=True, nogil=True)
+def _finish(observer: Observer) -> None:
+    """No sample will come: end the event under way and have every closed one judged."""
+    memory = observer.memory[0]
+    break_event(observer, memory.processed - 1)
+    make_all_due(observer)
+    memory.waiting = memory.events_taken < memory.events_closed
+
+
+@njit(cache=True, nogil=True)
+def _process(observer: Observer, position: int) -> bool:
+    """One sample; False, with nothing done, when an event must be judged before it."""
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    if row.broken != _NONE:
+        _end_segment(observer, position)
+    opens = not memory.needle_open and opens_at(observer, position)
+    if not memory.in_event and not opens and judgement_due(observer, row.index):
+        memory.waiting = True
+        return False
+    if row.broken != _NONE:
+        _begin_segment(observer, position)
+    _move_needle(observer, position, opens)
+    row.resting = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.settle
+    if row.broken != _NONE:
+        start_pair(observer, position)
+    elif not step_pair(observer, position):
+        _recover(observer, position)
+    _settle(observer, position)
+    read_out(observer, position)
+    _mark(observer, position)
+    gather(observer, position)
+    follow_injection(observer, position)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _end_segment(observer: Observer, position: int) -> None:
+    """The stream broke before `position`: finish what was under way (harmless when done twice)."""
+    row = observer.ring[position & _MASK]
+    if position > 0:
+        break_event(observer, position - 1)
+    if row.broken == _RESTART:
+        make_all_due(observer)
+
+
+@njit(cache=True, nogil=True)
+def _begin_segment(observer: Observer, position: int) -> None:
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    if row.broken != _JUMP:
+        # the needle may have moved meanwhile: nothing is known of the sac
+        memory.shut_since = row.index
+        memory.needle_open = False
+    memory.segment_start = position
+    memory.synchronised = False
+    memory.unsynchronised_by = row.broken
+    memory.breaks += 1
+
+
+@njit(cache=True, nogil=True)
+def _move_needle(observer: Observer, position: int, opens: bool) -> None:
+    """Dead band and events; the seat area of a closed needle is 0 or, beside an opening, negative."""
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    if opens:
+        memory.needle_open = True
+        open_from(observer, position)
+        begin_injection(observer, position)
+    elif memory.needle_open:
+        if not is_recorded_shut(observer, position):
+            memory.fall = 0.0
+        elif not keep_sinking(observer, position):
+            memory.needle_open = False
+            memory.shut_since = row.index
+    if memory.needle_open:
+        row.lift_area = area_at(observer, position)
+    else:
+        row.lift_area = shut_area(observer, position)
+    row.seat_area = area_between_lifts(observer, position)
+
+
+@njit(cache=True, nogil=True)
+def _recover(observer: Observer, position: int) -> None:
+    """A state is not finite: start anew here, valid again only after a standstill."""
+    memory = observer.memory[0]
+    memory.numerical_resets += 1
+    memory.synchronised = False
+    memory.event_learnable = False
+    memory.unsynchronised_by = _NUMERICAL
+    start_pair(observer, position)
+
+
+@njit(cache=True, nogil=True)
+def _settle(observer: Observer, position: int) -> None:
+    """Re-synchronised once x~ is good and the sac at rest; stays so until the stream breaks."""
+    memory = observer.memory[0]
+    if not memory.needle_open:
+        memory.closed_since_start += 1
+    if observer.ring[position & _MASK].resting and (
+        memory.closed_since_start >= observer.constants.timing.good
+    ):
+        memory.synchronised = True
+        memory.unsynchronised_by = _NO_REASON
+    if memory.needle_open and position - memory.event_opening > MAX_EVENT:
+        memory.synchronised = False
+        memory.unsynchronised_by = _NEEDLE_STUCK
+        memory.event_learnable = False
+
+
+@njit(cache=True, nogil=True)
+def _mark(observer: Observer, position: int) -> None:
+    """Validity, reason and state of the processed sample; its rate is not available while not synchronised."""
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    row.reason = memory.unsynchronised_by
+    if not memory.synchronised:
+        row.injection_rate = np.nan
+    elif row.doubt != _NO_DOUBT:
+        row.reason = row.doubt
+        memory.event_learnable = False
+        memory.event_doubtful = True
+    elif memory.doubted != _NO_REASON:
+        row.reason = memory.doubted
+        memory.event_learnable = False
+        memory.event_doubtful = True
+    elif memory.events_judged - memory.doubtful_events < observer.constants.events_required:
+        row.reason = _TOO_FEW_EVENTS
+    else:
+        row.reason = memory.judgement
+    row.valid = row.reason == _NO_REASON
+    if memory.unsynchronised_by == _BEFORE_START:
+        row.state = _STARTING
+    elif (
+        memory.unsynchronised_by not in (_NO_REASON, _JUMPED)
+        or row.doubt != _NO_DOUBT
+        or memory.doubted != _NO_REASON
+        or memory.judgement != _NO_REASON
+    ):
+        row.state = _DEGRADED
+    elif memory.phi_version > 0:
+        row.state = _ADAPTED
+    else:
+        row.state = _NOMINAL

@@ -1,0 +1,1 @@
+"""CAN logs: one module a format, and what they hold."""

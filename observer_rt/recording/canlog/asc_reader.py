@@ -1,0 +1,259 @@
+"""Logs as Vector's tools write them in text: `.asc`, hexadecimal or decimal, times absolute or from line to line."""
+
+import re
+from collections.abc import Iterator
+from datetime import datetime
+
+import can.util
+
+from observer_rt.recording.canlog.can_log import (
+    CLASSIC_LENGTH,
+    FD_LENGTHS,
+    NANOSECONDS,
+    LogFrame,
+    LogReader,
+    text_nanoseconds,
+)
+
+MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
+MONTHS_ELSEWHERE = {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12}
+FLAG_REMOTE, FLAG_FD, FLAG_BIT_RATE_SWITCH, FLAG_ERROR_STATE = 0x10, 0x1000, 0x2000, 0x4000
+_TIME = re.compile(r"\d+(?:[.,]\d+)?")
+_DATE = re.compile(
+    r"(?:\S+\s+)?(?P<month>[^\W\d]+)\.?\s+(?P<day>\d{1,2})\s+"
+    r"(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d)(?:[.,](?P<fraction>\d{1,9}))?"
+    r"(?:\s+(?P<half>[ap]m))?\s+(?P<year>\d{4})",
+    re.IGNORECASE,
+)
+_BASE = re.compile(r"base\s+(?P<base>hex|dec)\b", re.IGNORECASE)
+_TIMES = re.compile(r"(?:base\s+\w+\s+)?timestamps\s+(?P<times>absolute|relative)", re.IGNORECASE)
+_IDENTIFIER = {16: re.compile(r"[0-9A-Fa-f]+[xX]?"), 10: re.compile(r"[0-9]+[xX]?")}
+_DIRECTIONS = {"rx": False, "tx": True}
+HEADING = ("internal events", "no internal events")
+RISING_LINES = 30
+_AFTER_DATA = 4  # words of a CAN FD line from its data to its flags, which comes third
+
+
+class AscLog(LogReader):
+    """Reader; channels are numbered from 1 and named by their number.
+
+    Dates are taken as local time; where one is in a language not known, times count from the start of the log,
+    and `notes` says so.
+    """
+
+    def _entries(self) -> Iterator[tuple[int, LogFrame]]:
+        self._radix = 16
+        self._relative = False
+        self._time = 0
+        self._before = 0
+        self._rising = 0
+        self._start: int | None = None
+        self._dated = False
+        self._ended = False
+        with self.path.open(encoding="utf-8", errors="replace") as file:
+            for number, line in enumerate(file, start=1):
+                self._position += len(line)
+                words = line.split()
+                if not words:
+                    continue
+                if number == 1 and words[0].lower() not in ("date", "base", "//"):
+                    self.refuse(number, "no ASC log: neither date nor base", "give a log of Vector's tools")
+                if _TIME.fullmatch(words[0]) is None:
+                    self._header(line, number)
+                    continue
+                try:
+                    entry = self._event(words, number)
+                except (ValueError, IndexError):
+                    self._malformed(line, number)
+                    continue
+                if entry is not None and self._is_whole(line, number):
+                    yield number, entry
+        if not self._ended:
+            self.remarks.append("it has no End TriggerBlock: it may have been cut")
+
+    def _is_whole(self, line: str, number: int) -> bool:
+        """Whether a frame surely ends where its line does: a decimal one cut short may look like another."""
+        if line.endswith("\n") or self._radix == 16:
+            return True
+        self.remarks.append(f"line {number} is cut short and left out")
+        return False
+
+    def _malformed(self, line: str, number: int) -> None:
+        if line.endswith("\n"):
+            self.refuse(number, f"not a line of an ASC log: '{line.strip()[:60]}'")
+        self.remarks.append(f"line {number} is cut short and left out")
+
+    def _header(self, line: str, number: int) -> None:
+        text = line.strip()
+        lower = text.lower()
+        base, times = _BASE.match(text), _TIMES.match(text)  # on one line or on two
+        if base is not None:
+            self._radix = 16 if base["base"].lower() == "hex" else 10
+        if times is not None:
+            self._relative = times["times"].lower() == "relative"
+        if base is not None or times is not None:
+            return
+        if not text.startswith(("//", ";")) and not _DIRECTIONS.keys().isdisjoint(lower.split()):
+            self._malformed(line, number)  # what is left of a frame
+        elif lower.startswith("date "):
+            self._take_date(text[len("date ") :], number)
+        elif lower.startswith("begin trigger"):
+            # of two dates this one belongs to time 0; later blocks go on in the same time
+            date = text.split(None, 2)[2:]
+            if date and not self._dated:
+                self._take_date(date[0], number)
+            self._dated = True
+        elif lower.startswith("end trigger"):
+            self._ended = True
+        elif text.startswith(("//", ";")):
+            return
+        elif not text[0].isalpha():
+            self._malformed(line, number)
+        else:
+            self.other_entries += not lower.startswith(HEADING)
+
+    def _take_date(self, text: str, number: int) -> None:
+        start = _date(text.strip())
+        if start is not None:
+            self._start = start
+        elif self._start is None:
+            self.remarks.append(f"line {number}: date '{text.strip()}' not understood, times count from 0")
+
+    def _event(self, words: list[str], number: int) -> LogFrame | None:
+        time = text_nanoseconds(words[0])
+        if self._relative:
+            self._refuse_rising(time, number)
+            self._time += time
+        else:
+            self._time = time
+        stamp = (self._start or 0) + self._time
+        if words[1].upper() == "CANFD":
+            return self._fd(words, number, stamp)
+        if words[1].isdigit():
+            return self._classic(words, number, stamp)
+        self.other_entries += " ".join(words[1:]).lower() != "start of measurement"
+        return None
+
+    def _refuse_rising(self, time: int, number: int) -> None:
+        """Times that rise and rise are no distances from line to line, whatever the heading says."""
+        if time != self._before:
+            self._rising = self._rising + 1 if time > self._before else 0
+        self._before = time
+        if self._rising >= RISING_LINES:
+            self.refuse(
+                number,
+                f"times rise for {RISING_LINES} lines, but the heading calls them relative (to the line before)",
+                "write 'absolute' for 'relative' in the heading if they count from the start",
+            )
+
+    def _classic(self, words: list[str], number: int, stamp: int) -> LogFrame | None:
+        if words[2].lower().startswith("errorframe"):
+            self.error_frames += 1
+            return None
+        direction = words[3].lower() if len(words) > 3 else ""
+        is_identifier = _IDENTIFIER[self._radix].fullmatch(words[2]) is not None
+        if direction not in _DIRECTIONS:
+            if is_identifier and direction != "txrq" and len(words) < 5:
+                raise ValueError
+            self.other_entries += 1  # statistics, transport protocols, requests to send
+            return None
+        if not is_identifier:
+            self.refuse(number, f"identifier '{words[2]}' is a name", "export the log with numbers")
+        kind = words[4].lower()
+        if kind == "r":
+            self.remote_frames += 1
+            return None
+        if kind != "d":
+            raise ValueError
+        length = min(int(words[5], self._radix), CLASSIC_LENGTH)
+        _refuse_second_frame(words[6 + length :])
+        return self.frame(
+            number,
+            stamp,
+            *_identifier(words[2], self._radix),
+            _data(words[6 : 6 + length], length, self._radix),
+            False,
+            str(int(words[1])),
+            is_sent=_DIRECTIONS[direction],
+        )
+
+    def _fd(self, words: list[str], number: int, stamp: int) -> LogFrame | None:
+        """A line of a CAN FD channel: hexadecimal, whatever the base of the others."""
+        direction = words[3].lower()
+        if direction not in _DIRECTIONS:
+            if direction != "txrq":
+                raise ValueError
+            self.other_entries += 1
+            return None
+        if words[4].lower().startswith("errorframe"):
+            self.error_frames += 1
+            return None
+        at = 5 if words[5].isdigit() and len(words[5]) == 1 else 6  # a name may stand after the identifier
+        switch, state, dlc, length = words[at], words[at + 1], words[at + 2], int(words[at + 3])
+        if switch not in "01" or state not in "01" or length not in FD_LENGTHS:
+            raise ValueError
+        first = at + 4
+        after = words[first + length :]
+        _refuse_second_frame(after)
+        flags = int(after[2], 16) if len(after) >= _AFTER_DATA else FLAG_FD
+        if not flags & FLAG_FD and flags & FLAG_REMOTE:
+            self.remote_frames += 1
+            return None
+        is_fd = bool(flags & FLAG_FD) or length > CLASSIC_LENGTH  # some converters leave the flags at 0
+        if is_fd and can.util.dlc2len(int(dlc, 16)) != length:
+            raise ValueError
+        return self.frame(
+            number,
+            stamp,
+            *_identifier(words[4], 16),
+            _data(words[first : first + length], length, 16),
+            is_fd,
+            str(int(words[2])),
+            switch == "1",
+            state == "1",
+            _DIRECTIONS[direction],
+        )
+
+
+def _date(text: str) -> int | None:
+    """A date as Vector's tools write it, as local time, in ns since 1970; None in an unknown language."""
+    match = _DATE.fullmatch(text)
+    if match is None:
+        return None
+    known = {month.lower(): number for number, month in enumerate(MONTHS, start=1)} | MONTHS_ELSEWHERE
+    month = known.get(match["month"].lower())
+    hour = int(match["hour"])
+    if match["half"]:
+        hour = hour % 12 + 12 * (match["half"].lower() == "pm")
+    try:
+        moment = datetime(
+            int(match["year"]),
+            month or 0,
+            int(match["day"]),
+            hour,
+            int(match["minute"]),
+            int(match["second"]),
+        )
+        return int(moment.timestamp()) * NANOSECONDS + text_nanoseconds(f"0.{match['fraction'] or 0}")
+    except (ValueError, OverflowError):
+        return None
+
+
+def _refuse_second_frame(words: list[str]) -> None:
+    """Raise `ValueError` where another frame follows in the line: a line's end, and more, is missing."""
+    comment = next((n for n, word in enumerate(words) if word.startswith("//")), len(words))
+    if any(word.lower() in _DIRECTIONS for word in words[:comment]):
+        raise ValueError
+
+
+def _identifier(word: str, radix: int) -> tuple[int, bool]:
+    is_extended = word[-1] in "xX"
+    return int(word[:-1] if is_extended else word, radix), is_extended
+
+
+def _data(words: list[str], length: int, radix: int) -> bytes:
+    # hexadecimal: pairs of digits only, for of a byte that was cut one digit may be left
+    data = bytes.fromhex(" ".join(words)) if radix == 16 else bytes(map(int, words))
+    if len(data) != length or len(words) != length:
+        raise ValueError
+    return data

@@ -1,0 +1,210 @@
+"""CAN logs, whatever their format: the frames they hold, what they leave out, and how both are read and written."""
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import ClassVar, NamedTuple, NoReturn, Self
+
+from observer_rt.bus.links.link import Frame
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.signals.files import file_errors
+
+NANOSECONDS = 1_000_000_000  # in a second
+CLASSIC_LENGTH = 8
+CLASSIC_LENGTHS = frozenset(range(CLASSIC_LENGTH + 1))
+FD_LENGTHS = frozenset((*range(9), 12, 16, 20, 24, 32, 48, 64))
+STANDARD_MASK, EXTENDED_MASK = 0x7FF, 0x1FFF_FFFF
+REORDERED = 1_000_000  # ns by which drivers are seen to hand over frames in the wrong order
+LOST_NOTE = "frames lost before this"
+_LOST = re.compile(rf"(\d+) {LOST_NOTE}")
+
+
+class LogFrame(NamedTuple):
+    """A data frame of a log, with what a `Frame` does not carry."""
+
+    frame: Frame
+    channel: str
+    """As the log names it: `can0` in text of candump, `1` where channels are numbered."""
+    is_sent: bool = False
+    """Sent by the computer that recorded it."""
+
+
+def lost_note(frames: int) -> str:
+    """What a recorder writes into a log where frames were lost."""
+    return f"{frames} {LOST_NOTE}"
+
+
+class LogReader(ABC):
+    """Data frames of one log, read while iterating, in the order of the file; the counters belong to one reading.
+
+    Iterating raises `UserError` that names file and place for what is malformed, for a frame no bus can carry and
+    for time that steps back on a channel. A file that ends within a frame was cut while it was written: the frames
+    before are read, and `notes` says so.
+    """
+
+    unit: ClassVar[str] = "line"
+    """What a place in the file is counted in."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._reset()
+
+    def _reset(self) -> None:
+        self.remote_frames = 0
+        """Remote frames left out."""
+        self.error_frames = 0
+        """Error frames left out."""
+        self.other_entries = 0
+        """Entries that are no frames, such as bus statistics."""
+        self.lost_frames = 0
+        """Frames that whoever recorded the log says were lost."""
+        self.remarks: list[str] = []
+        self._reordered = 0
+        self._size = 0
+        self._position = 0
+
+    @property
+    def share_read(self) -> float:
+        """How much of the file was read, 0 to 1."""
+        return min(1.0, self._position / self._size) if self._size else 0.0
+
+    def __iter__(self) -> Iterator[LogFrame]:
+        self._reset()
+        with file_errors(self.path):
+            self._size = self.path.stat().st_size
+            yield from self._in_order(self._entries())
+
+    @abstractmethod
+    def _entries(self) -> Iterator[tuple[int, LogFrame]]:
+        """Frames with their place in the file."""
+
+    def notes(self) -> list[str]:
+        """What the last reading left out or found odd, one sentence each."""
+        counted = [
+            f"{count} {one if count == 1 else several}"
+            for count, one, several in (
+                (self.error_frames, "error frame", "error frames"),
+                (self.remote_frames, "remote frame", "remote frames"),
+                (self.other_entries, "entry that is no frame", "entries that are no frames"),
+            )
+            if count
+        ]
+        notes = [f"left out: {', '.join(counted)}"] if counted else []
+        if self.lost_frames:
+            notes.append(f"{self.lost_frames} frames were lost while it was recorded")
+        if self._reordered:
+            notes.append(
+                f"{self._reordered} frames stand up to {REORDERED // 1000} us before an earlier one; "
+                "the order of the file is kept"
+            )
+        return [f"{self.path}: {note}" for note in (*notes, *self.remarks)]
+
+    def place(self, number: int) -> str:
+        """A place in the file, for a message."""
+        return f"{self.path}, {self.unit} {number}"
+
+    def refuse(
+        self, number: int, problem: str, remedy: str = "delete it, or record the log again"
+    ) -> NoReturn:
+        """Raise `UserError` for a place in the file."""
+        raise UserError(self.place(number), problem, remedy)
+
+    def note_text(self, text: str) -> None:
+        """Take a comment of the log: it may say that frames were lost."""
+        lost = _LOST.search(text)
+        if lost:
+            self.lost_frames += int(lost[1])
+
+    def frame(
+        self,
+        number: int,
+        stamp_ns: int,
+        identifier: int,
+        is_extended: bool,
+        payload: bytes,
+        is_fd: bool,
+        channel: str,
+        bit_rate_switch: bool = False,
+        error_state_indicator: bool = False,
+        is_sent: bool = False,
+    ) -> LogFrame:
+        """A data frame, refused at its place unless a bus can carry it."""
+        if len(payload) not in (FD_LENGTHS if is_fd else CLASSIC_LENGTHS):
+            kind = "CAN FD" if is_fd else "classic CAN"
+            self.refuse(number, f"{len(payload)} bytes are no length of a {kind} frame")
+        if identifier > (EXTENDED_MASK if is_extended else STANDARD_MASK):
+            kind = "extended" if is_extended else "standard"
+            self.refuse(number, f"{identifier:X} is no {kind} identifier")
+        return LogFrame(
+            Frame(identifier, payload, stamp_ns, is_extended, is_fd, bit_rate_switch, error_state_indicator),
+            channel,
+            is_sent,
+        )
+
+    def _in_order(self, entries: Iterable[tuple[int, LogFrame]]) -> Iterator[LogFrame]:
+        latest: dict[str, int] = {}
+        for number, entry in entries:
+            stamp = entry.frame.stamp_ns
+            back = latest.get(entry.channel, stamp) - stamp
+            if back > REORDERED:
+                self.refuse(
+                    number,
+                    f"time on {entry.channel} steps back by {back / NANOSECONDS:.9g} s",
+                    "split the log there (the clock was set, or two logs were joined)",
+                )
+            if back > 0:
+                self._reordered += 1
+            else:
+                latest[entry.channel] = stamp
+            yield entry
+
+
+class LogWriter(ABC):
+    """A log being written; a context manager that completes it.
+
+    Raises `UserError` for a frame the format cannot hold, `OSError` when writing fails.
+    """
+
+    def __init__(self, path: Path, start_ns: int) -> None:
+        """start_ns: no frame is older; formats that count time from a start begin there, or shortly before."""
+        self.path = path
+
+    @abstractmethod
+    def write(self, entry: LogFrame) -> None:
+        """Append a frame."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Complete the file."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class ChannelNumbers:
+    """Numbers for channel names: `can0` is 1 where counted from 1, unless another channel has that number."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[str, int] = {}
+
+    def of(self, channel: str) -> int:
+        """The number, from 1, always the same for a channel."""
+        if channel not in self._numbers:
+            digits = re.search(r"\d*$", channel)
+            last = int(digits[0]) if digits and digits[0] else 0
+            number = max(1, last if channel.isdigit() else last + 1)
+            while number in self._numbers.values():
+                number += 1
+            self._numbers[channel] = number
+        return self._numbers[channel]
+
+
+def text_nanoseconds(text: str, digits: int = 9) -> int:
+    """Decimal text of a unit of 10^digits ns as whole ns: nothing is lost to binary fractions."""
+    whole, _, fraction = text.replace(",", ".").partition(".")
+    factor: int = 10**digits
+    return int(whole) * factor + int(fraction[:digits].ljust(digits, "0"))

@@ -1,0 +1,158 @@
+"""Logs as `candump -l` and `candump -L` write them: `(1700000000.000123) vcan0 100##1AABB`."""
+
+import os
+import re
+from collections import deque
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from typing import NoReturn
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.can_log import (
+    NANOSECONDS,
+    ChannelNumbers,
+    LogFrame,
+    LogReader,
+    LogWriter,
+    lost_note,
+)
+
+STAMP_DIGITS = 9
+ERROR_FRAME = 0x2000_0000  # CAN_ERR_FLAG in the identifier of an error frame
+BIT_RATE_SWITCH = 0x1
+ERROR_STATE_INDICATOR = 0x2
+FRAMES_TO_JUDGE_STAMPS = 100
+
+_LINE = re.compile(
+    r"\((?P<seconds>\d+)(?:\.(?P<fraction>\d{1,9}))?\)"
+    r"\s+(?P<channel>\S+)"
+    r"\s+(?P<id>[0-7][0-9A-Fa-f]{2}|[0-3][0-9A-Fa-f]{7})"
+    r"(?:##(?P<flags>[0-9A-Fa-f])(?P<fd_data>[0-9A-Fa-f]*)"
+    r"|#(?:(?P<remote>[Rr])[0-9A-Fa-f]?|(?P<data>[0-9A-Fa-f]*))(?:_[0-9A-Fa-f])?)"
+    r"(?:\s+(?P<direction>[RT]))?"
+)
+_SCREEN_TEXT = re.compile(r"\s*(?:\([^)]*\)\s+)?\S+\s+(?:(?:TX|RX)[\sBE-]*\s+)?[0-9A-Fa-f]+\s+\[\d+\]")
+
+
+class CandumpLog(LogReader):
+    """Reader; a line that begins with `#` is a comment."""
+
+    def __iter__(self) -> Iterator[LogFrame]:
+        frames = super().__iter__()
+        first = deque(islice(frames, FRAMES_TO_JUDGE_STAMPS))
+        self._refuse_whole_seconds([entry.frame.stamp_ns for entry in first])
+        while first:
+            yield first.popleft()
+        yield from frames
+
+    def _entries(self) -> Iterator[tuple[int, LogFrame]]:
+        with self.path.open(encoding="ascii", errors="replace") as file:
+            for number, line in enumerate(file, start=1):
+                self._position += len(line)
+                text = line.strip()
+                if not line.endswith("\n"):
+                    if text:  # what is left of a frame may look like a shorter one
+                        self.remarks.append(f"line {number} is cut short and left out")
+                elif text.startswith("#"):
+                    self.note_text(text)
+                elif text:
+                    entry = self._parse(text, number)
+                    if entry is not None:
+                        yield number, entry
+
+    def _parse(self, text: str, number: int) -> LogFrame | None:
+        match = _LINE.fullmatch(text)
+        if match is None:
+            self._refuse_line(number, text)
+        identifier = int(match["id"], 16)
+        if identifier & ERROR_FRAME and len(match["id"]) > 3:
+            self.error_frames += 1
+            return None
+        if match["remote"]:
+            self.remote_frames += 1
+            return None
+        is_fd = match["flags"] is not None
+        flags = int(match["flags"], 16) if is_fd else 0
+        data = match["fd_data"] if is_fd else match["data"]
+        if len(data) % 2:
+            self._refuse_line(number, text)
+        return self.frame(
+            number,
+            int(match["seconds"]) * NANOSECONDS + int((match["fraction"] or "").ljust(STAMP_DIGITS, "0")),
+            identifier,
+            len(match["id"]) == 8,
+            bytes.fromhex(data),
+            is_fd,
+            match["channel"],
+            bool(flags & BIT_RATE_SWITCH),
+            bool(flags & ERROR_STATE_INDICATOR),
+            match["direction"] == "T",
+        )
+
+    def _refuse_whole_seconds(self, stamps: list[int]) -> None:
+        if len(set(stamps)) < len(stamps) and all(stamp % NANOSECONDS == 0 for stamp in stamps):
+            raise UserError(
+                f"{self.path}",
+                "all stamps are whole seconds, several frames share one: the times of the frames are lost",
+                "record the log again with candump -l, which writes microseconds",
+            )
+
+    def _refuse_line(self, number: int, text: str) -> NoReturn:
+        if _SCREEN_TEXT.match(text):
+            self.refuse(
+                number, "this is candump's screen output, not a log", "record with candump -l (or -L)"
+            )
+        self.refuse(
+            number,
+            f"not a candump log line: '{text[:60]}'",
+            "a line reads (seconds.microseconds) channel id#data or id##flags data in one word",
+        )
+
+
+class CandumpWriter(LogWriter):
+    """Writer; stamps have six digits where those are enough, else nine."""
+
+    def __init__(self, path: Path, start_ns: int) -> None:
+        """See `LogWriter`."""
+        super().__init__(path, start_ns)
+        self._file = path.open("w", encoding="ascii", newline="\n")
+        self._numbers = ChannelNumbers()
+        self._size = 0
+
+    def write(self, entry: LogFrame) -> None:
+        frame = entry.frame
+        seconds, rest = divmod(frame.stamp_ns, NANOSECONDS)
+        stamp = f"{seconds:010d}.{rest:09d}" if rest % 1000 else f"{seconds:010d}.{rest // 1000:06d}"
+        channel = entry.channel
+        if channel.isdigit():
+            channel = f"can{self._numbers.of(channel) - 1}"
+        mark = "#"
+        if frame.is_fd:
+            flags = (
+                BIT_RATE_SWITCH * frame.bit_rate_switch | ERROR_STATE_INDICATOR * frame.error_state_indicator
+            )
+            mark = f"##{flags:X}"
+        identifier = f"{frame.frame_id:08X}" if frame.is_extended else f"{frame.frame_id:03X}"
+        direction = " T" if entry.is_sent else ""
+        self._write(f"({stamp}) {channel} {identifier}{mark}{frame.payload.hex().upper()}{direction}\n")
+
+    def write_lost(self, frames: int) -> None:
+        """Say, as a comment, that frames were lost before the next one."""
+        self._write(f"# {lost_note(frames)}\n")
+
+    def _write(self, line: str) -> None:
+        self._size += self._file.write(line)
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far."""
+        return self._size
+
+    def flush(self) -> None:
+        """Hand everything written so far to the disk."""
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        self._file.close()

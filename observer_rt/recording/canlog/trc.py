@@ -1,0 +1,205 @@
+"""Logs of PEAK's tools: `.trc` in versions 1.0 to 1.3, 2.0 and 2.1; written in 2.1, classic frames only."""
+
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import NamedTuple
+
+import can.util
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.can_log import (
+    CLASSIC_LENGTH,
+    NANOSECONDS,
+    ChannelNumbers,
+    LogFrame,
+    LogReader,
+    LogWriter,
+    text_nanoseconds,
+)
+
+DAY_ZERO = datetime(1899, 12, 30, tzinfo=UTC)
+DAY = 86_400 * NANOSECONDS
+MICROSECOND = 1000  # ns, what a stamp is written to
+MILLISECOND_DIGITS = 6  # ns in a ms, as a power of ten
+STANDARD_DIGITS = 4  # of an identifier; an extended one has more
+FD_TYPES = {"FD": (False, False), "FB": (True, False), "FE": (True, True), "BI": (False, True)}
+OLD_DIRECTIONS = {"Rx": False, "Tx": True}
+
+
+class _Row(NamedTuple):
+    """Words of one line, by what they are; `length` in bytes."""
+
+    time: str
+    channel: str
+    kind: str
+    identifier: str
+    is_sent: bool
+    length: int
+    data: list[str]
+
+
+class TrcLog(LogReader):
+    """Reader; channels are named by their number. The start time is taken as UTC."""
+
+    def _entries(self) -> Iterator[tuple[int, LogFrame]]:
+        self._version = ""
+        self._start = 0
+        self._at: dict[str, int] = {}  # place of a column
+        row_of: Callable[[list[str]], _Row] | None = None
+        with self.path.open(encoding="utf-8", errors="replace") as file:
+            for number, line in enumerate(file, start=1):
+                self._position += len(line)
+                text = line.strip()
+                if text.startswith(";"):
+                    self._header(text, number)
+                elif text:
+                    row_of = row_of or self._row_reader(number)
+                    try:
+                        entry = self._entry(row_of(text.split()), number)
+                    except (ValueError, IndexError):
+                        if line.endswith("\n"):
+                            self.refuse(number, f"not a line of a TRC log: '{text[:60]}'")
+                        self.remarks.append(f"line {number} is cut short and left out")
+                        return
+                    if entry is not None:
+                        yield number, entry
+
+    def _header(self, text: str, number: int) -> None:
+        key, _, value = text.partition("=")
+        if key == ";$FILEVERSION":
+            self._version = value.strip()
+        elif key == ";$STARTTIME":
+            try:
+                days = Decimal(value.strip(" ;"))  # PCAN-Explorer 5 ends it with a semicolon
+            except InvalidOperation:
+                self.refuse(number, f"'{value}' is no start time", "correct it, in days since 30.12.1899")
+            since_1970 = datetime.fromtimestamp(0, UTC) - DAY_ZERO
+            self._start = round((days - since_1970.days) * DAY / MICROSECOND) * MICROSECOND
+        elif key == ";$COLUMNS":
+            self._at = {column.strip(): place for place, column in enumerate(value.split(","))}
+        elif key.startswith(";") and not self._version and number == 1 and "#" in key:
+            self._version = "1.0"  # which has no version line, but this rule
+
+    def _row_reader(self, number: int) -> Callable[[list[str]], _Row]:
+        if self._version == "1.0":
+            self.remarks.append("its stamps are whole milliseconds")
+            return _row_1_0
+        readers = {"1.1": _row_1_1, "1.2": _row_1_2, "1.3": _row_1_3}
+        if self._version in readers:
+            return readers[self._version]
+        if self._version not in ("2.0", "2.1"):
+            problem = f"version '{self._version}' is not known" if self._version else "no TRC log: no version"
+            self.refuse(number, problem, "export it from PEAK's tools as version 2.1")
+        if not set("OTId") <= set(self._at) or not {"l", "L"} & set(self._at):
+            self.refuse(number, f"columns {','.join(self._at)} do not suffice", "export N,O,T,B,I,d,l,D")
+        return self._row_2
+
+    def _row_2(self, words: list[str]) -> _Row:
+        at = self._at
+        time, kind = words[at["O"]], words[at["T"]]
+        if kind not in FD_TYPES and kind != "DT":
+            return _Row(time, "", kind, "", False, 0, [])
+        if "l" in at:
+            length = int(words[at["l"]])
+        else:
+            code = int(words[at["L"]])
+            length = can.util.dlc2len(code) if kind in FD_TYPES else min(code, CLASSIC_LENGTH)
+        channel = words[at["B"]] if "B" in at else "1"
+        data = words[at["D"] :] if "D" in at else []
+        return _Row(time, channel, kind, words[at["I"]], words[at["d"]] == "Tx", length, data)
+
+    def _entry(self, row: _Row, number: int) -> LogFrame | None:
+        if row.kind in ("ER", "Error") or row.data[:1] == ["ERROR"]:
+            self.error_frames += 1
+            return None
+        if row.kind == "RR" or row.data[:1] == ["RTR"]:
+            self.remote_frames += 1
+            return None
+        is_fd = row.kind in FD_TYPES
+        is_transport = row.length > CLASSIC_LENGTH and len(row.data) >= row.length  # of J1939: no frame
+        if not is_fd and (row.kind != "DT" or is_transport):
+            self.other_entries += 1
+            return None
+        data = bytes.fromhex(" ".join(row.data))
+        if len(data) != row.length:
+            raise ValueError
+        switch, state = FD_TYPES.get(row.kind, (False, False))
+        return self.frame(
+            number,
+            self._start + text_nanoseconds(row.time, MILLISECOND_DIGITS),
+            int(row.identifier, 16),
+            len(row.identifier) > STANDARD_DIGITS,
+            data,
+            is_fd,
+            row.channel,
+            switch,
+            state,
+            row.is_sent,
+        )
+
+
+def _row_1_0(words: list[str]) -> _Row:
+    kind = "ST" if words[2] == "FFFFFFFF" else "DT"
+    return _Row(words[1], "1", kind, words[2], False, int(words[3]), words[4:])
+
+
+def _row_1_1(words: list[str]) -> _Row:
+    kind = "DT" if words[2] in OLD_DIRECTIONS else words[2]
+    return _Row(words[1], "1", kind, words[3], OLD_DIRECTIONS.get(words[2], False), int(words[4]), words[5:])
+
+
+def _row_1_2(words: list[str]) -> _Row:
+    kind = "DT" if words[3] in OLD_DIRECTIONS else words[3]
+    return _Row(
+        words[1], words[2], kind, words[4], OLD_DIRECTIONS.get(words[3], False), int(words[5]), words[6:]
+    )
+
+
+def _row_1_3(words: list[str]) -> _Row:
+    kind = "DT" if words[3] in OLD_DIRECTIONS else words[3]
+    return _Row(
+        words[1], words[2], kind, words[4], OLD_DIRECTIONS.get(words[3], False), int(words[6]), words[7:]
+    )
+
+
+class TrcWriter(LogWriter):
+    """Writer; stamps are rounded to whole microseconds, channels are numbered from 1."""
+
+    def __init__(self, path: Path, start_ns: int) -> None:
+        """See `LogWriter`."""
+        super().__init__(path, start_ns)
+        self._start = start_ns // MICROSECOND * MICROSECOND
+        self._count = 0
+        self._numbers = ChannelNumbers()
+        moment = datetime.fromtimestamp(self._start // NANOSECONDS, UTC)
+        days = (moment - DAY_ZERO) // timedelta(seconds=1) * NANOSECONDS + self._start % NANOSECONDS
+        self._file = path.open("w", encoding="ascii", newline="\r\n")
+        self._file.write(
+            f";$FILEVERSION=2.1\n;$STARTTIME={Decimal(days) / DAY:.15f}\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n"
+            f";\n;   Start time: {moment:%d.%m.%Y %H:%M:%S} UTC\n;   Generated by observer-rt\n"
+            ";   Columns: number, time offset [ms], type, bus, ID [hex], Rx/Tx, reserved, length code, data\n"
+        )
+
+    def write(self, entry: LogFrame) -> None:
+        frame = entry.frame
+        if frame.is_fd:
+            raise UserError(
+                str(self.path),
+                f"a .trc file written here holds classic frames only; {frame.frame_id:X} is a CAN FD frame",
+                "write .blf, .asc, .log or .mf4",
+            )
+        time = (frame.stamp_ns + MICROSECOND // 2) // MICROSECOND - self._start // MICROSECOND
+        if time < 0:
+            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
+        self._count += 1
+        identifier = f"{frame.frame_id:0{8 if frame.is_extended else 4}X}"
+        milliseconds = f"{time // 1000}.{time % 1000:03d}"
+        self._file.write(
+            f"{self._count:>7} {milliseconds:>13} DT {self._numbers.of(entry.channel):>2} {identifier:>8} "
+            f"{'Tx' if entry.is_sent else 'Rx'} -  {len(frame.payload):<4} {frame.payload.hex(' ').upper()}\n"
+        )
+
+    def close(self) -> None:
+        self._file.close()

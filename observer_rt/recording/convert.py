@@ -1,0 +1,129 @@
+"""`observer-rt convert`: recordings and CAN logs from format to format, nothing lost without a word."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from itertools import chain, islice
+from pathlib import Path
+
+from rich.console import Console
+
+from observer_rt.config.bench import Bench
+from observer_rt.evaluation.logged import read_logged
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.formats import LOG_READERS, LOG_WRITERS, MDF4, is_log, open_log
+from observer_rt.recording.canlog.trc import MICROSECOND, TrcWriter
+from observer_rt.recording.signals.files import READERS, WRITERS, file_errors, read_recording, write_recording
+from observer_rt.terminal.console import progress_bar, say, say_if_compiling
+from observer_rt.terminal.destinations import check_destination
+
+FIRST_FRAMES = (
+    1000  # among which the earliest is looked for: drivers swap frames, channels have their own time
+)
+FRAMES_PER_STEP = 5000  # of the progress bar
+
+
+def convert(
+    source: Path,
+    target: Path,
+    bench: Bench | None,
+    from_channels: Sequence[str],
+    force: bool,
+    console: Console,
+) -> str:
+    """Convert a file, the formats by suffix; returns one line on what was written.
+
+    A log becomes a recording by a bench file; an `.mf4` target holds signals if there is one, else frames.
+    Raises `UserError` for what does not fit together and for what the target cannot hold; the target is then
+    as it was before.
+    """
+    suffix = target.suffix.lower()
+    _refuse_unknown(source, {**READERS, **LOG_READERS})
+    check_destination("OUT", target, tuple({**WRITERS, **LOG_WRITERS}))
+    if target.exists() and not force:
+        raise UserError(str(target), "exists already", "name another file, or add --force")
+    if target.exists() and target.samefile(source):
+        raise UserError(str(target), "is the file to be converted", "name another file")
+    if not is_log(source):
+        if suffix not in WRITERS:
+            raise UserError(
+                f"{source} -> {target}",
+                "a recording of signals has no frames",
+                "replay it onto a bus and record that",
+            )
+        return _recording(source, target)
+    if suffix in WRITERS and (suffix != MDF4 or bench is not None):
+        if bench is None:
+            raise UserError(
+                "--bench", "is missing: it says which signals the frames carry", "name a bench file"
+            )
+        return _decoded(source, target, bench, from_channels, console)
+    return _frames(source, target, from_channels, console)
+
+
+def _refuse_unknown(source: Path, known: dict[str, object]) -> None:
+    if source.suffix.lower() not in known:
+        raise UserError(
+            str(source), f"unknown kind of file '{source.suffix}'", f"known suffixes: {', '.join(known)}"
+        )
+
+
+def _recording(source: Path, target: Path) -> str:
+    recording = read_recording(source)
+    with _replacing(target) as part:
+        write_recording(part, recording)
+    return f"{target}: {recording.samples} samples at {recording.sample_rate:g} Hz"
+
+
+def _decoded(source: Path, target: Path, bench: Bench, from_channels: Sequence[str], console: Console) -> str:
+    say_if_compiling(console)
+    with progress_bar(console, f"decoding {source.name}", 1.0) as progress:
+        logged = read_logged(bench, source, from_channels, progress)
+    for note in logged.notes:
+        say(console, note)
+    with _replacing(target) as part:
+        write_recording(part, logged.recording)
+    recording = logged.recording
+    return (
+        f"{target}: {recording.samples} samples at {recording.sample_rate:g} Hz, from sample index "
+        f"{logged.first_index} on"
+    )
+
+
+def _frames(source: Path, target: Path, channels: Sequence[str], console: Console) -> str:
+    log = open_log(source)
+    count = 0
+    rounded = 0
+    entries = (entry for entry in log if not channels or entry.channel in channels)
+    first = list(islice(entries, FIRST_FRAMES))
+    if not first:
+        what = f"frame of channel {', '.join(channels)}" if channels else "frame"
+        raise UserError(str(source), f"holds no data {what}", "; ".join(log.notes()))
+    start_ns = min(entry.frame.stamp_ns for entry in first)
+    with (
+        progress_bar(console, f"converting {source.name}", 1.0) as progress,
+        _replacing(target) as part,
+        file_errors(target),
+        LOG_WRITERS[target.suffix.lower()](part, start_ns) as writer,
+    ):
+        for entry in chain(first, entries):
+            writer.write(entry)
+            count += 1
+            rounded += entry.frame.stamp_ns % MICROSECOND != 0
+            if count % FRAMES_PER_STEP == 0:
+                progress(log.share_read)
+    for note in log.notes():
+        say(console, note)
+    if rounded and LOG_WRITERS[target.suffix.lower()] is TrcWriter:
+        say(console, f"{target}: {rounded} stamps are rounded to whole microseconds")
+    return f"{target}: {count} frames"
+
+
+@contextmanager
+def _replacing(target: Path) -> Iterator[Path]:
+    """A file beside the target that takes its place if all goes well, and else is gone."""
+    part = target.with_name(f".{target.stem}.part{target.suffix}")
+    try:
+        yield part
+        part.replace(target)
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""From a bus into log files."""

@@ -1,0 +1,1 @@
+"""A recording or a log as frames onto a bus."""

@@ -1,0 +1,222 @@
+"""A recording as the frames a measuring device would send, by the bench's bus map."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.bus.database.codec import encode
+from observer_rt.bus.database.e2e import protect
+from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.database.multiplexing import is_selected
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
+from observer_rt.bus.mapping.timing import Numbering
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, SamplingConfig
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MICROMETRE, MILLISECOND
+from observer_rt.recording.signals.recording import Recording
+
+WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
+WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
+RATE_TOLERANCE = 1e-6  # relative, between recording and bench
+OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
+_BY_INDEX = int(Numbering.INDEX)
+_BY_COUNTER = int(Numbering.COUNTER)
+
+
+def bench_for(bench: Bench, recording: Recording) -> Bench:
+    """The bench at the recording's sample rate.
+
+    The example bench takes any rate; a user's own must state the recording's. Raises `UserError` otherwise.
+    """
+    rate = recording.sample_rate
+    stated = bench.config.sampling.rate_hz
+    if abs(rate - stated) <= RATE_TOLERANCE * stated:
+        return bench
+    if bench.path != EXAMPLE_BENCH:
+        raise UserError(
+            f"{bench.path}: sampling.rate_hz",
+            f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz",
+            "set rate_hz to the recording's rate, or leave out --bench",
+        )
+    sampling = SamplingConfig(rate_hz=rate, meaning=bench.config.sampling.meaning)
+    return bench.model_copy(update={"config": bench.config.model_copy(update={"sampling": sampling})})
+
+
+class TimedFrame(NamedTuple):
+    """A frame and when it is sent, in seconds after the recording's first sample."""
+
+    time: float
+    frame_id: int
+    is_extended: bool
+    is_fd: bool
+    payload: bytes
+    channel: str = ""
+    """Of the log it comes from; none for a frame made from a recording."""
+    bit_rate_switch: bool = True
+    """Of a CAN FD frame; as is the next."""
+    error_state_indicator: bool = False
+    bus: int = 0
+    """Number of the bench's bus it is sent on."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """When it was received by a receiver without delay, in whole nanoseconds."""
+        return round(self.time * 1e9)
+
+
+@dataclass(frozen=True)
+class Span:
+    """Samples [start, end) of a recording."""
+
+    start: int
+    end: int
+
+
+def whole(recording: Recording) -> list[Span]:
+    """The recording in one span."""
+    return [Span(0, recording.samples)]
+
+
+def windows(recording: Recording) -> list[Span]:
+    """Spans round the injections, as a windowed source sends them; overlapping ones are joined."""
+    rate = recording.sample_rate
+    before, after = round(WINDOW_BEFORE * rate), round(WINDOW_AFTER * rate)
+    spans: list[Span] = []
+    for sample in np.flatnonzero(recording.needle_lift > OPEN_LIFT):
+        start, end = max(0, int(sample) - before), min(recording.samples, int(sample) + after)
+        if spans and start <= spans[-1].end:
+            spans[-1] = Span(spans[-1].start, end)
+        else:
+            spans.append(Span(start, end))
+    return spans
+
+
+def message_timing(bus: BusMap, number: int) -> np.void:
+    """TIMING of an input message: its streams share index and rate."""
+    group = bus.inputs.groups[int(bus.inputs.messages[number]["first_group"])]
+    timing: np.void = bus.inputs.timing[int(group["stream"])]
+    return timing
+
+
+def grid_samples(bus: BusMap, number: int) -> int:
+    """Samples of the grid from one sample index of an input message to its next."""
+    return int(bus.inputs.messages[number]["samples"]) * int(message_timing(bus, number)["steps"])
+
+
+class Framer:
+    """Turns recordings into frames; its counters and sample index go on from one recording to the next."""
+
+    def __init__(self, bus: BusMap) -> None:
+        self._bus = bus
+        self._counters = [0] * len(bus.input_layouts)
+        self._index = 0
+
+    @property
+    def next_index(self) -> int:
+        """Sample index of the next recording's first sample."""
+        return self._index
+
+    def pause(self, samples: int) -> None:
+        """Let the index go on by at least `samples` that are not sent, as over a pause of a windowed source.
+
+        The index then begins a frame of every message, so that no frame sent before reaches into it.
+        """
+        before = self._index
+        block = math.lcm(*(grid_samples(self._bus, n) for n in range(len(self._bus.input_layouts))))
+        self._index = -(-(before + samples) // block) * block
+        for number in range(len(self._counters)):
+            if (
+                message_timing(self._bus, number)["numbering"] != Numbering.INDEX
+            ):  # their counters go on with time
+                passed = (self._index - before) // grid_samples(self._bus, number)
+                self._counters[number] += passed
+
+    def frames(self, recording: Recording, spans: Sequence[Span]) -> Iterator[TimedFrame]:
+        """Frames of the spans in order of time: each is sent with its last sample.
+
+        A frame that a span does not fill carries "not available" in the rest.
+        """
+        values = np.column_stack([getattr(recording, role.value) for role in ROLES])
+        for span in spans:
+            encoded = [self._encode(number, values, span) for number in range(len(self._bus.input_layouts))]
+            yield from self._in_order(encoded, span, 1.0 / recording.sample_rate)
+        self._index += recording.samples
+
+    def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> NDArray[np.uint8]:
+        steps = int(message_timing(self._bus, number)["steps"])
+        first_index = -(-(self._index + span.start) // steps)  # of its own samples
+        rows = slice(first_index * steps - self._index, span.end, steps)
+        payloads: NDArray[np.uint8] = _payloads(
+            values[rows], first_index, self._bus.inputs, number, self._counters[number]
+        )
+        self._counters[number] += len(payloads)
+        return payloads
+
+    def _in_order(
+        self, encoded: Sequence[NDArray[np.uint8]], span: Span, interval: float
+    ) -> Iterator[TimedFrame]:
+        layouts = self._bus.input_layouts
+        position = [0] * len(encoded)
+
+        def due(number: int) -> int:
+            message = self._bus.inputs.messages[number]
+            block, kind = divmod(position[number], int(message["kind_count"]))
+            end = int(self._bus.inputs.kinds[int(message["first_kind"]) + kind]["end"])
+            steps = int(message_timing(self._bus, number)["steps"])
+            first = -(-(self._index + span.start) // steps) * steps - self._index
+            return first + (block * int(message["samples"]) + end - 1) * steps
+
+        while any(position[number] < len(encoded[number]) for number in range(len(encoded))):
+            number = min(
+                (n for n in range(len(encoded)) if position[n] < len(encoded[n])), key=lambda n: (due(n), n)
+            )
+            yield _timed(layouts[number], due(number) * interval, encoded[number][position[number]])
+            position[number] += 1
+
+
+def _timed(layout: MessageLayout, time: float, payload: NDArray[np.uint8]) -> TimedFrame:
+    return TimedFrame(
+        time, layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes(), bus=layout.bus
+    )
+
+
+@njit(cache=True, nogil=True)
+def _payloads(values, index, inputs, number, counter):  # type: ignore[no-untyped-def]
+    """Frames (n, length) of one input message for samples (m, MAX_INPUTS) [SI] from `index` on."""
+    message = inputs.messages[number]
+    kinds = message.kind_count
+    blocks = (values.shape[0] + message.samples - 1) // message.samples
+    result = np.zeros((blocks * kinds, message.length), np.uint8)
+    for frame in range(blocks * kinds):
+        payload = result[frame]
+        first = frame // kinds * message.samples
+        payload[:] = inputs.kinds[message.first_kind + frame % kinds].blank[: message.length]
+        for g in range(message.first_group, message.first_group + message.group_count):
+            group = inputs.groups[g]
+            if is_selected(payload, inputs.selection, group.first_condition, group.condition_count):
+                _fill(payload, values, index, first, counter + frame, inputs, group)
+        protect(payload, message.length, message.e2e_profile, message.data_id, counter + frame)
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _fill(payload, values, index, first, counter, inputs, group):  # type: ignore[no-untyped-def]
+    """Encode the samples of a group, for the block that begins at row `first`; counter: of the frame."""
+    timing = inputs.timing[group.stream]
+    numbers = np.full(group.signal_count, np.nan)
+    if timing.numbering == _BY_INDEX:
+        numbers[0] = (index + first) & 0xFFFFFFFF
+    elif timing.numbering == _BY_COUNTER:
+        numbers[0] = counter % timing.modulus
+    for role in range(MAX_INPUTS):
+        if (inputs.streams[group.stream].roles >> role) & 1:
+            start = first + group.offset
+            for k in range(min(group.samples, values.shape[0] - start)):
+                numbers[group.position[role] + k] = values[start + k, role] / group.factor[role]
+    encode(numbers, inputs.signals[group.first_signal : group.first_signal + group.signal_count], payload)

@@ -1,0 +1,127 @@
+"""Replay: frames onto a link, on an absolute time grid."""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from observer_rt.bus.links.link import Link
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND
+from observer_rt.recording.replay.framing import TimedFrame
+from observer_rt.recording.replay.lateness import LATE, Lateness, LatenessCounter
+
+NANOSECONDS = 1_000_000_000  # in a second
+SLEEP_MARGIN = 1_000_000  # ns before a frame is due, from which on the sleep is exact and not interruptible
+LONGEST_SLEEP = 100_000_000  # ns between two looks at the progress
+PROGRESS_PERIOD = 100_000_000  # ns
+
+
+@dataclass(frozen=True)
+class PlayStatistics:
+    """What was sent: number of frames, duration [s], and how late they were (nan without a time grid)."""
+
+    frames: int
+    duration: float
+    lateness: Lateness
+
+    def as_text(self) -> str:
+        """One line for the screen."""
+        sent = f"{self.frames} frames in {self.duration:.3f} s"
+        late = self.lateness
+        if math.isnan(late.median):
+            return sent
+        return (
+            f"{sent}; late by {late.median / MICROSECOND:.0f} us (median), {late.p99 / MICROSECOND:.0f} us (99 %), "
+            f"{late.maximum / MICROSECOND:.0f} us (most); "
+            f"{100 * late.late_share:.2g} % by more than {LATE / MILLISECOND:g} ms"
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """The same for a program; null where nothing was measured."""
+
+        def known(value: float) -> float | None:
+            return None if math.isnan(value) else value
+
+        return {
+            "frames": self.frames,
+            "duration_s": self.duration,
+            "lateness_median_s": known(self.lateness.median),
+            "lateness_p99_s": known(self.lateness.p99),
+            "lateness_max_s": known(self.lateness.maximum),
+            "late_share": known(self.lateness.late_share),
+        }
+
+
+def play(
+    frames: Iterable[TimedFrame],
+    link: Link,
+    speed: float,
+    progress: Callable[[float], None] | None = None,
+    stop: threading.Event | None = None,
+    by_bus: Mapping[int, Link] | None = None,
+) -> PlayStatistics:
+    """Send each frame at start + its time / `speed` by the monotonic clock; late ones at once, so nothing drifts.
+
+    speed: > 0; math.inf sends as fast as the link takes, and lateness is not measured. `progress` is told the
+    time [s] reached in the recording, some ten times a second. `stop`: end early. `by_bus`: links for frames on
+    these buses, instead of `link`.
+
+    Raises:
+        RunError: the link failed.
+        UserError: from reading the frames.
+    """
+    stop = stop or threading.Event()
+    links = by_bus or {}
+    report = _Progress(progress)
+    lateness = LatenessCounter()
+    sent = 0
+    stream = iter(frames)
+    frame = next(stream, None)  # before the clock starts: opening and encoding take their time
+    start = time.monotonic_ns()
+    while frame is not None and not stop.is_set():
+        due = start + round(frame.time / speed * NANOSECONDS)
+        now = time.monotonic_ns()
+        if now < due:
+            _sleep(due - now, stop)
+            report.reached(frame.time - max(0, due - time.monotonic_ns()) / NANOSECONDS * speed)
+            continue
+        links.get(frame.bus, link).send(
+            frame.frame_id,
+            frame.payload,
+            frame.is_extended,
+            frame.is_fd,
+            frame.bit_rate_switch,
+            frame.error_state_indicator,
+        )
+        sent += 1
+        if math.isfinite(speed):
+            lateness.add(now - due)
+        report.reached(frame.time)
+        frame = next(stream, None)
+    return PlayStatistics(sent, (time.monotonic_ns() - start) / NANOSECONDS, lateness.result())
+
+
+def _sleep(nanoseconds: int, stop: threading.Event) -> None:
+    """Sleep until shortly before a frame is due, or, then, until it is. Never busy: other threads need the time."""
+    if nanoseconds > SLEEP_MARGIN:
+        stop.wait(min(nanoseconds - SLEEP_MARGIN, LONGEST_SLEEP) / NANOSECONDS)
+    else:
+        time.sleep(nanoseconds / NANOSECONDS)
+
+
+class _Progress:
+    """Passes on the time reached, not more often than a screen needs."""
+
+    def __init__(self, callback: Callable[[float], None] | None) -> None:
+        self._callback = callback
+        self._next = 0
+
+    def reached(self, moment: float) -> None:
+        if self._callback is None:
+            return
+        now = time.monotonic_ns()
+        if now >= self._next:
+            self._callback(moment)
+            self._next = now + PROGRESS_PERIOD

@@ -1,0 +1,1 @@
+"""Recordings as signals over time: CSV and MDF4."""

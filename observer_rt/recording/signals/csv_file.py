@@ -1,0 +1,177 @@
+"""Recordings as CSV: `time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa[,injection_rate_mm3_per_ms]`.
+
+Text and SI values convert exactly, both ways, for values on a grid of 1e-9 of the printed unit (and at most
+12 significant digits): the reader goes through whole numbers, because `100.005 * 1e6` alone need not be the
+double nearest to 100005000.
+"""
+
+import csv
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.misspelt import hint
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
+from observer_rt.recording.signals.recording import Recording, check_samples
+
+TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
+STEPS_PER_UNIT = 1e9
+WRITE_FORMAT = "%.12g"
+ROWS_PER_WRITE = 100_000
+
+
+class Column(NamedTuple):
+    """A column of a CSV file: the signal it holds and its unit."""
+
+    header: str
+    signal: str
+    factor: float
+    """SI value of one printed unit."""
+
+
+TIME = Column("time_s", "time", 1.0)
+RAIL_PRESSURE = Column("rail_pressure_MPa", "rail_pressure", MEGAPASCAL)
+NEEDLE_LIFT = Column("needle_lift_mm", "needle_lift", MILLIMETRE)
+LINE_PRESSURE = Column("line_pressure_MPa", "line_pressure", MEGAPASCAL)
+INJECTION_RATE = Column("injection_rate_mm3_per_ms", "injection_rate", MM3_PER_MS)
+
+REQUIRED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE)
+COLUMNS = (*REQUIRED, INJECTION_RATE)
+
+
+def read_csv(path: Path) -> Recording:
+    """Read a recording; the columns may stand in any order.
+
+    An empty cell, or `nan`, in a signal means "not available". Raises `UserError` naming line and column.
+    """
+    columns = _read_header(path)
+    table = _read_table(path, columns)
+    arrays = {
+        column.signal: _to_si(np.ascontiguousarray(table[:, i]), column) for i, column in enumerate(columns)
+    }
+    time = arrays.pop("time")
+    check_samples(time, arrays, lambda row: f"{path}, line {_line_of_row(path, row)}")
+    return Recording(
+        time=time,
+        rail_pressure=arrays["rail_pressure"],
+        needle_lift=arrays["needle_lift"],
+        line_pressure=arrays["line_pressure"],
+        injection_rate=arrays.get("injection_rate"),
+        path=path,
+    )
+
+
+def write_csv(path: Path, recording: Recording) -> None:
+    """Write a recording, its time first."""
+    signals = {"time": recording.time, **recording.signals}
+    write_columns(path, [(column, signals[column.signal]) for column in COLUMNS if column.signal in signals])
+
+
+def write_columns(path: Path, columns: Sequence[tuple[Column, NDArray[np.float64]]]) -> None:
+    """Write SI arrays of one length (n,) as CSV columns in their printed units, NaN as an empty cell."""
+    row_format = ",".join([WRITE_FORMAT] * len(columns))
+    with path.open("w", encoding="ascii", newline="\n") as file:
+        file.write(",".join(column.header for column, _ in columns) + "\n")
+        for start in range(0, columns[0][1].size, ROWS_PER_WRITE):
+            rows = slice(start, start + ROWS_PER_WRITE)
+            printed = [(values[rows] / column.factor).tolist() for column, values in columns]
+            text = "\n".join(map(row_format.__mod__, zip(*printed, strict=True))) + "\n"
+            file.write(text.replace("nan", ""))
+
+
+def _to_si(printed: NDArray[np.float64], column: Column) -> NDArray[np.float64]:
+    if column is TIME:
+        return printed
+    steps_per_si = float(round(STEPS_PER_UNIT / column.factor))
+    return np.rint(printed * STEPS_PER_UNIT) / steps_per_si
+
+
+def _read_header(path: Path) -> list[Column]:
+    if path.name.endswith(TRUTH_SUFFIX):
+        raise UserError(
+            str(path),
+            "is the truth behind a simulated recording, which is not for the observer",
+            "leave it out",
+        )
+    known = {column.header: column for column in COLUMNS}
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        header = file.readline().strip()
+    if not header:
+        raise UserError(
+            str(path), "is empty, or begins with an empty line", "begin it with the names of the columns"
+        )
+    place = f"{path}, line 1"
+    expected = f"the header is {','.join(known)} in any order, the last column optional"
+    if ";" in header:
+        raise UserError(place, "the columns are separated by ';'", "separate by ',' and use decimal points")
+    names = [name.strip() for name in header.split(",")]
+    for name in names:
+        if name not in known:
+            raise UserError(place, f"unknown column '{name}'{hint(name, known)}", expected)
+        if names.count(name) > 1:
+            raise UserError(place, f"column '{name}' appears {names.count(name)} times", expected)
+    for column in REQUIRED:
+        if column.header not in names:
+            raise UserError(place, f"column '{column.header}' is missing", expected)
+    return [known[name] for name in names]
+
+
+def _read_table(path: Path, columns: list[Column]) -> NDArray[np.float64]:
+    """Cells as printed, shape (n, columns); read cell by cell only where there are empty ones or errors."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        file.readline()
+        try:
+            with warnings.catch_warnings(action="ignore"):  # "no data": found by the check of the samples
+                table = np.loadtxt(file, delimiter=",", comments=None, ndmin=2)
+        except ValueError:
+            return _read_table_slowly(path, columns)
+    if table.shape[1] != len(columns):
+        return _read_table_slowly(path, columns)
+    return table
+
+
+def _read_table_slowly(path: Path, columns: list[Column]) -> NDArray[np.float64]:
+    rows: list[list[float]] = []
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        lines = csv.reader(file)
+        next(lines)
+        for cells in lines:
+            if not cells:
+                continue
+            if len(cells) != len(columns):
+                raise UserError(
+                    f"{path}, line {lines.line_num}",
+                    f"{len(cells)} cells, but the header has {len(columns)} columns",
+                    "complete the line, or delete it if the file was cut while being written",
+                )
+            place = f"{path}, line {lines.line_num}"
+            rows.append([_number(cell, column, place) for cell, column in zip(cells, columns, strict=True)])
+    return np.array(rows, dtype=np.float64).reshape(len(rows), len(columns))
+
+
+def _number(cell: str, column: Column, place: str) -> float:
+    if not cell.strip():
+        return np.nan
+    try:
+        return float(cell)
+    except ValueError:
+        raise UserError(
+            place,
+            f"column {column.header}: '{cell}' is not a number",
+            "write numbers with a decimal point; leave the cell empty where a value is not available",
+        ) from None
+
+
+def _line_of_row(path: Path, row: int) -> int:
+    """Line number of a zero-based data row: blank lines count as lines but hold no row."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        filled = (number for number, line in enumerate(file, start=1) if line.strip())
+        for index, number in enumerate(filled):
+            if index == row + 1:
+                return number
+    return 1

@@ -1,0 +1,174 @@
+"""Recordings as MDF4, ASAM's measurement file: one channel per signal, units read from the channel."""
+
+import gc
+import logging
+import struct
+import sys
+import traceback
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from asammdf import MDF, Signal
+from asammdf.blocks.utils import MdfException
+from asammdf.blocks.v4_blocks import FileHistory
+from numpy.typing import NDArray
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.misspelt import hint
+from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROMETRE, MILLIMETRE, MM3_PER_MS
+from observer_rt.recording.signals.recording import Recording
+
+KILOPASCAL = 1e3  # Pa
+BAR = 1e5  # Pa
+
+PRESSURE_UNITS = {"Pa": 1.0, "kPa": KILOPASCAL, "MPa": MEGAPASCAL, "bar": BAR}
+LENGTH_UNITS = {"m": 1.0, "mm": MILLIMETRE, "um": MICROMETRE, "µm": MICROMETRE, "μm": MICROMETRE}
+RATE_UNITS = {
+    "m3/s": 1.0,
+    "mm3/ms": MM3_PER_MS,
+    "mm3/s": CUBIC_MILLIMETRE,
+    "m³/s": 1.0,
+    "mm³/ms": MM3_PER_MS,
+    "mm³/s": CUBIC_MILLIMETRE,
+}
+UNITS = {
+    "rail_pressure": PRESSURE_UNITS,
+    "needle_lift": LENGTH_UNITS,
+    "line_pressure": PRESSURE_UNITS,
+    "injection_rate": RATE_UNITS,
+}
+REQUIRED = ("rail_pressure", "needle_lift", "line_pressure")
+SI_UNITS = {"rail_pressure": "Pa", "needle_lift": "m", "line_pressure": "Pa", "injection_rate": "m3/s"}
+MAGIC = b"MDF"
+READABLE = "give a complete MDF 4 measurement"
+DAMAGE = (  # the ways in which asammdf fails on a damaged file
+    MdfException,
+    struct.error,
+    OSError,
+    MemoryError,
+    ArithmeticError,
+    ValueError,
+    LookupError,
+    EOFError,
+    TypeError,
+    AttributeError,
+)
+logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come as errors, too
+NO_DATE = datetime.fromtimestamp(0, UTC)
+
+
+def read_mdf4(path: Path) -> Recording:
+    """Read a recording; channels beyond the recording's own are ignored.
+
+    The samples that a channel marks as invalid become NaN. Raises `UserError` for a file that is not MDF, a
+    missing channel, an unknown unit and channels on different time stamps.
+    """
+    with path.open("rb") as handle:
+        if handle.read(len(MAGIC)) != MAGIC:
+            raise UserError(str(path), "not an MDF file", READABLE)
+        handle.seek(0)
+        try:
+            with MDF(handle) as file:
+                signals = _read_channels(file, path)
+        except DAMAGE as error:
+            discard(error)
+            raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
+    time = signals["rail_pressure"].timestamps.astype(np.float64)
+    for name, signal in signals.items():
+        if not np.array_equal(signal.timestamps, time):
+            raise UserError(
+                f"{path}, channel {name}",
+                "its time stamps differ from those of rail_pressure",
+                "record the channels in one group, or resample them on one time grid",
+            )
+    values = {name: _to_si(signal, path) for name, signal in signals.items()}
+    return Recording(
+        time=time,
+        rail_pressure=values["rail_pressure"],
+        needle_lift=values["needle_lift"],
+        line_pressure=values["line_pressure"],
+        injection_rate=values.get("injection_rate"),
+        path=path,
+    )
+
+
+def write_mdf4(path: Path, recording: Recording) -> None:
+    """Write a recording in SI units, which round-trips every double exactly.
+
+    The same recording gives the same bytes: no date of writing is stored.
+    """
+    signals = [
+        Signal(samples=values, timestamps=recording.time, name=name, unit=SI_UNITS[name])
+        for name, values in recording.signals.items()
+    ]
+    with MDF(version="4.10") as file:
+        add_history(file)
+        file.append(signals, comment="", common_timebase=True)
+        with path.open("wb+") as handle:
+            file.save(handle, add_history_block=False)
+
+
+def add_history(file: MDF) -> None:
+    """Say what wrote the file, but not when: the same content gives the same bytes."""
+    file.start_time = NO_DATE
+    history = FileHistory()
+    history.time_stamp = NO_DATE
+    history.comment = "<FHcomment><TX>created</TX><tool_id>observer-rt</tool_id></FHcomment>"
+    file.file_history.append(history)
+
+
+def discard(error: Exception) -> None:
+    """Drop the half-read file: asammdf's destructor fails on it, which would print a traceback later on."""
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda _: None
+    try:
+        traceback.clear_frames(error.__traceback__)
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook
+
+
+def refuse_outside(file: MDF, group: int) -> None:
+    """Raise `ValueError` for a field that reaches beyond its record: asammdf would read there all the same."""
+    record = file.groups[group].channel_group.samples_byte_nr
+    for channel in file.groups[group].channels:
+        end = channel.byte_offset + (channel.bit_offset + channel.bit_count + 7) // 8
+        if end > record:
+            raise ValueError(f"{channel.name} reaches to byte {end} of records of {record}")
+
+
+def _read_channels(file: MDF, path: Path) -> dict[str, Signal]:
+    signals = {}
+    for name in UNITS:
+        places = file.channels_db.get(name, ())
+        if len(places) > 1:
+            raise UserError(
+                f"{path}, channel {name}", f"appears {len(places)} times", "keep one channel of this name"
+            )
+        if places:
+            group, index = places[0]
+            refuse_outside(file, group)
+            signals[name] = file.get(group=group, index=index, ignore_invalidation_bits=True)
+        elif name in REQUIRED:
+            raise UserError(
+                str(path),
+                f"channel '{name}' is missing{hint(name, file.channels_db)}",
+                f"name the channels {', '.join(UNITS)} (the last optional)",
+            )
+    return signals
+
+
+def _to_si(signal: Signal, path: Path) -> NDArray[np.float64]:
+    units = UNITS[signal.name]
+    unit = signal.unit.strip()
+    if unit not in units:
+        raise UserError(
+            f"{path}, channel {signal.name}",
+            f"unit '{unit}' is not known" if unit else "has no unit",
+            f"known units: {', '.join(units)}",
+        )
+    values: NDArray[np.float64] = signal.samples.astype(np.float64) * units[unit]
+    if signal.invalidation_bits is not None:
+        values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
+    return values

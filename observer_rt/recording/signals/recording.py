@@ -1,0 +1,97 @@
+"""One recording of an injector: even time grid, three inputs, and the measured rate where there is one."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.signals.time_grid import find_uneven_time, sample_rate_of
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Signals of one recording, SI units, every array float64 of shape (n,), n >= 2.
+
+    NaN in a signal means "not available". Raises `UserError` when the arrays differ in length, a signal holds
+    an infinite value or `time` is not an even, rising grid.
+    """
+
+    time: NDArray[np.float64]
+    """[s]"""
+    rail_pressure: NDArray[np.float64]
+    """[Pa]"""
+    needle_lift: NDArray[np.float64]
+    """[m]"""
+    line_pressure: NDArray[np.float64]
+    """[Pa]"""
+    injection_rate: NDArray[np.float64] | None = None
+    """Measured [m3/s]; None where no rate was measured."""
+    path: Path | None = None
+    """Where the recording was read from; None for one made in memory."""
+
+    def __post_init__(self) -> None:
+        name = str(self.path) if self.path is not None else "recording"
+        for signal, values in self.signals.items():
+            if values.shape != self.time.shape:
+                raise UserError(
+                    f"{name}, {signal}",
+                    f"{values.size} samples, but the time has {self.time.size}",
+                    "give every signal one value for each time stamp (NaN where there is none)",
+                )
+        check_samples(self.time, self.signals, lambda row: f"{name}, sample {row}")
+
+    @property
+    def signals(self) -> dict[str, NDArray[np.float64]]:
+        """The signals by name, without time and without a rate that was not measured."""
+        signals = {
+            "rail_pressure": self.rail_pressure,
+            "needle_lift": self.needle_lift,
+            "line_pressure": self.line_pressure,
+        }
+        if self.injection_rate is not None:
+            signals["injection_rate"] = self.injection_rate
+        return signals
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return int(self.time.size)
+
+    @cached_property
+    def sample_rate(self) -> float:
+        """Sample rate [Hz], exact although printed time stamps are rounded."""
+        return sample_rate_of(self.time)
+
+
+def check_samples(
+    time: NDArray[np.float64],
+    signals: dict[str, NDArray[np.float64]],
+    place_of_row: Callable[[int], str],
+) -> None:
+    """Check an even time [s] and finite-or-NaN signals, all of shape (n,).
+
+    `place_of_row` turns a zero-based row into what a user finds it by: a line of a file, a sample number.
+    Raises `UserError` for the first violation.
+    """
+    if time.size < 2:
+        problem = "holds no sample" if not time.size else "holds one sample only"
+        raise UserError(place_of_row(0), problem, "record, or select, at least two samples")
+    uneven = find_uneven_time(time)
+    if uneven is not None:
+        raise UserError(
+            place_of_row(uneven.row),
+            uneven.problem,
+            "a recording must be equidistant: cut it at the gap, or resample it on an even grid",
+        )
+    for signal, values in signals.items():
+        infinite = np.flatnonzero(np.isinf(values))
+        if infinite.size:
+            raise UserError(
+                place_of_row(int(infinite[0])),
+                f"{signal} is infinite",
+                "write NaN, or leave the cell empty, where a value is not available",
+            )

@@ -1,0 +1,1 @@
+"""Frames in, frames out: no socket, no clock, no file."""

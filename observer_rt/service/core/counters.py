@@ -1,0 +1,67 @@
+"""What the service counts."""
+
+from dataclasses import dataclass
+
+from observer_rt.service.core.pipeline import Pipeline
+from observer_rt.service.inputs.optional_inputs import OptionalInputs
+
+
+@dataclass(frozen=True)
+class Counters:
+    """What was counted since the start."""
+
+    samples: int
+    lost_samples: int
+    interpolated_samples: int
+    frames: int
+    crc_errors: int
+    length_errors: int
+    sequence_errors: int
+    repeated_frames: int
+    old_frames: int
+    restarts: int
+    jumps: int
+    events: int
+    injections: int
+    adoptions: int
+    rejected_adoptions: int
+    late_adoptions: int
+    commands: int
+    """Energizings of the injector; 0, as the next, where that is no input."""
+    missing_injections: int
+    uncommanded_injections: int
+
+    def since(self, earlier: "Counters") -> "Counters":
+        """What was counted since an earlier look."""
+        return Counters(**{name: count - getattr(earlier, name) for name, count in vars(self).items()})
+
+
+def counted(
+    pipeline: Pipeline, optional: OptionalInputs, first_version: int, rejected: int, late: int
+) -> Counters:
+    """What all parts have counted; first_version: of phi at the start; rejected, late: adoptions."""
+    receiver = pipeline.receiver[0]
+    alignment = pipeline.alignment.memory[0]
+    memory = pipeline.observer.memory[0]
+    energizing = optional.energizing
+    return Counters(
+        samples=int(memory["processed"]),
+        lost_samples=int(alignment["lost"]),
+        interpolated_samples=int(memory["interpolated"]),
+        frames=int(receiver["frames"]),
+        crc_errors=int(receiver["crc_errors"]) + optional.crc_errors,
+        length_errors=int(receiver["length_errors"]) + optional.length_errors,
+        sequence_errors=int(receiver["sequence_errors"]),
+        repeated_frames=int(alignment["repeated"]),
+        old_frames=int(alignment["old"]),
+        restarts=int(alignment["restarts"]),
+        jumps=int(alignment["jumps"]),
+        events=int(memory["events_judged"]),
+        injections=int(memory["injections_reported"]),
+        adoptions=int(memory["phi_version"]) - first_version,
+        rejected_adoptions=rejected,
+        late_adoptions=late,
+        commands=energizing.commands if energizing else 0,
+        missing_injections=energizing.missing if energizing else 0,
+        uncommanded_injections=energizing.uncommanded if energizing else 0,
+    )

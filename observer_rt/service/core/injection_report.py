@@ -1,0 +1,109 @@
+"""What the service says of one injection, in SI units."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.observer.learning.indicators import Indicators, indicators_of, with_free_rows
+from observer_rt.observer.learning.interval import is_revised, rate_sigma, volume_interval
+from observer_rt.observer.learning.knowledge import Outcome
+from observer_rt.observer.paper_scheme.network import FreeNetwork
+from observer_rt.observer.stream.state import Reason, State
+from observer_rt.service.inputs.energizing import CommandedOpening
+from observer_rt.service.inputs.fuel import Fuel
+
+
+@dataclass(frozen=True, eq=False)
+class InjectionReport:
+    """One injection, judged with its event.
+
+    start, end are positions in the stream of samples, the indices those of the device. `volume` [m3], `mass`
+    [kg] and `peak_rate` [m3/s] are nan when some sample had no rate; `mass_ci95` [kg] is
+    known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard deviation of the published
+    rate at the n samples from start to end; `rail_pressure` [Pa] at the opening; `density` [kg/m3] and
+    `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is None where it is not
+    known.
+    """
+
+    number: int
+    event: int
+    start: int
+    end: int
+    start_index: int
+    end_index: int
+    volume: float
+    mass: float
+    mass_ci95: tuple[float, float] | None
+    rate_sigma: NDArray[np.float64] | None
+    peak_rate: float
+    rail_pressure: float
+    valid: bool
+    reason: Reason
+    state: State
+    phi_version: int
+    indicators: Indicators
+    density: float
+    fuel_temperature: float | None
+    commanded: CommandedOpening | None
+
+
+def report_of(
+    injection: np.void,
+    event: np.void,
+    outcome: Outcome | None,
+    in_force: NDArray[np.float64],
+    free_rows: FreeNetwork | None,
+    fuel: Fuel,
+    commanded: CommandedOpening | None,
+) -> InjectionReport:
+    """What to say of an injection (row of dtype `stream.state.INJECTION`) once its event (`EVENT`) is judged.
+
+    outcome: what was learned from the event, None when nothing was; in_force: theta (m,) the observer carries,
+    free_rows: the paper's network where that is what it carries; fuel: during the event; commanded: by which command
+    it opened.
+    """
+    c = fuel.constants.coefficients
+    judgement = outcome.findings[0].reason if outcome is not None and outcome.findings else Reason.NONE
+    reason = Reason(int(injection["reason"])) or judgement
+    indicators = indicators_of(
+        in_force if outcome is None else outcome.estimate,
+        None if outcome is None else outcome.covariance,
+        injection["middle_x"],
+        injection["middle_u"],
+    )
+    if free_rows is not None:
+        middle = injection["middle_x"], injection["middle_u"]
+        indicators = with_free_rows(indicators, free_rows, *middle, c)
+    volume = float(injection["volume"])
+    interval, sigma = None, None
+    belongs = injection["event"] == event["number"]
+    if belongs and outcome is not None and outcome.resimulated is not None:
+        first = int(event["window_start"])
+        window = slice(int(injection["start"]) - first, int(injection["end"]) - first + 1)
+        interval = volume_interval(outcome.resimulated, window)
+        sigma = rate_sigma(outcome.resimulated, window)
+        if reason is Reason.NONE and is_revised(outcome.resimulated, window, volume):
+            reason = Reason.REVISED
+    return InjectionReport(
+        number=int(injection["number"]),
+        event=int(injection["event"]),
+        start=int(injection["start"]),
+        end=int(injection["end"]),
+        start_index=int(injection["start_index"]),
+        end_index=int(injection["end_index"]),
+        volume=volume,
+        mass=volume * c.density,
+        peak_rate=float(injection["peak_rate"]),
+        rail_pressure=float(injection["rail_pressure"]) * c.pressure_scale + c.chamber_pressure,
+        mass_ci95=None if interval is None else (interval[0] * c.density, interval[1] * c.density),
+        rate_sigma=sigma,
+        valid=reason is Reason.NONE,
+        reason=reason,
+        state=State(int(injection["state"])),
+        phi_version=int(injection["phi_version"]),
+        indicators=indicators,
+        density=c.density,
+        fuel_temperature=fuel.temperature,
+        commanded=commanded,
+    )

@@ -1,0 +1,249 @@
+"""From one received frame to the frames it causes: check, decode, align, observe, publish. Compiled."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.bus.alignment.alignment import decide, store
+from observer_rt.bus.alignment.counting import Count
+from observer_rt.bus.alignment.following import follow
+from observer_rt.bus.alignment.memory import Alignment
+from observer_rt.bus.alignment.placing import Placing, place_block
+from observer_rt.bus.alignment.timekeeping import (
+    Timekeeping,
+    begin_anew,
+    doubt_of,
+    has_place,
+    note_frame,
+    number_frame,
+    place_of,
+)
+from observer_rt.bus.database import e2e
+from observer_rt.bus.database.codec import decode
+from observer_rt.bus.database.e2e import E2EStatus
+from observer_rt.bus.database.multiplexing import is_selected
+from observer_rt.bus.mapping.input_tables import MAX_INPUTS, MAX_SIGNALS, ROLES, Inputs
+from observer_rt.bus.mapping.timing import Joining, Numbering
+from observer_rt.config.bench import Role
+from observer_rt.observer.stream.state import Observer
+from observer_rt.observer.stream.step import advance_stream, push
+from observer_rt.service.core.publisher import Publisher, publish
+
+MAX_COUNTER_STEP = 15  # larger steps of the E2E counter are a wrong sequence, not a few lost frames
+_ACCEPTED = int(Placing.ACCEPTED)
+_OLD = int(Placing.OLD)
+_RESTARTED = int(Placing.RESTARTED)
+_COUNTED_REPEATED = int(Count.REPEATED)
+_COUNTED_OLD = int(Count.OLD)
+_BY_INDEX = int(Numbering.INDEX)
+_BY_E2E_COUNTER = int(Numbering.E2E_COUNTER)
+_NEAREST = int(Joining.NEAREST)
+_RAIL = ROLES.index(Role.RAIL_PRESSURE)
+_LIFT = ROLES.index(Role.NEEDLE_LIFT)
+_LINE = ROLES.index(Role.LINE_PRESSURE)
+
+RECEIVER = np.dtype(
+    [
+        ("last_counter", np.int64, (MAX_INPUTS,)),  # of every message, -1: none yet
+        ("interrupted", np.int8, (MAX_INPUTS,)),  # of every stream, 1: its last frame is not the message's
+        ("values", np.float64, (MAX_SIGNALS,)),
+        ("sample", np.float64, (MAX_INPUTS,)),  # SI
+        ("frames", np.int64),  # accepted as ours, good or bad
+        ("crc_errors", np.int64),
+        ("length_errors", np.int64),
+        ("sequence_errors", np.int64),
+    ],
+    align=True,
+)
+
+
+def make_receiver() -> NDArray[np.void]:
+    """Receiver that has seen no frame."""
+    receiver = np.zeros(1, RECEIVER)
+    receiver["last_counter"] = -1
+    return receiver
+
+
+class Pipeline(NamedTuple):
+    """All memory of the receive-to-send path."""
+
+    inputs: Inputs
+    receiver: NDArray[np.void]  # (1,) RECEIVER
+    keeping: Timekeeping
+    alignment: Alignment
+    observer: Observer
+    publisher: Publisher
+
+
+@njit(cache=True, nogil=True)
+def handle(pipeline: Pipeline, key: int, payload: NDArray[np.uint8], stamp: int) -> bool:
+    """Take one frame, received at `stamp` [ns]; `key` as by `frame_key.frame_key`.
+
+    Frames caused are in the publisher's `out`. Returns True when the observer waits for the judgement of an
+    event (`observer.judge`), after which `proceed` goes on.
+    """
+    for number in range(pipeline.inputs.messages.size):
+        if pipeline.inputs.messages[number].key == key:
+            _take(pipeline, number, payload, stamp)
+            return bool(proceed(pipeline))
+    return False
+
+
+@njit(cache=True, nogil=True)
+def proceed(pipeline: Pipeline) -> bool:
+    """Observe what is aligned and publish what is observed; True when a judgement is needed to go on."""
+    waiting = advance_stream(pipeline.observer)
+    publish(pipeline.publisher, pipeline.observer)
+    return bool(waiting)
+
+
+@njit(cache=True, nogil=True)
+def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8], stamp: int) -> None:
+    """Check, decode and align one frame of an input message; what fails a check is counted and dropped."""
+    receiver = pipeline.receiver[0]
+    message = pipeline.inputs.messages[number]
+    receiver.frames += 1
+    if payload.size not in (message.length, message.padded_length):
+        receiver.length_errors += 1
+        return
+    if not e2e.check(payload, message.length, message.e2e_profile, message.data_id):
+        receiver.crc_errors += 1
+        return
+    counter = e2e.frame_counter(payload, message.e2e_profile)
+    last = receiver.last_counter[number]
+    max_step = min(MAX_COUNTER_STEP, e2e.counter_values(message.e2e_profile) // 2)
+    status = e2e.classify(counter, last, last >= 0, max_step, message.e2e_profile)
+    follows = message.e2e_profile != e2e.UNPROTECTED and status == E2EStatus.OK
+    found, placed, restarted = 0, 0, False
+    for g in range(message.first_group, message.first_group + message.group_count):
+        group = pipeline.inputs.groups[g]
+        if not is_selected(payload, pipeline.inputs.selection, group.first_condition, group.condition_count):
+            continue
+        found |= 1 << group.stream
+        contiguous = follows and receiver.interrupted[group.stream] == 0
+        placing = _take_group(pipeline, group, payload, counter, contiguous, stamp)
+        if placing in (_ACCEPTED, _RESTARTED):
+            placed |= 1 << group.stream
+            restarted |= placing == _RESTARTED
+    if found != 0 and placed == 0:
+        return
+    for g in range(message.first_group, message.first_group + message.group_count):
+        stream = pipeline.inputs.groups[g].stream
+        if (placed >> stream) & 1:
+            receiver.interrupted[stream] = 0
+        elif not follows:
+            receiver.interrupted[stream] = 1
+    if (
+        not restarted
+        and (status == E2EStatus.WRONG_SEQUENCE or status == E2EStatus.REPEATED)
+        and message.e2e_profile != e2e.UNPROTECTED
+    ):
+        receiver.sequence_errors += 1
+    receiver.last_counter[number] = counter
+    decide(pipeline.alignment)
+    _feed(pipeline)
+
+
+@njit(cache=True, nogil=True)
+def _take_group(pipeline: Pipeline, group, payload, counter, contiguous, stamp):  # type: ignore[no-untyped-def]
+    """Decode and align the samples of one group: its `Placing`.
+
+    counter: of the end-to-end protection; contiguous: it was without gap since the stream's last frame.
+    """
+    keeping = pipeline.keeping
+    table = pipeline.inputs.signals[group.first_signal : group.first_signal + group.signal_count]
+    decode(payload, table, pipeline.receiver[0].values)
+    raw_index = _raw_index(pipeline, group, counter, stamp)
+    if raw_index < 0:
+        return _OLD
+    is_nearest = keeping.timing[group.stream].joining == _NEAREST
+    shift = keeping.shifts[group.stream].samples if is_nearest else 0
+    placing, start = place_block(
+        pipeline.alignment, group.stream, raw_index + shift, group.samples, contiguous
+    )
+    if placing in (_ACCEPTED, _RESTARTED):
+        if placing == _RESTARTED:
+            begin_anew(keeping, group.stream)
+        if not is_nearest:
+            note_frame(keeping, group.stream, start + group.samples - 1, stamp)
+        _store(pipeline, group, start)
+    return placing
+
+
+@njit(cache=True, nogil=True)
+def _raw_index(pipeline: Pipeline, group, counter, stamp):  # type: ignore[no-untyped-def]
+    """Index of the group's first sample as sent or, where none is sent, as counted; -1: the frame is dropped."""
+    keeping, stream = pipeline.keeping, group.stream
+    timing = keeping.timing[stream]
+    values = pipeline.receiver[0].values
+    if timing.numbering == _BY_INDEX:
+        return (int(values[0]) + group.offset) & 0xFFFFFFFF
+    sequence = 0
+    if timing.numbering == _BY_E2E_COUNTER:
+        sequence = int(counter)
+    elif timing.modulus > 1:
+        if math.isnan(values[0]):
+            return -1
+        sequence = int(values[0])
+    outcome = number_frame(keeping, stream, sequence, stamp)
+    if outcome == _COUNTED_REPEATED:
+        pipeline.alignment.memory[0].repeated += 1
+        return -1
+    if outcome == _COUNTED_OLD:
+        pipeline.alignment.memory[0].old += 1
+        return -1
+    raw_index = keeping.counts[stream].number * group.samples
+    if timing.joining == _NEAREST:
+        # its clock goes by its own count, which says where on the grid it belongs
+        note_frame(keeping, stream, raw_index + group.samples - 1, stamp)
+        if not has_place(keeping, stream):
+            return -1
+    return int(raw_index)
+
+
+@njit(cache=True, nogil=True)
+def _store(pipeline: Pipeline, group, start):  # type: ignore[no-untyped-def]
+    """The decoded samples of a group, the first of which is `start`, onto the grid."""
+    receiver = pipeline.receiver[0]
+    roles = pipeline.inputs.streams[group.stream].roles
+    on_grid = pipeline.alignment.memory[0].streams[group.stream].on_grid
+    if not on_grid and not has_place(pipeline.keeping, group.stream):
+        return
+    for k in range(group.samples):
+        for role in range(MAX_INPUTS):
+            if (roles >> role) & 1:
+                receiver.sample[role] = receiver.values[group.position[role] + k] * group.factor[role]
+                if on_grid:
+                    store(pipeline.alignment, start + k, role, receiver.sample[role])
+        if not on_grid:
+            follow(
+                pipeline.alignment,
+                group.stream,
+                place_of(pipeline.keeping, group.stream, start + k),
+                receiver.sample,
+            )
+
+
+@njit(cache=True, nogil=True)
+def _feed(pipeline: Pipeline) -> None:
+    """Hand the aligned samples to the observer."""
+    alignment = pipeline.alignment.memory[0]
+    doubt = doubt_of(pipeline.keeping)
+    for k in range(alignment.ready):
+        row = pipeline.alignment.queue[k]
+        push(
+            pipeline.observer,
+            row.index,
+            row.values[_RAIL],
+            row.values[_LIFT],
+            row.values[_LINE],
+            row.interpolated,
+            row.broken,
+            doubt,
+            row.shares[_LIFT],
+            row.shares[_RAIL],
+        )
+    alignment.ready = 0

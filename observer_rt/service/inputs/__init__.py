@@ -1,0 +1,1 @@
+"""Optional inputs: fuel temperature, energizing, measured mass, learning switch."""

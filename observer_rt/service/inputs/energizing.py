@@ -1,0 +1,278 @@
+"""Commands of the injector and openings of its needle: delays, injections missing, injections without a command."""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.alignment.timekeeping import Timekeeping, is_prompt, place_at
+from observer_rt.bus.mapping.energizing import Energizing, EnergizingReceiver
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND
+from observer_rt.observer.observer import was_shut
+from observer_rt.observer.stream.state import INJECTIONS, RING, Observer
+from observer_rt.service.inputs.commands import Command, CommandReader, samples_between
+
+REMEMBERED = 64  # commands
+RECENT = 100  # delays that mean and spread are of
+LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a command after its opening
+
+
+@dataclass(frozen=True)
+class CommandedOpening:
+    """The command an opening belongs to: its number, and what it says of the injector.
+
+    opening_delay [s]: from the start of energizing to the first sample with the needle open, nan when one of the
+    two is not known; energizing_time [s], nan while not known.
+    """
+
+    command: int
+    opening_delay: float
+    energizing_time: float
+
+    def as_text(self) -> str:
+        """Command and opening delay in a few words."""
+        if math.isnan(self.opening_delay):
+            return f"command {self.command}"
+        return f"command {self.command}, opened after {self.opening_delay / MICROSECOND:.0f} us"
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """An injection that is missing after a command, or one without a command; `number` is the one's own."""
+
+    is_missing: bool
+    number: int
+    index: int
+    window: float  # s
+
+    def as_text(self) -> str:
+        """One line."""
+        if self.is_missing:
+            return (
+                f"injection missing: the needle did not open within {self.window / MILLISECOND:g} ms of command "
+                f"{self.number} at index {self.index}"
+            )
+        return f"injection {self.number} opened at index {self.index} without a command"
+
+
+@dataclass(frozen=True)
+class EnergizingFigures:
+    """What was counted so far; mean and standard deviation of the last opening delays [s], nan: none yet."""
+
+    commands: int
+    missing: int
+    uncommanded: int
+    mean_delay: float
+    delay_sigma: float
+
+    def as_text(self) -> str:
+        """One line."""
+        delay = "not known yet"
+        if not math.isnan(self.mean_delay):
+            delay = f"{self.mean_delay / MICROSECOND:.0f} ± {self.delay_sigma / MICROSECOND:.0f} us"
+        return (
+            f"{self.commands} commands, {self.missing} injections missing, {self.uncommanded} without a command, "
+            f"opening delay {delay}"
+        )
+
+
+@dataclass(eq=False)
+class _Waiting:
+    """A command whose opening is not decided; came: samples processed when it did; was_shut: None while under way."""
+
+    command: Command
+    came: int
+    was_shut: bool | None = None
+
+
+class EnergizingWatch:
+    """Joins commands and openings, whichever is known first.
+
+    An opening belongs to the last command that started before it, if that was not too long ago and no opening was
+    before it; it is decided when its injection is reported. A command is missing its injection when the needle was
+    shut as it started, no sample was lost since, and none of the openings in its window is its own. Before the first
+    command, and where frames were lost, an opening without one tells nothing.
+    """
+
+    def __init__(
+        self,
+        energizing: Energizing,
+        keeping: Timekeeping,
+        observer: Observer,
+        on_mismatch: Callable[[Mismatch], None] | None,
+    ) -> None:
+        """on_mismatch: called with every missing injection and every one without a command."""
+        sample_rate = 1.0 / observer.constants.interval
+        self._receiver = EnergizingReceiver(energizing)
+        self._reader = CommandReader(energizing, sample_rate)
+        self._sample_rate = sample_rate
+        self._window = energizing.window * sample_rate  # samples
+        self._late = 0.0 if self._reader.by_index else LATE_STAMP * sample_rate
+        self._keeping = keeping
+        self._observer = observer
+        self._on_mismatch = on_mismatch or (lambda _: None)
+        self._waiting: deque[_Waiting] = deque(maxlen=REMEMBERED)
+        # indices of openings without a command, and samples processed when they were reported
+        self._unasked: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
+        self._delays: deque[float] = deque(maxlen=RECENT)
+        self._doubtful_until: int | None = None  # index up to which stamps did not tell when commands came
+        self._newest = 0  # index of the last processed sample
+        self._commands = self._missing = self._uncommanded = 0
+        place_at(keeping, 0)  # compiled before the first command comes
+
+    def take(self, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
+        """Take a received frame, `key` as by `frame_key.frame_key`; others than ours are passed over."""
+        if not self._receiver.is_ours(key):
+            return
+        reading = self._receiver.read(payload, stamp)
+        if reading is None:
+            return
+        for command in self._reader.read(reading):
+            if command.is_certain:
+                self._number(command)
+            self._waiting.append(_Waiting(command, self._processed))
+
+    def opening_of(self, injection: np.void) -> CommandedOpening | None:
+        """The command of an injection (`stream.state.INJECTION`) that is about to be reported; None: not known."""
+        opening, is_seen = int(injection["opening_index"]), bool(injection["opening_seen"])
+        command = self._command_of(opening)
+        if command is None:
+            if is_seen and self._commands and not self._may_be_lost(opening):
+                self._uncommanded += 1
+                self._unasked.append((opening, self._processed))
+                self._tell(False, int(injection["number"]), opening)
+            return None
+        command.has_opened = True
+        delay = math.nan
+        if command.is_certain and is_seen:
+            delay = samples_between(self._place(command.start), opening) / self._sample_rate
+            self._delays.append(delay)
+        else:
+            self._number(command)
+        return CommandedOpening(command.number, delay, command.duration)
+
+    def look(self) -> None:
+        """After samples were processed: which commands have had their time without an opening."""
+        if self._processed > 0 and not self._has_time:
+            self._doubtful_until = self._newest_index()
+            self._waiting.clear()
+        if not self._waiting or self._processed == 0:
+            return
+        before, self._newest = self._newest, self._newest_index()
+        if self._newest < before and self._reader.by_index:
+            self._forget(before)
+        undecided = self._undecided_openings()
+        for waiting in [*self._waiting]:
+            end = self._place(waiting.command.start) + waiting.command.margin + self._window
+            if not (samples_between(end, self._newest) > 0 and self._processed - waiting.came > self._window):
+                continue
+            if waiting.was_shut is None:
+                waiting.was_shut = self._was_shut(waiting.command)
+            if not any(samples_between(opening, end) >= 0 for opening in undecided):
+                self._waiting.remove(waiting)
+                self._judge(waiting)
+
+    @property
+    def figures(self) -> EnergizingFigures:
+        """What was counted so far."""
+        delays = list(self._delays)  # asked for from another thread, too
+        mean, sigma = (float(np.mean(delays)), float(np.std(delays))) if delays else (math.nan, math.nan)
+        return EnergizingFigures(self._commands, self._missing, self._uncommanded, mean, sigma)
+
+    @property
+    def _processed(self) -> int:
+        return int(self._observer.memory["processed"][0])
+
+    def _newest_index(self) -> int:
+        return int(self._observer.ring[(self._processed - 1) % RING]["index"])
+
+    def _number(self, command: Command) -> None:
+        if command.number == 0:
+            self._commands += 1
+            command.number = self._commands
+
+    def _place(self, moment: int) -> float:
+        """Index of a moment; nan while the clock of the stamps is not known."""
+        return float(moment) if self._reader.by_index else place_at(self._keeping, moment)
+
+    def _command_of(self, opening: int) -> Command | None:
+        """The command that an opening belongs to, None if there is none."""
+        since = [
+            (samples_between(self._place(one.command.start), opening), one.command) for one in self._waiting
+        ]
+        started = [one for one in since if -one[1].margin <= one[0] <= self._window + one[1].margin]
+        last = min((one for one in started if one[1].is_certain), key=_elapsed, default=None)
+        if last is not None and not last[1].has_opened:
+            return last[1]
+        doubtful = min((one for one in started if not one[1].is_certain), key=_elapsed, default=None)
+        if doubtful is not None and not doubtful[1].has_opened and (last is None or doubtful[0] < last[0]):
+            return doubtful[1]
+        late = [one for one in since if -self._late <= one[0] + one[1].margin < 0.0]
+        late = [one for one in late if one[1].is_certain and not one[1].has_opened]
+        return max(late, key=_elapsed)[1] if late else None
+
+    @property
+    def _has_time(self) -> bool:
+        """Whether it is known when commands came: not so while stamps leave their clock, such as after it was set."""
+        return self._reader.by_index or is_prompt(self._keeping, LATE_STAMP)
+
+    def _may_be_lost(self, opening: int) -> bool:
+        """Whether the command of an opening may be elsewhere than it seems, in lost frames, or still to come."""
+        doubtful = math.nan if self._doubtful_until is None else self._doubtful_until
+        if not self._has_time or samples_between(doubtful, opening) <= self._window:
+            return True
+        until = self._reader.known_until
+        if until is not None and not samples_between(opening, self._place(until)) >= 0:
+            return True
+        return any(
+            not samples_between(self._place(begin), opening) < 0
+            and not samples_between(self._place(end), opening) > self._window
+            for begin, end in self._reader.lost
+        )
+
+    def _undecided_openings(self) -> list[int]:
+        """Indices of the openings whose injections are not reported yet."""
+        memory = self._observer.memory[0]
+        first, end = int(memory["injections_reported"]), int(memory["injections_begun"])
+        return [int(memory["injections"][n % INJECTIONS]["opening_index"]) for n in range(first, end)]
+
+    def _forget(self, before: int) -> None:
+        """The index began anew after `before`: the commands of the old count have no openings any more."""
+        kept = [
+            one
+            for one in self._waiting
+            if abs(samples_between(self._newest, one.command.start))
+            < abs(samples_between(before, one.command.start))
+        ]
+        self._waiting.clear()
+        self._waiting.extend(kept)
+
+    def _was_shut(self, command: Command) -> bool:
+        """Whether the needle was shut as a command started, and samples tell what it did in its window."""
+        begin = samples_between(self._newest, self._place(command.start)) + self._newest - command.margin
+        return was_shut(self._observer, begin, begin + 2 * command.margin + self._window)
+
+    def _judge(self, waiting: _Waiting) -> None:
+        """The window of a command is over and its openings are decided."""
+        command = waiting.command
+        if command.has_opened or not command.is_certain or not waiting.was_shut:
+            return
+        start = self._place(command.start)
+        if any(
+            waiting.came >= reported and 0.0 <= samples_between(start, opening) <= self._window
+            for opening, reported in self._unasked
+        ):
+            return  # the command of an opening that was already reported
+        self._missing += 1
+        self._tell(True, command.number, round(start))
+
+    def _tell(self, is_missing: bool, number: int, index: int) -> None:
+        self._on_mismatch(Mismatch(is_missing, number, index, self._window / self._sample_rate))
+
+
+def _elapsed(since: tuple[float, Command]) -> float:
+    """Samples since a command."""
+    return since[0]

@@ -1,0 +1,200 @@
+"""`observer-rt run`: the daemon with its signals, its learned state and its view."""
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+from rich.console import Console, RenderableType
+from rich.live import Live
+
+from observer_rt.bus.links.link import Link, open_link
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.config.bench import Bench
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, ZERO_CELSIUS
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.service.core.constants import bench_constants
+from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.learners import refuse_state
+from observer_rt.service.daemon import Daemon
+from observer_rt.service.inputs.energizing import Mismatch
+from observer_rt.service.inputs.measured_mass import MeasuredMass
+from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.service.view import View
+from observer_rt.service.warm_up import warm_up
+from observer_rt.terminal.console import say, say_if_compiling
+from observer_rt.terminal.destinations import check_folder
+from observer_rt.terminal.stop import stop_on_signals
+
+FRAMES_PER_SECOND = 8  # of the view
+
+
+def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> None:
+    """Run the daemon until SIGINT or SIGTERM.
+
+    Raises `UserError` for files that do not fit, `RunError` when the link fails.
+    """
+    if view and not console.is_terminal:
+        say(console, "no terminal for the view: one line an injection instead")
+        view = False
+    bus = map_bus(bench)
+    if state is not None:
+        refuse_state(bench, "--state")
+        check_folder("--state", state.absolute().parent)
+    model = model_hash(bench.injector)
+    pressure_scale = bench.injector.scaling.pressure
+    knowledge = restored_knowledge(state, model, pressure_scale, console)
+    _announce(bench, bus, console)
+    screen = View(f"observer_rt: {_buses(bench)}", bench.config.sampling.rate_hz)
+
+    def on_report(report: InjectionReport) -> None:
+        if view:
+            screen.on_report(report)
+        else:
+            say(console, _line(report))
+
+    def on_measured(measured: MeasuredMass) -> None:
+        if view:
+            screen.on_measured(measured)
+        else:
+            say(console, measured.as_text())
+
+    def on_mismatch(mismatch: Mismatch) -> None:
+        if not view:  # which counts them
+            say(console, mismatch.as_text())
+
+    def on_message(text: str) -> None:
+        say(console, text)
+
+    # from here on, so that a signal while compiling is neither lost nor an interrupt in the middle of it
+    with stop_on_signals() as stop:
+        say_if_compiling(console)
+        warm_up(bench, bus)
+        with ExitStack() as stack:
+            link, *further = [stack.enter_context(each) for each in _opened(bench, bus, console)]
+            listeners = on_report, on_message, on_measured, on_mismatch
+            daemon = Daemon(bench, bus, link, knowledge, *listeners, further=further)
+            screen.watch(daemon)
+            say(console, "ready")
+            try:
+                if view:
+                    _run_with_view(daemon, screen, stop, console)
+                else:
+                    daemon.run(stop)
+            finally:
+                if state is not None:
+                    save_knowledge(state, daemon.core.knowledge, model, pressure_scale)
+                    say(console, f"learned state saved in {state}")
+    _farewell(daemon, console)
+
+
+def restored_knowledge(
+    path: Path | None, model: str, pressure_scale: float, console: Console, set_aside: bool = True
+) -> Knowledge | None:
+    """What a state file holds for this model, saying on the console what became of it; None without one.
+
+    A state learned from no event is no reason to trust the first results sooner: it counts as none.
+    """
+    if path is None:
+        return None
+    restored = load_knowledge(path, model, pressure_scale, set_aside)
+    say(console, restored.message)
+    return restored.knowledge if restored.knowledge and restored.knowledge.events else None
+
+
+def _opened(bench: Bench, bus: BusMap, console: Console) -> Iterator[Link]:
+    """The links of all buses, opened one after another, with what is to be said of them."""
+    links = bench.config.buses
+    for number, named in enumerate(links):
+        config = named.config
+        link = open_link(config.interface, config.channel, config.fd, bus.received_on(number), len(links) > 1)
+        yield link
+        on = f"{named.label}: " if len(links) > 1 else ""
+        say(console, f"{on}time stamps: {link.stamp_source}")
+        for warning in link.warnings:
+            say(console, f"warning: {warning}")
+
+
+def _buses(bench: Bench) -> str:
+    """Interfaces and channels of all buses."""
+    return ", ".join(f"{link.config.interface} {link.label}" for link in bench.config.buses)
+
+
+def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
+    constants = bench_constants(bench)
+    inputs = ", ".join(map(bus.name_of, bus.received))
+    outputs = ", ".join(map(bus.name_of, bus.sent))
+    rate = bench.config.sampling.rate_hz
+    lookahead = constants.timing.lookahead
+    say(
+        console,
+        f"{_buses(bench)}: {inputs} at {rate:g} Hz -> {outputs}\n"
+        f"{constants.substeps} integration steps a sample, look-ahead {lookahead} samples "
+        f"({lookahead / rate / MICROSECOND:g} us)",
+    )
+    if any(link.config.interface == "virtual" for link in bench.config.buses):
+        say(
+            console,
+            "the virtual bus ends at this process: nothing will come in (vcan0 reaches other programs)",
+        )
+
+
+def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event, console: Console) -> None:
+    """The loop in a thread of its own, the view in this one; an error of the loop is raised here."""
+    failure: list[BaseException] = []
+
+    def loop() -> None:
+        try:
+            daemon.run(stop)
+        except BaseException as error:
+            failure.append(error)
+            stop.set()
+
+    serving = threading.Thread(target=loop, name="daemon")
+    serving.start()
+    try:
+        draw(screen, stop, console)
+    finally:
+        stop.set()
+        serving.join()
+    if failure:
+        raise failure[0]
+
+
+def draw(screen: View, until: threading.Event, console: Console) -> None:
+    """Draw the view on a terminal until the event is set."""
+
+    def picture() -> RenderableType:
+        return screen.render(time.monotonic_ns(), console.width, console.height)
+
+    with Live(picture(), console=console, auto_refresh=False) as live:
+        while not until.wait(1 / FRAMES_PER_SECOND):
+            live.update(picture(), refresh=True)
+        live.update(picture(), refresh=True)
+
+
+def _line(report: InjectionReport) -> str:
+    verdict = "valid" if report.valid else f"not valid: {report.reason.name}"
+    temperature = report.fuel_temperature
+    fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
+    return (
+        f"injection {report.number} at index {report.start_index}: {report.mass / MILLIGRAM:.2f} mg, "
+        f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, v_H {report.indicators.nozzle.value:+.3f}, "
+        f"phi {report.phi_version}, {fuel}{verdict}"
+        + (f", {report.commanded.as_text()}" if report.commanded else "")
+    )
+
+
+def _farewell(daemon: Daemon, console: Console) -> None:
+    for timing in daemon.core.timing:
+        say(console, timing.as_text())
+    if daemon.core.energizing is not None:
+        say(console, f"energizing: {daemon.core.energizing.as_text()}")
+    counters = daemon.core.counters
+    say(
+        console,
+        f"stopped after {counters.samples} samples, {counters.injections} injections; {counters.lost_samples} "
+        f"samples lost, {daemon.dropped} frames dropped, {daemon.unsent} results unsent, "
+        f"{counters.adoptions} phi adopted, {counters.late_adoptions} late",
+    )

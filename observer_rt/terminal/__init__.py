@@ -1,0 +1,1 @@
+"""The terminal: results and progress, files that can be written, stopping on request."""

@@ -1,0 +1,42 @@
+"""Refusing, before the work begins, a file that could not be written once it is done."""
+
+import os
+import tempfile
+from collections.abc import Collection
+from pathlib import Path
+
+from observer_rt.foundation.errors import UserError
+
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def check_destination(option: str, path: Path, suffixes: Collection[str] = ()) -> None:
+    """Check that a file can be written, or replaced, at `path`; `suffixes`: the kinds known, empty for any.
+
+    Raises `UserError` that names the command line's option.
+    """
+    place = f"{option} {path}"
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise UserError(
+            place, f"unknown kind of file '{path.suffix}'", f"known suffixes: {', '.join(suffixes)}"
+        )
+    if path.is_dir():
+        raise UserError(place, "is a folder", "name a file")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise UserError(place, "must not be written", "check its rights, or name another file")
+    if not path.exists():
+        check_folder(option, path.parent)
+
+
+def check_folder(option: str, folder: Path) -> None:
+    """Check that files can be made in an existing folder. Raises `UserError` that names the option."""
+    place = f"{option}: {folder}"
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except FileNotFoundError:
+        raise UserError(place, "no such folder", "create it first, or correct the path") from None
+    except OSError as error:
+        raise UserError(
+            place, f"no file can be made there: {error.strerror}", "check the folder, or name another"
+        ) from None

@@ -1,0 +1,114 @@
+"""Drives the alignment as the service does, with samples whose values tell where they belong."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from observer_rt.bus.alignment.alignment import decide, store
+from observer_rt.bus.alignment.memory import make_alignment
+from observer_rt.bus.alignment.placing import Placing, place_block
+from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.config.bench import Role
+from observer_rt.foundation.continuity import Break
+
+CLOSED_LIFT = 2e-6  # m
+LIFT = ROLES.index(Role.NEEDLE_LIFT)
+WRAP = 1 << 32
+
+
+def value(role: int, index: int, is_open: bool = False, epoch: int = 0) -> float:
+    """A number that tells role, index and epoch; the lift of a closed needle stays below CLOSED_LIFT."""
+    if role == LIFT:
+        return (1e-4 if is_open else 1e-6) + 1e-14 * (index % (1 << 20)) + 1e-7 * epoch
+    return 1e6 * (role + 1) + index % (1 << 20) + 0.25 * epoch
+
+
+@dataclass(frozen=True)
+class Row:
+    """One sample as handed on."""
+
+    index: int
+    values: tuple[float, ...]
+    interpolated: bool
+    broken: Break
+
+
+@dataclass(frozen=True)
+class Block:
+    """One frame's worth of samples; `index` is not wrapped, `missing` samples at its end are not available."""
+
+    message: int
+    index: int
+    count: int
+    contiguous: bool = True
+    missing: int = 0
+    is_open: bool = False
+    epoch: int = 0
+
+    @property
+    def end(self) -> int:
+        return self.index + self.count
+
+
+@dataclass
+class Aligner:
+    """The alignment driven as the service does it.
+
+    `roles` of every message; `bad` values instead of those of a role at an index; the functions are for mutants.
+    """
+
+    roles: Sequence[Sequence[int]]
+    rows: list[Row] = field(default_factory=list)
+    bad: dict[tuple[int, int], float] = field(default_factory=dict)
+    place_at: Callable[[int], int] = lambda index: index
+    role_of: Callable[[int], int] = lambda role: role
+
+    def __post_init__(self) -> None:
+        self._alignment = make_alignment([None] * len(self.roles), CLOSED_LIFT)
+
+    def take(self, block: Block) -> Placing:
+        raw = block.index % WRAP
+        placing, start = place_block(self._alignment, block.message, raw, block.count, block.contiguous)
+        if placing in (Placing.ACCEPTED, Placing.RESTARTED):
+            for k in range(block.count):
+                for role in self.roles[block.message]:
+                    number = value(role, block.index + k, block.is_open, block.epoch)
+                    if k >= block.count - block.missing:
+                        number = np.nan
+                    number = self.bad.get((role, block.index + k), number)
+                    store(self._alignment, self.place_at(start + k), self.role_of(role), number)
+            decide(self._alignment)
+        memory = self._alignment.memory
+        for row in self._alignment.queue[: int(memory["ready"][0])]:
+            self.rows.append(
+                Row(
+                    int(row["index"]),
+                    tuple(float(v) for v in row["values"]),
+                    bool(row["interpolated"]),
+                    Break(int(row["broken"])),
+                )
+            )
+        memory["ready"] = 0
+        return Placing(placing)
+
+    def take_all(self, blocks: Iterable[Block]) -> "Aligner":
+        for block in blocks:
+            self.take(block)
+        return self
+
+    def count(self, name: str) -> int:
+        return int(self._alignment.memory[name][0])
+
+    @property
+    def indices(self) -> list[int]:
+        return [row.index for row in self.rows]
+
+    @property
+    def breaks(self) -> dict[int, Break]:
+        """Breaks by the index they precede."""
+        return {row.index: row.broken for row in self.rows if row.broken is not Break.NONE}
+
+
+ONE = [[0, 1, 2]]
+THREE = [[0], [1], [2]]

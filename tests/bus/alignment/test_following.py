@@ -1,0 +1,243 @@
+"""Samples between those of the grid, or further apart: straight lines between neighbours, and nothing beyond.
+
+A lift between them stays what it is, with its time.
+"""
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer_rt.bus.alignment.alignment import decide, is_stale, store
+from observer_rt.bus.alignment.following import follow
+from observer_rt.bus.alignment.memory import make_alignment
+from observer_rt.bus.alignment.placing import place_block
+from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
+from observer_rt.bus.mapping.timing import SLOTS, Following
+from observer_rt.config.bench import Role
+from observer_rt.foundation.continuity import Break
+from tests.bus.alignment.alignment_driver import CLOSED_LIFT, Row
+
+RAIL = ROLES.index(Role.RAIL_PRESSURE)
+LIFT = ROLES.index(Role.NEEDLE_LIFT)
+GRID, FOLLOWER = 0, 1
+FULL_RATE = Following(1 << RAIL, 1.0, 3.0, False)
+LIFT_ALONE = Following(1 << LIFT, 1.0, 3.0, False)
+SLOW = Following(1 << RAIL, 20.0, 50.0, True)
+
+
+def line(position: float) -> float:
+    """A rail pressure that is linear in time, so that interpolation is exact."""
+    return 50e6 + 1e3 * position
+
+
+class Joined:
+    """Line pressure and lift on the grid, the rail pressure beside it."""
+
+    def __init__(self, following: Following) -> None:
+        self._alignment = make_alignment([None, following], CLOSED_LIFT)
+        self._roles = following.roles
+        self.rows: list[Row] = []
+        self.lift_after: list[float] = []
+
+    def is_stale(self) -> bool:
+        return is_stale(self._alignment)
+
+    def grid(self, start: int, count: int = 1) -> None:
+        _, first = place_block(self._alignment, GRID, start, count, True)
+        for index in range(first, first + count):
+            for role in range(MAX_INPUTS):
+                if not (self._roles >> role) & 1:
+                    store(self._alignment, index, role, 1e-7)
+        self._take()
+
+    def rail(self, position: float, value: float | None = None) -> None:
+        values = np.full(MAX_INPUTS, np.nan)
+        values[RAIL] = line(position) if value is None else value
+        follow(self._alignment, FOLLOWER, position, values)
+        self._take()
+
+    def rails(self, positions: Iterable[float]) -> None:
+        for position in positions:
+            self.rail(position)
+
+    def lifts(self, positions: Iterable[float], lift: Callable[[float], float]) -> None:
+        for position in positions:
+            values = np.full(MAX_INPUTS, np.nan)
+            values[LIFT] = lift(position)
+            follow(self._alignment, FOLLOWER, position, values)
+            self._take()
+
+    def _take(self) -> None:
+        decide(self._alignment)
+        memory = self._alignment.memory
+        for row in self._alignment.queue[: int(memory["ready"][0])]:
+            values = tuple(float(v) for v in row["values"])
+            self.lift_after.append(float(row["shares"][LIFT]))
+            self.rows.append(
+                Row(int(row["index"]), values, bool(row["interpolated"]), Break(int(row["broken"])))
+            )
+        memory["ready"] = 0
+
+    @property
+    def indices(self) -> list[int]:
+        return [row.index for row in self.rows]
+
+    def are_on_the_line(self) -> bool:
+        return all(row.values[RAIL] == pytest.approx(line(row.index), rel=1e-12) for row in self.rows)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(-0.9, 0.9), st.floats(0.99, 1.01), st.integers(1, 28))
+def test_another_clock_is_interpolated(phase: float, step: float, block: int) -> None:
+    joined = Joined(FULL_RATE)
+    positions = phase + step * np.arange(300)
+    for start in range(0, 280, block):
+        joined.grid(start, block)
+        joined.rails(positions[start : start + block])
+    assert joined.indices == list(range(joined.indices[0], joined.indices[-1] + 1))
+    assert len(joined.rows) > 250
+    assert joined.are_on_the_line()
+    assert not any(row.interpolated for row in joined.rows)
+
+
+@pytest.mark.parametrize("missing", [1, 2])
+def test_a_few_missing_are_bridged_and_marked(missing: int) -> None:
+    joined = Joined(FULL_RATE)
+    joined.grid(0, 40)
+    joined.rails([*np.arange(0.5, 20.0), *np.arange(20.5 + missing, 39.0)])
+    assert joined.indices == list(range(1, 39))
+    assert joined.are_on_the_line()
+    assert [row.index for row in joined.rows if row.interpolated] == [20 + k for k in range(missing + 1)]
+
+
+def test_more_missing_are_a_loss() -> None:
+    joined = Joined(FULL_RATE)
+    joined.grid(0, 40)
+    joined.rails([*np.arange(0.5, 20.0), *np.arange(23.5, 39.0)])
+    assert 21 not in joined.indices
+    assert [row.broken for row in joined.rows if row.index == 24] == [Break.LOSS]
+    assert joined.are_on_the_line()
+
+
+def test_slower_signal_is_interpolated_between_its_neighbours() -> None:
+    joined = Joined(SLOW)
+    for position in (3.0, 23.0, 43.5, 63.0):
+        joined.grid(round(position) // 20 * 20, 20)
+        joined.rail(position)
+    assert joined.indices == list(range(3, 64))
+    assert joined.are_on_the_line()
+    assert not any(row.interpolated for row in joined.rows)
+
+
+def test_slower_signal_is_held_as_long_as_stated_and_then_missing() -> None:
+    joined = Joined(SLOW)
+    joined.rails([0.0, 20.0])
+    joined.grid(0, 70)
+    assert joined.indices[-1] == 20
+    joined.grid(70, 10)
+    assert joined.indices == list(range(71))  # 50 beyond the last
+    assert {row.values[RAIL] for row in joined.rows if row.index > 20} == {line(20.0)}
+    assert all(row.interpolated == (row.index > 20) for row in joined.rows)
+    assert joined.is_stale()
+    joined.rails([120.0, 140.0])
+    joined.grid(80, 80)
+    assert not joined.is_stale()
+    assert [row.broken for row in joined.rows if row.index == 120] == [Break.LOSS]
+    assert not set(range(71, 120)) & set(joined.indices)
+
+
+def test_follower_that_stays_away_is_told_and_comes_back() -> None:
+    joined = Joined(FULL_RATE)
+    joined.grid(0, 20)
+    joined.rails(np.arange(0.0, 20.0))
+    end = 600 * 20
+    for start in range(20, end, 20):
+        joined.grid(start, 20)
+    assert joined.is_stale()
+    assert joined.indices == list(range(20))
+    joined.rails(np.arange(end - 20.0, end + 19.0))
+    joined.grid(end, 20)
+    assert not joined.is_stale()
+    assert joined.indices[20:] == list(range(end, end + 19))
+    assert joined.are_on_the_line()
+
+
+def test_follower_that_begins_late_starts_the_stream() -> None:
+    """While its clock is not known nothing waits for ever, nor is anything made up."""
+    joined = Joined(FULL_RATE)
+    for start in range(0, 2 * SLOTS, 16):
+        joined.grid(start, 16)
+    assert joined.rows == []
+    joined.rails(np.arange(2 * SLOTS - 8.25, 2 * SLOTS - 1.0))
+    assert joined.indices == list(range(2 * SLOTS - 8, 2 * SLOTS - 1))
+    assert joined.rows[0].broken is Break.START
+
+
+def test_samples_out_of_order_far_ahead_or_without_value_are_left_out() -> None:
+    joined = Joined(FULL_RATE)
+    joined.grid(0, 30)
+    joined.rails([0.0, 1.0, 0.5, 1.0, 2.0])
+    joined.rail(30.0 + SLOTS)
+    joined.rail(3.0, np.nan)
+    joined.rail(3.0, 1e300)
+    joined.rails([4.0, 5.0])
+    assert joined.indices == [0, 1, 2, 3, 4, 5]
+    assert joined.are_on_the_line()
+    assert [row.index for row in joined.rows if row.interpolated] == [3, 4]
+
+
+def needle(position: float) -> float:
+    """Lift [m] that opens at 120.37 and is closed at 221.9, with corners between samples."""
+    return float(np.interp(position, [120.37, 131.2, 208.1, 221.9], [0.0, 3e-4, 3e-4, 0.0]))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(-0.9, 0.9), st.floats(0.999, 1.001), st.integers(1, 28))
+def test_lifts_of_another_clock_are_kept_with_their_times(phase: float, step: float, block: int) -> None:
+    """Every sample has a lift that was taken as it says, each lift of an open needle belongs to one sample."""
+    joined = Joined(LIFT_ALONE)
+    positions = phase + step * np.arange(300)
+    for start in range(0, 280, block):
+        joined.grid(start, block)
+        joined.lifts(positions[start : start + block], needle)
+    assert joined.indices == list(range(joined.indices[0], joined.indices[-1] + 1))
+    assert len(joined.rows) > 250
+    assert not any(row.interpolated for row in joined.rows)
+    assert all(0.0 <= after <= 1.0 for after in joined.lift_after)
+    taken = np.array(joined.indices) + np.array(joined.lift_after)
+    lifts = np.array([row.values[LIFT] for row in joined.rows])
+    is_open = (positions > 121.0) & (positions < 221.0)
+    kept = {needle(position) for position in positions[is_open]}
+    assert kept <= set(lifts)
+    largest_drift = 110 * abs(step - 1.0)  # while the needle moves
+    for place, lift in zip(taken, lifts, strict=True):
+        if lift in kept and lift < 3e-4:
+            assert np.abs(positions - place).min() <= largest_drift + 1e-9
+
+
+def test_lift_that_misses_samples_is_bridged_and_marked() -> None:
+    joined = Joined(LIFT_ALONE)
+    joined.grid(0, 260)
+    joined.lifts([*np.arange(0.25, 126.0), *np.arange(128.25, 259.0)], needle)
+    bridged = [row for row in joined.rows if row.interpolated]
+    assert [row.index for row in bridged] == [126, 127]
+    assert [row.values[LIFT] for row in bridged] == pytest.approx([needle(i + 0.25) for i in (126, 127)])
+    assert set(joined.lift_after) == {0.25}
+
+
+def test_samples_that_wait_for_a_message_of_the_grid_are_told() -> None:
+    alignment = make_alignment([None, None], CLOSED_LIFT)
+    place_block(alignment, 0, 0, 1, True)
+    place_block(alignment, 1, 0, 1, True)
+    decide(alignment)
+    assert not is_stale(alignment)
+    for start in range(1, SLOTS // 2 + 1):
+        place_block(alignment, 0, start, 1, True)
+        decide(alignment)
+        assert not is_stale(alignment)
+    place_block(alignment, 0, SLOTS // 2 + 1, 1, True)
+    decide(alignment)
+    assert is_stale(alignment)

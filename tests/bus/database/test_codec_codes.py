@@ -1,0 +1,170 @@
+"""Where cantools defines nothing: reserved codes, limits, NaN, half precision, and signals that are refused."""
+
+import math
+import struct
+from typing import Literal
+
+import cantools.database
+import numpy as np
+import pytest
+from cantools.database.can import Message, Signal
+from cantools.database.conversion import BaseConversion
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.bus.database.codec import decode, encode, signal_table
+from observer_rt.foundation.errors import UserError
+
+
+def message_with(layout: str, codes: dict[str, int] | None = None, value_type: int = 0) -> Message:
+    """A message of 8 bytes with one signal, `Value`, as the DBC text `layout` says."""
+    lines = [
+        'VERSION ""',
+        "BU_: Device",
+        "BO_ 1 Message: 8 Device",
+        f' SG_ Value : {layout} "" Vector__XXX',
+        'BA_DEF_ SG_ "GenSigSNA" INT -2147483648 2147483647;',
+        'BA_DEF_ SG_ "GenSigError" INT -2147483648 2147483647;',
+        'BA_DEF_DEF_ "GenSigSNA" -1;',
+        'BA_DEF_DEF_ "GenSigError" -1;',
+        *(f'BA_ "{name}" SG_ 1 Value {code};' for name, code in (codes or {}).items()),
+        *([f"SIG_VALTYPE_ 1 Value : {value_type};"] if value_type else []),
+    ]
+    database = cantools.database.load_string("\n".join(lines) + "\n", "dbc")
+    return database.get_message_by_name("Message")
+
+
+def float_message(length: int) -> Message:
+    conversion = BaseConversion.factory(is_float=True)
+    return Message(1, "Message", 8, [Signal("Value", 0, length, conversion=conversion)])
+
+
+def decoded(message: Message, payload: bytes) -> float:
+    out = np.zeros(1)
+    decode(np.frombuffer(payload, np.uint8), signal_table(message, ["Value"]), out)
+    return float(out[0])
+
+
+def encoded(message: Message, value: float) -> bytes:
+    payload = np.zeros(8, np.uint8)
+    encode(np.array([value]), signal_table(message, ["Value"]), payload)
+    return payload.tobytes()
+
+
+UNSIGNED = message_with("0|8@1+ (0.5,-10) [0|0]", {"GenSigSNA": 255, "GenSigError": 254})
+SIGNED = message_with("0|8@1- (0.5,-10) [0|0]", {"GenSigSNA": -128, "GenSigError": -127})
+
+
+@pytest.mark.parametrize(
+    ("value", "raw"),
+    [(117.5, 253), (117.0, 253), (116.5, 253), (116.0, 252), (1e300, 253), (math.inf, 253), (-math.inf, 0)],
+)
+def test_no_number_reads_as_not_available_or_error(value: float, raw: int) -> None:
+    assert encoded(UNSIGNED, value)[0] == raw
+
+
+@given(st.floats(allow_nan=False))
+def test_every_number_comes_back_as_the_nearest_possible(value: float) -> None:
+    for message, low, high in ((UNSIGNED, -10.0, 116.5), (SIGNED, -73.0, 53.5)):
+        back = decoded(message, encoded(message, value))
+        assert abs(back - min(max(value, low), high)) <= 0.25
+
+
+def test_reserved_codes_are_nan() -> None:
+    assert math.isnan(decoded(UNSIGNED, b"\xff" + bytes(7)))
+    assert math.isnan(decoded(UNSIGNED, b"\xfe" + bytes(7)))
+    assert decoded(UNSIGNED, b"\xfd" + bytes(7)) == 116.5
+    assert encoded(UNSIGNED, math.nan)[0] == 255
+    assert math.isnan(decoded(SIGNED, b"\x80" + bytes(7)))
+    assert encoded(SIGNED, math.nan)[0] == 0x80
+
+
+def test_a_reserved_code_in_the_middle_of_the_range_is_stepped_over() -> None:
+    message = message_with("0|8@1+ (1,0) [0|0]", {"GenSigSNA": 100, "GenSigError": 99})
+    assert [encoded(message, value)[0] for value in (98.0, 99.0, 100.0, 101.0)] == [98, 98, 101, 101]
+
+
+@pytest.mark.parametrize("code", [0x00000000, 0x7F7FFFFF, 0x00000001])
+def test_a_reserved_code_of_a_float_is_stepped_over(code: int) -> None:
+    message = message_with("0|32@1- (1,0) [0|0]", {"GenSigSNA": code}, value_type=1)
+    (value,) = struct.unpack("<f", struct.pack("<I", code))
+    assert math.isnan(decoded(message, struct.pack("<Q", code)))
+    assert decoded(message, encoded(message, value)) == pytest.approx(value, rel=1e-6, abs=1e-40)
+
+
+def test_declared_limits_clamp() -> None:
+    message = message_with("0|8@1+ (0.5,-10) [0|20.2]")
+    assert encoded(message, 50.0)[0] == 60
+    assert encoded(message, -50.0)[0] == 20
+
+
+def test_a_negative_scale_turns_the_limits_round() -> None:
+    message = message_with("0|8@1+ (-0.5,100) [0|90]")
+    assert [encoded(message, value)[0] for value in (1e9, 90.0, 50.0, 0.0, -1e9)] == [20, 20, 100, 200, 200]
+
+
+@pytest.mark.parametrize(
+    ("layout", "expected"),
+    [
+        ("0|8@1+ (0.5,-10) [0|0]", 0.0),
+        ("0|8@1+ (1,40) [0|0]", 40.0),
+        ("0|8@1- (1,-300) [0|0]", -173.0),
+        ("0|8@1+ (1,0) [5|50]", 5.0),
+    ],
+)
+def test_nan_without_a_code_is_the_value_nearest_zero(layout: str, expected: float) -> None:
+    message = message_with(layout)
+    assert decoded(message, encoded(message, math.nan)) == expected
+
+
+@pytest.mark.parametrize(
+    ("length", "largest"),
+    [(16, 65504.0), (32, float(np.finfo(np.float32).max)), (64, float(np.finfo(np.float64).max))],
+)
+def test_floats_keep_nan_and_clamp_infinity(length: int, largest: float) -> None:
+    message = float_message(length)
+    assert math.isnan(decoded(message, encoded(message, math.nan)))
+    assert decoded(message, encoded(message, math.inf)) == largest
+    assert decoded(message, encoded(message, -math.inf)) == -largest
+
+
+def test_half_precision_decodes_like_numpy() -> None:
+    table, out = signal_table(float_message(16), ["Value"]), np.zeros(1)
+    for pattern in range(1 << 16):
+        decode(np.frombuffer(struct.pack("<Q", pattern), np.uint8), table, out)
+        expected = np.float64(np.uint16(pattern).view(np.float16))
+        assert (np.isnan(out[0]) and np.isnan(expected)) or out[0].tobytes() == expected.tobytes()
+
+
+@given(st.one_of(st.floats(-65504, 65504), st.floats(-1e-4, 1e-4), st.floats(-1e-7, 1e-7)))
+def test_half_precision_encodes_like_numpy(value: float) -> None:
+    expected = int(np.float64(value).astype(np.float16).view(np.uint16))
+    assert int.from_bytes(encoded(float_message(16), value)[:2], "little") == expected
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        (message_with("0|8@1+ (0,0) [0|0]"), "scale 0"),
+        (message_with("0|8@1+ (1,0) [300|400]"), "no code"),
+        (message_with("0|1@1+ (1,0) [0|0]", {"GenSigSNA": 1, "GenSigError": 0}), "reserved"),
+        (message_with("0|8@1+ (1,0) [0|0]", {"GenSigSNA": 256}), "cannot hold"),
+        (float_message(24), "float of 24 bits"),
+    ],
+)
+def test_unusable_signals_are_refused(message: Message, said: str) -> None:
+    with pytest.raises(UserError, match=said) as caught:
+        signal_table(message, ["Value"])
+    assert "Value" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("start", "length", "order"), [(60, 8, "little_endian"), (56, 16, "big_endian"), (70, 1, "little_endian")]
+)
+def test_signals_beyond_the_message_are_refused(
+    start: int, length: int, order: Literal["little_endian", "big_endian"]
+) -> None:
+    """A database read leniently may have them; decoding them would read foreign memory."""
+    value = Signal("Value", start, length, byte_order=order)
+    with pytest.raises(UserError, match="Value: does not fit in the 8 bytes"):
+        signal_table(Message(1, "Message", 8, [value], strict=False), ["Value"])

@@ -1,0 +1,171 @@
+"""End-to-end protection against the package autosar-e2e, and every way a frame can be damaged."""
+
+import e2e.p01
+import e2e.p05
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.bus.database.e2e import (
+    PROFILE_1,
+    PROFILE_5,
+    UNPROTECTED,
+    E2EStatus,
+    check,
+    classify,
+    crc16,
+    frame_counter,
+    protect,
+)
+
+DATA_ID = 0x0100
+
+
+def frame_of(payload: bytes) -> NDArray[np.uint8]:
+    return np.frombuffer(payload, np.uint8).copy()
+
+
+def protected(length: int = 64, data_id: int = DATA_ID, counter: int = 7) -> NDArray[np.uint8]:
+    frame = np.random.default_rng(length).integers(0, 256, length).astype(np.uint8)
+    protect(frame, length, PROFILE_5, data_id, counter)
+    return frame
+
+
+def test_crc_of_the_catalogue_check_string() -> None:
+    """CRC-16/CCITT-FALSE of "123456789" is 0x29B1: the last two characters serve as the data id."""
+    payload = frame_of(b"\0\0" + b"1234567")
+    assert crc16(payload, 9, ord("8") | ord("9") << 8) == 0x29B1
+
+
+@given(st.binary(min_size=3, max_size=64), st.integers(0, 0xFFFF), st.integers(0, 255))
+def test_protect_equals_the_reference(payload: bytes, data_id: int, counter: int) -> None:
+    frame = frame_of(payload)
+    protect(frame, len(payload), PROFILE_5, data_id, counter)
+    reference = bytearray(payload)
+    reference[2] = counter
+    e2e.p05.e2e_p05_protect(reference, data_id, length=len(payload), increment_counter=False)
+    assert frame.tobytes() == bytes(reference)
+    assert e2e.p05.e2e_p05_check(frame.tobytes(), data_id, length=len(payload))
+
+
+@given(st.binary(min_size=3, max_size=64), st.integers(0, 0xFFFF))
+def test_check_equals_the_reference(payload: bytes, data_id: int) -> None:
+    frame = frame_of(payload)
+    assert check(frame, len(payload), PROFILE_5, data_id) == e2e.p05.e2e_p05_check(
+        payload, data_id, length=len(payload)
+    )
+    protect(frame, len(payload), PROFILE_5, data_id, 255)
+    assert check(frame, len(payload), PROFILE_5, data_id)
+
+
+def test_only_the_protected_length_counts() -> None:
+    buffer = np.zeros(64, np.uint8)
+    buffer[:48] = protected(48)
+    buffer[48:] = 0xAA
+    assert check(buffer, 48, PROFILE_5, DATA_ID)
+    assert not check(buffer, 64, PROFILE_5, DATA_ID)
+
+
+def test_every_single_bit_flip_is_caught() -> None:
+    frame = protected()
+    for bit in range(8 * 64):
+        frame[bit // 8] ^= 1 << (bit % 8)
+        assert not check(frame, 64, PROFILE_5, DATA_ID), f"bit {bit}"
+        frame[bit // 8] ^= 1 << (bit % 8)
+    assert check(frame, 64, PROFILE_5, DATA_ID)
+
+
+@pytest.mark.parametrize("first", range(0, 64, 9))
+def test_bursts_up_to_sixteen_bits_are_caught(first: int) -> None:
+    frame = protected()
+    for burst in range(1, 1 << 16, 97):
+        damaged = frame.copy()
+        damaged[first % 63] ^= burst & 0xFF
+        damaged[first % 63 + 1] ^= burst >> 8
+        assert not check(damaged, 64, PROFILE_5, DATA_ID)
+
+
+def test_another_messages_frame_is_caught() -> None:
+    frame = protected()
+    assert not any(check(frame, 64, PROFILE_5, other) for other in range(0x10000) if other != DATA_ID)
+
+
+def test_frames_of_the_wrong_length_fail() -> None:
+    frame = protected()
+    assert not check(frame, 63, PROFILE_5, DATA_ID)
+    assert not check(frame, 65, PROFILE_5, DATA_ID)
+    assert not check(frame, 2, PROFILE_5, DATA_ID)
+
+
+@pytest.mark.parametrize("last", range(256))
+def test_every_counter_boundary(last: int) -> None:
+    max_delta = 5
+    status = [classify((last + delta) % 256, last, True, max_delta, PROFILE_5) for delta in range(256)]
+    assert status[0] == E2EStatus.REPEATED
+    assert status[1] == E2EStatus.OK
+    assert status[2 : max_delta + 1] == [E2EStatus.OK_SOME_LOST] * (max_delta - 1)
+    assert status[max_delta + 1 :] == [E2EStatus.WRONG_SEQUENCE] * (255 - max_delta)
+
+
+@pytest.mark.parametrize("counter", [0, 1, 254, 255])
+def test_the_first_frame_is_initial_whatever_its_counter(counter: int) -> None:
+    assert classify(counter, counter, False, 1, PROFILE_5) is E2EStatus.INITIAL
+    assert classify(counter, 0, False, 1, PROFILE_5) is E2EStatus.INITIAL
+
+
+def test_with_the_smallest_step_no_loss_is_tolerated() -> None:
+    assert classify(0, 255, True, 1, PROFILE_5) == E2EStatus.OK
+    assert classify(1, 255, True, 1, PROFILE_5) == E2EStatus.WRONG_SEQUENCE
+
+
+@given(st.binary(min_size=2, max_size=8), st.integers(0, 0xFFFF), st.integers(0, 100))
+def test_profile_1_protects_as_the_reference(payload: bytes, data_id: int, number: int) -> None:
+    frame = frame_of(payload)
+    protect(frame, len(payload), PROFILE_1, data_id, number)
+    reference = bytearray(payload)
+    reference[1] = payload[1] & 0xF0 | number % 15
+    e2e.p01.e2e_p01_protect(reference, data_id, length=len(payload), increment_counter=False)
+    assert frame.tobytes() == bytes(reference)
+    assert check(frame, len(payload), PROFILE_1, data_id)
+    assert frame_counter(frame, PROFILE_1) == number % 15
+
+
+@given(st.binary(min_size=2, max_size=8), st.integers(0, 0xFFFF))
+def test_profile_1_checks_as_the_reference(payload: bytes, data_id: int) -> None:
+    reference = bytearray(payload)
+    for damaged in (True, False):
+        if not damaged:
+            e2e.p01.e2e_p01_protect(reference, data_id, length=len(payload), increment_counter=False)
+        expected = e2e.p01.e2e_p01_check(bytearray(reference), data_id, length=len(payload))
+        assert check(frame_of(bytes(reference)), len(payload), PROFILE_1, data_id) == expected
+
+
+def test_profile_1_catches_every_flipped_bit_and_every_burst_of_eight_bits_in_the_contents() -> None:
+    frame = np.arange(8, dtype=np.uint8)
+    protect(frame, 8, PROFILE_1, DATA_ID, 7)
+    good = int.from_bytes(frame.tobytes(), "big")
+    bursts = [burst << first for first in range(49) for burst in range(1, 256, 2)]
+    for damage in (*bursts, *(1 << bit for bit in range(64))):
+        assert not check(frame_of((good ^ damage).to_bytes(8, "big")), 8, PROFILE_1, DATA_ID), hex(damage)
+
+
+def test_profile_1_needs_two_bytes() -> None:
+    assert not check(np.zeros(8, np.uint8), 1, PROFILE_1, 0)
+    assert not check(np.zeros(1, np.uint8), 2, PROFILE_1, 0)
+
+
+@pytest.mark.parametrize("last", range(15))
+def test_every_counter_boundary_of_profile_1(last: int) -> None:
+    status = [classify((last + delta) % 15, last, True, 7, PROFILE_1) for delta in range(15)]
+    assert status[:2] == [E2EStatus.REPEATED, E2EStatus.OK]
+    assert status[2:8] == [E2EStatus.OK_SOME_LOST] * 6
+    assert status[8:] == [E2EStatus.WRONG_SEQUENCE] * 7
+
+
+def test_an_unprotected_frame_stays_as_it_is() -> None:
+    frame = frame_of(bytes(range(8)))
+    protect(frame, 8, UNPROTECTED, DATA_ID, 3)
+    assert frame.tobytes() == bytes(range(8))
+    assert check(frame, 8, UNPROTECTED, DATA_ID)

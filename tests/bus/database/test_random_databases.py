@@ -1,0 +1,174 @@
+"""Random databases, read as a user's are: the compiled codec gives what cantools gives, for every signal."""
+
+import math
+import struct
+
+import numpy as np
+import pytest
+from cantools.database.can import Message, Signal
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from observer_rt.bus.database.codec import decode, encode, signal_table
+from observer_rt.bus.database.multiplexing import compile_conditions, conditions_of, is_selected
+from tests.bus.database.random_databases import (
+    Field,
+    RandomMessage,
+    multiplexed_messages,
+    plain_messages,
+    same_float,
+    with_bits,
+)
+
+EXAMPLES = 1000  # of each test
+FLOAT_FORMAT = {32: "f", 64: "d"}
+many = settings(
+    max_examples=EXAMPLES,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)
+all_messages = st.one_of(plain_messages(), multiplexed_messages())
+
+
+@st.composite
+def payloads(draw: st.DrawFn, random: RandomMessage) -> bytes:
+    """Random contents, the selectors at values the database knows, reserved codes more often than by chance."""
+    payload = draw(st.binary(min_size=random.size, max_size=random.size))
+    for one in random.fields:
+        codes = [code for code in (one.not_available, one.error) if code is not None]
+        if codes and draw(st.integers(0, 3)) == 0:
+            payload = with_bits(payload, one, draw(st.sampled_from(codes)))
+    for one in random.fields:
+        if random.selectors.get(one.name):
+            payload = with_bits(payload, one, draw(st.sampled_from(sorted(random.selectors[one.name]))))
+    return payload
+
+
+def selected(message: Message, payload: bytes) -> list[str]:
+    """Names of the signals that our conditions find in the frame."""
+    frame = np.frombuffer(payload, np.uint8)
+    names = []
+    for signal in message.signals:
+        selection = compile_conditions(message, conditions_of(message, signal.name))
+        if is_selected(frame, selection, 0, len(selection.conditions)):
+            names.append(signal.name)
+    return names
+
+
+def reserved(one: Field) -> set[int]:
+    return {code for code in (one.not_available, one.error) if code is not None}
+
+
+def bits_of(one: Field, raw: float) -> int:
+    """The raw value as the unsigned number in the field."""
+    if one.is_float:
+        return int.from_bytes(struct.pack(">" + FLOAT_FORMAT[one.length], raw), "big")
+    return int(raw) & (1 << one.length) - 1
+
+
+@many
+@given(all_messages, st.data())
+def test_decode(random: RandomMessage, data: st.DataObject) -> None:
+    assume(random.fields)
+    message = random.load()
+    payload = data.draw(payloads(random))
+    expected = message.decode(payload, decode_choices=False)
+    raw = message.decode(payload, decode_choices=False, scaling=False)
+    assert sorted(selected(message, payload)) == sorted(expected)
+    got = np.zeros(len(expected))
+    decode(np.frombuffer(payload, np.uint8), signal_table(message, list(expected)), got)
+    for (name, value), ours in zip(expected.items(), got.tolist(), strict=True):
+        one = next(f for f in random.fields if f.name == name)
+        if bits_of(one, raw[name]) in reserved(one):
+            assert math.isnan(ours), one
+        else:
+            largest_term = max(abs(raw[name] * one.scale), abs(one.offset))
+            slack = 0.0 if exact_in_float64(one, raw[name]) else 3 * math.ulp(float(largest_term))
+            assert same_float(ours, float(value)) or abs(ours - value) <= slack, one
+
+
+def exact_in_float64(one: Field, raw: float) -> bool:
+    """Whether the whole numbers that cantools multiplies exactly are float64 numbers, too."""
+    is_whole = float(one.scale).is_integer() and not one.is_float  # 3.0 counts as 3 for cantools
+    return not is_whole or abs(raw * one.scale) <= 1 << 53
+
+
+@st.composite
+def values(draw: st.DrawFn, one: Field) -> float:
+    """A physical value: near a code of the field, far outside, or infinite."""
+    if one.is_float:
+        raw = draw(st.floats(-1e6, 1e6, width=32))
+    else:
+        lowest = -(1 << one.length - 1) if one.is_signed else 0
+        raw = draw(st.integers(lowest, lowest + (1 << one.length) - 1)) + draw(
+            st.sampled_from([0.0, 0.5, -0.25])
+        )
+    return draw(st.sampled_from([1.0, 1.0, 1.0, 1e3, math.inf])) * float(raw * one.scale + one.offset)
+
+
+@many
+@given(all_messages, st.data())
+def test_encode(random: RandomMessage, data: st.DataObject) -> None:
+    assume(random.fields)
+    message = random.load()
+    by_name = {one.name: one for one in random.fields}
+    payload = data.draw(payloads(random))
+    active = selected(message, payload)
+    ours: dict[str, float] = {}
+    codes: dict[str, float] = {}
+    for name in active:
+        one = by_name[name]
+        if name in random.selectors:
+            ours[name] = codes[name] = message.decode(payload, decode_choices=False)[name]
+            continue
+        value = data.draw(values(one))
+        assume(not math.isnan(value))
+        ours[name] = value
+        codes[name] = _reference_code(one, message.get_signal_by_name(name), value)
+    expected = message.encode(codes, scaling=False, strict=False)
+    frame = np.zeros(message.length, np.uint8)
+    encode(np.array(list(ours.values())), signal_table(message, list(ours)), frame)
+    if frame.tobytes() == expected:
+        return
+    # A reserved code is stepped over to a neighbour: to which one, either way round, is ours to choose.
+    back = message.decode(frame.tobytes(), scaling=False, decode_choices=False)
+    for name, code in codes.items():
+        one = by_name[name]
+        if bits_of(one, code) in reserved(one):
+            assert bits_of(one, back[name]) not in reserved(one)
+            assert abs(back[name] - code) <= 2
+        else:
+            assert bits_of(one, back[name]) == bits_of(one, code), one
+
+
+def _reference_code(one: Field, signal: Signal, value: float) -> float:
+    """Raw value by cantools of a value that is clamped to limits and field first."""
+    low, high = (-math.inf, math.inf) if one.limits == (0, 0) else one.limits
+    value = min(max(value, low), high)
+    if one.is_float:
+        largest = 3.4028234663852886e38 if one.length == 32 else 1.7976931348623157e308
+        return max(-largest, min(largest, (value - one.offset) / one.scale))
+    lowest = -(1 << one.length - 1) if one.is_signed else 0
+    highest = lowest + (1 << one.length) - 1
+    if math.isinf(value):
+        return highest if (value > 0) == (one.scale > 0) else lowest
+    return max(lowest, min(highest, float(signal.conversion.numeric_scaled_to_raw(value))))
+
+
+@given(multiplexed_messages())
+@settings(max_examples=50, deadline=None)
+def test_a_frame_with_an_unknown_selector_carries_nothing_multiplexed(random: RandomMessage) -> None:
+    outer = next(one for one in random.fields if one.name == "Outer")
+    unknown = next(code for code in range(256) if code not in random.selectors["Outer"])
+    payload = with_bits(bytes(random.size), outer, unknown)
+    assert set(selected(random.load(), payload)) == {
+        one.name for one in random.fields if one.mark in ("", "M")
+    }
+
+
+@pytest.mark.parametrize("is_big_endian", [False, True])
+def test_the_bit_walk_of_these_tests(is_big_endian: bool) -> None:
+    """Intel: up from the start; Motorola: down from the start, from bit 0 on to bit 7 of the next byte."""
+    one = Field("X", 4, 8, is_big_endian)
+    expected = b"\xf0\x0f" if not is_big_endian else b"\x1f\xe0"
+    assert with_bits(bytes(2), one, 0xFF) == expected

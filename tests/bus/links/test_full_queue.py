@@ -1,0 +1,117 @@
+"""Sending faster than an interface carries: the kernel itself refuses frames, and none is lost or sent twice."""
+
+import math
+import time
+
+import pytest
+
+from observer_rt.bus.links.link import Link, open_link
+from observer_rt.foundation.errors import RunError
+from observer_rt.recording.replay.framing import TimedFrame
+from observer_rt.recording.replay.player import play
+from observer_rt.service.core.messages import OutputFrame
+from observer_rt.service.outbox import CAPACITY, Outbox
+from tests.bus.refusals import note_refusals
+from tests.interface import FRAME_BYTES, OwnInterface
+
+pytestmark = pytest.mark.vcan
+
+RATE = 2000  # frames/s
+QUEUE = 20  # frames
+LONG_QUEUE = 1000  # frames, more than a socket's own buffer holds
+FULL = pytest.mark.parametrize(
+    ("queue", "send_buffer", "error"),
+    [(QUEUE, None, "ENOBUFS"), (LONG_QUEUE, 1, "EAGAIN")],
+    ids=["of the interface", "of the socket"],
+)
+
+
+def links(interface: OwnInterface, queue: int = QUEUE, rate: int = RATE) -> tuple[Link, Link]:
+    """A sender and a receiver on an interface that carries `rate` frames a second."""
+    interface.slow_down(rate * FRAME_BYTES, queue * FRAME_BYTES)
+    return (
+        open_link("socketcan", interface.name, True, []),
+        open_link("socketcan", interface.name, True),
+    )
+
+
+def numbers(receiver: Link) -> list[int]:
+    """Of the frames that wait to be received."""
+    return [
+        int.from_bytes(frame.payload[:4], "little") for frame in iter(lambda: receiver.receive(0.05), None)
+    ]
+
+
+def payload(number: int) -> bytes:
+    return number.to_bytes(4, "little") + bytes(60)
+
+
+@FULL
+def test_what_is_refused_is_told_and_not_sent(
+    own_interface: OwnInterface, monkeypatch: pytest.MonkeyPatch, queue: int, send_buffer: int, error: str
+) -> None:
+    refusals = note_refusals(monkeypatch, send_buffer)
+    sender, receiver = links(own_interface, queue)
+    with sender, receiver:
+        taken = [n for n in range(300) if sender.try_send(0x100, payload(n), False, True)]
+        assert 0 < len(taken) < 300
+        assert set(refusals) == {error}
+        assert refusals[error] == 300 - len(taken)
+        assert numbers(receiver) == taken
+        time.sleep(2 * QUEUE / RATE)
+        assert sender.try_send(0x100, payload(0), False, True)
+
+
+@FULL
+def test_sending_waits_for_room(
+    own_interface: OwnInterface, monkeypatch: pytest.MonkeyPatch, queue: int, send_buffer: int, error: str
+) -> None:
+    refusals = note_refusals(monkeypatch, send_buffer)
+    sender, receiver = links(own_interface, queue)
+    with sender, receiver:
+        start = time.monotonic()
+        for number in range(400):
+            sender.send(0x100, payload(number), False, True)
+        passed = time.monotonic() - start
+        assert refusals[error] > 0
+        assert passed > 0.5 * (400 - 2 * QUEUE) / RATE
+        assert numbers(receiver) == list(range(400))
+
+
+def test_a_queue_that_stays_full_is_reported(own_interface: OwnInterface) -> None:
+    sender, receiver = links(own_interface, rate=1)
+    with sender, receiver:
+        while sender.try_send(0x100, payload(0), False, True):
+            pass
+        with pytest.raises(RunError, match=r"vcan9 stayed full for 0.5 s\n.*txqueuelen 1000"):
+            sender.send(0x100, payload(1), False, True)
+
+
+def test_replay_waits_and_loses_nothing(own_interface: OwnInterface, monkeypatch: pytest.MonkeyPatch) -> None:
+    refusals = note_refusals(monkeypatch)
+    sender, receiver = links(own_interface)
+    with sender, receiver:
+        statistics = play(
+            (TimedFrame(0.0, 0x100, False, True, payload(n)) for n in range(1000)), sender, math.inf
+        )
+        assert refusals["ENOBUFS"] > 0
+        assert statistics.frames == 1000
+        assert numbers(receiver) == list(range(1000))
+
+
+def test_results_wait_in_order_and_the_oldest_are_given_up(
+    own_interface: OwnInterface, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refusals = note_refusals(monkeypatch)
+    sender, receiver = links(own_interface)
+    count = 2 * CAPACITY
+    with sender, receiver:
+        outbox = Outbox(sender)
+        outbox.post(OutputFrame(0x200, False, True, payload(n)) for n in range(count))
+        assert refusals["ENOBUFS"] > 0
+        assert len(outbox) == CAPACITY
+        outbox.drain(10.0)
+        found = numbers(receiver)
+        first = count - CAPACITY - outbox.unsent
+        assert first > 0
+        assert found == [*range(first), *range(count - CAPACITY, count)]

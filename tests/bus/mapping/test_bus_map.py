@@ -1,0 +1,257 @@
+"""From bench file and bus database to arrays: what is found, and refusals that name place and remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.database.dbc_file import load_database
+from observer_rt.bus.database.e2e import UNPROTECTED
+from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.database.lookup import find_message, not_available_code
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.bus.mapping.output_messages import (
+    STATUS_SIGNALS,
+    SUMMARY_SIGNALS,
+    output_message,
+    rate_message,
+)
+from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, Role, load_bench
+from observer_rt.foundation.errors import UserError
+from observer_rt.observer.stream.state import Reason, State
+
+FD_DATABASE = PACKAGE_DATA / "observer_fd.dbc"
+CLASSIC_DATABASE = PACKAGE_DATA / "observer_classic.dbc"
+USER_DBC = """VERSION ""
+BU_: Device
+BO_ 291 Daq: 24 Device
+ SG_ Index : 0|32@1+ (1,0) [0|0] "" Device
+ SG_ Short : 32|16@1+ (1,0) [0|0] "" Device
+ SG_ Signed : 48|32@1- (1,0) [0|0] "" Device
+ SG_ Steps : 80|32@1+ (2,0) [0|0] "" Device
+ SG_ Rail : 112|16@1+ (0.1,0) [0|0] "bar" Device
+ SG_ Rail2 : 128|16@1+ (0.1,0) [0|0] "bar" Device
+ SG_ Lift : 144|16@1+ (0.1,0) [0|0] "um" Device
+ SG_ Line : 160|16@1+ (0.1,0) [0|0] "psi" Device
+ SG_ Bare : 176|16@1+ (0.1,0) [0|0] "" Device
+BO_ 292 Guarded: 8 Device
+ SG_ Index : 0|32@1+ (1,0) [0|0] "" Device
+ SG_ Rail : 32|16@1+ (0.1,0) [0|0] "bar" Device
+BA_DEF_ BO_ "E2EProfile" INT 0 22;
+BA_DEF_ BO_ "E2EDataId" INT 0 65535;
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l","FD";
+BA_DEF_DEF_ "E2EProfile" 0;
+BA_DEF_DEF_ "E2EDataId" 0;
+BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
+BA_ "VFrameFormat" BO_ 291 14;
+BA_ "E2EProfile" BO_ 292 2;
+BA_ "E2EDataId" BO_ 292 7;
+"""
+
+
+def user_map(folder: Path, **changes: str) -> BusMap:
+    """Mapping of the database above; `changes` replace the lines of a role."""
+    roles = {
+        "rail_pressure": 'signal = "Rail"',
+        "needle_lift": 'signal = "Lift"',
+        "line_pressure": 'signal = "Line"\nunit = "bar"',
+    } | changes
+    text = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
+    for role, lines in roles.items():
+        text += f"[signals.{role}]\n"
+        text += "" if "message" in lines else 'message = "Daq"\n'
+        text += "" if "index" in lines else 'index = "Index"\n'
+        text += lines + "\n"
+    (folder / "user.dbc").write_text(USER_DBC)
+    (folder / "bench.toml").write_text(text)
+    return map_bus(load_bench(folder / "bench.toml"))
+
+
+def refusal(folder: Path, **changes: str) -> UserError:
+    with pytest.raises(UserError) as refused:
+        user_map(folder, **changes)
+    return refused.value
+
+
+def test_example_bench_maps_our_layout() -> None:
+    bus = map_bus(load_bench())
+    (message,) = bus.inputs.messages
+    assert int(message["key"]) == 0x100
+    assert (int(message["length"]), int(message["samples"])) == (64, 9)
+    assert bus.rate is not None
+    assert bus.rate.samples == 28
+    assert [out.layout.name for out in (bus.rate, bus.summary, bus.status)] == [
+        "InjectionRate",
+        "InjectionSummary",
+        "ObserverStatus",
+    ]
+
+
+def test_every_signal_we_send_is_in_our_layout() -> None:
+    """A name misspelt in code would never go out."""
+    bus = map_bus(load_bench())
+    (summary,), (status,) = bus.summary.pages, bus.status.pages
+    for page in (summary, status):
+        assert len(page.names) == len(page.table)
+    assert {"Mass", "NozzleWear", "EndIndex", "LinePressureOffset"} <= set(summary.names)
+    assert {"LateAdoptions", "CrcErrors", "ModelHash", "Reason"} <= set(status.names)
+
+
+def test_users_own_database(tmp_path: Path) -> None:
+    bus = user_map(tmp_path)
+    (message,) = bus.inputs.messages
+    assert int(message["key"]) == 291
+    assert int(message["e2e_profile"]) == UNPROTECTED
+    assert int(message["samples"]) == 1
+    (group,) = bus.inputs.groups
+    assert group["factor"].tolist() == [1e5, 1e-6, 1e5]
+
+
+def test_number_of_an_extended_frame_is_another() -> None:
+    assert frame_key(0x100, True) != frame_key(0x100, False)
+    assert frame_key(0x1FFFFFFF, False) != frame_key(0x1FFFFFFF, True)
+
+
+def test_message_that_is_not_there(tmp_path: Path) -> None:
+    error = refusal(tmp_path, rail_pressure='message = "Dag"\nsignal = "Rail"')
+    assert error.place == f"{tmp_path / 'bench.toml'}: signals.rail_pressure.message"
+    assert "Dag" in error.problem
+    assert "Daq" in error.remedy
+
+
+def test_signal_that_is_not_there(tmp_path: Path) -> None:
+    error = refusal(tmp_path, rail_pressure='signal = "Rial"')
+    assert error.place == f"{tmp_path / 'bench.toml'}: signals.rail_pressure"
+    assert "Rial" in error.problem
+    assert "Rail" in error.remedy
+
+
+def test_unit_that_is_not_known(tmp_path: Path) -> None:
+    error = refusal(tmp_path, line_pressure='signal = "Line"')
+    assert error.place.endswith("signals.line_pressure")
+    assert "psi" in error.problem
+    assert "bar" in error.remedy
+
+
+def test_unit_that_is_not_stated(tmp_path: Path) -> None:
+    error = refusal(tmp_path, line_pressure='signal = "Bare"')
+    assert "no unit" in error.problem
+    assert 'unit = "..."' in error.remedy
+
+
+def test_unit_of_another_quantity(tmp_path: Path) -> None:
+    assert "um" in refusal(tmp_path, line_pressure='signal = "Lift"').problem
+
+
+def test_different_numbers_of_samples(tmp_path: Path) -> None:
+    error = refusal(tmp_path, rail_pressure='signals = ["Rail", "Rail2"]')
+    assert error.place.endswith("signals.needle_lift")
+    assert "1 samples" in error.problem
+    assert "2" in error.problem
+
+
+def test_signals_of_a_message_have_one_index(tmp_path: Path) -> None:
+    error = refusal(tmp_path, line_pressure='signal = "Line"\nindex = "Second"')
+    assert error.place.endswith("signals.line_pressure.index")
+    assert "Daq" in error.problem
+
+
+def test_index_that_is_not_there(tmp_path: Path) -> None:
+    names = ("Rail", "Lift", "Line")
+    lines = {f"{role}": f'signal = "{name}"\nindex = "Indx"' for role, name in zip(Role, names, strict=True)}
+    error = refusal(tmp_path, **lines)
+    assert error.place.endswith("signals.rail_pressure.index")
+    assert "sample index" in error.problem
+    assert 'index = ""' in error.remedy
+
+
+@pytest.mark.parametrize("index", ["Short", "Signed", "Steps"])
+def test_index_that_cannot_be_unwrapped(tmp_path: Path, index: str) -> None:
+    """One that wraps after a second would read as a device that starts anew every second."""
+    lines = f'index = "{index}"\nsignal = '
+    error = refusal(
+        tmp_path,
+        rail_pressure=lines + '"Rail"',
+        needle_lift=lines + '"Lift"',
+        line_pressure=lines + '"Line"\nunit = "bar"',
+    )
+    assert error.place.endswith("signals.rail_pressure.index")
+    assert "32 bits" in error.problem
+
+
+def test_protection_that_is_not_supported(tmp_path: Path) -> None:
+    error = refusal(tmp_path, rail_pressure='message = "Guarded"\nsignal = "Rail"')
+    assert "Guarded" in error.place
+    assert "profile 2" in error.problem
+    assert "1 and 5" in error.remedy
+
+
+def test_a_message_too_short_for_its_protection(tmp_path: Path) -> None:
+    path = tmp_path / "short.dbc"
+    attributes = USER_DBC[USER_DBC.index("BA_DEF_") :].replace(
+        'E2EProfile" BO_ 292 2', 'E2EProfile" BO_ 292 5'
+    )
+    text = (
+        'VERSION ""\nBU_: A\nBO_ 291 Long: 64 A\nBO_ 292 Short: 2 A\n SG_ State : 0|3@1+ (1,0) [0|0] "" A\n'
+    )
+    path.write_text(text + attributes)
+    with pytest.raises(UserError, match="has 2 bytes, which E2E profile 5"):
+        output_message(find_message(load_database(path), "Short"), ["State"])
+
+
+@pytest.mark.parametrize(
+    ("key", "name"),
+    [("injection_rate", "InjectonRate"), ("injection_summary", "Summary"), ("status", "ObserverStat")],
+)
+def test_output_message_that_is_not_there(tmp_path: Path, key: str, name: str) -> None:
+    path = tmp_path / "bench.toml"
+    lines = EXAMPLE_BENCH.read_text().splitlines()
+    path.write_text("\n".join(f'{key} = "{name}"' if line.startswith(f"{key} =") else line for line in lines))
+    with pytest.raises(UserError) as refused:
+        map_bus(load_bench(path))
+    assert refused.value.place == f"{path}: outputs.{key}"
+    assert name in refused.value.problem
+    assert refused.value.remedy
+
+
+@pytest.mark.parametrize("message", ["InjectionSummary", "ObserverStatus"])
+@pytest.mark.parametrize("database", [FD_DATABASE, CLASSIC_DATABASE])
+def test_the_databases_name_every_state_and_reason(database: Path, message: str) -> None:
+    signals = {signal.name: signal for signal in find_message(load_database(database), message).signals}
+    for signal, meaning in (("State", State), ("Reason", Reason)):
+        choices = signals[signal].choices
+        assert choices is not None
+        assert {int(code): str(name) for code, name in choices.items()} == {m.value: m.name for m in meaning}
+
+
+@pytest.mark.parametrize(
+    ("message", "names", "pages"),
+    [("InjectionSummary", SUMMARY_SIGNALS, 7), ("ObserverStatus", STATUS_SIGNALS, 12)],
+)
+def test_the_classic_layout_carries_what_the_fd_layout_does(
+    message: str, names: tuple[str, ...], pages: int
+) -> None:
+    classic = output_message(find_message(load_database(CLASSIC_DATABASE), message), names)
+    assert len(classic.pages) == pages
+    assert {name for page in classic.pages for name in page.names} == set(names)
+    fd = find_message(load_database(FD_DATABASE), message)
+    for signal in find_message(load_database(CLASSIC_DATABASE), message).signals:
+        if signal.name in names:
+            other = fd.get_signal_by_name(signal.name)
+            assert (signal.length, signal.scale, signal.offset) == (other.length, other.scale, other.offset)
+            assert not_available_code(signal) == not_available_code(other)
+
+
+def test_a_rate_message_may_lack_header_signals_but_not_be_multiplexed(tmp_path: Path) -> None:
+    text = 'VERSION ""\nBU_: A\nBO_ 1 Rates: 8 A\n SG_ Page M : 0|8@1+ (1,0) [0|0] "" A\n'
+    text += (
+        ' SG_ InjectionRate_00 : 8|16@1+ (0.01,0) [0|0] "" A\n SG_ State MARK : 24|3@1+ (1,0) [0|0] "" A\n'
+    )
+    text += ' SG_ InjectionRate_01 MARK : 32|16@1+ (0.01,0) [0|0] "" A\n'
+    path = tmp_path / "rates.dbc"
+    path.write_text(text.replace("MARK ", ""))
+    rate = rate_message(find_message(load_database(path), "Rates"))
+    assert rate.page.names == ("State", "InjectionRate_00", "InjectionRate_01")
+    assert rate.samples == 2
+    path.write_text(text.replace("State MARK", "State m0").replace("MARK", "m1"))
+    with pytest.raises(UserError, match="multiplexed"):
+        rate_message(find_message(load_database(path), "Rates"))

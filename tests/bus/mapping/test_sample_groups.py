@@ -1,0 +1,87 @@
+"""Multiplexed inputs of a bench file: which frames carry which samples, and what is refused with its remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.foundation.errors import UserError
+
+DATABASE = """VERSION ""
+BU_: Daq
+BO_ 291 Turns: 12 Daq
+ SG_ Mux M : 0|8@1+ (1,0) [0|0] "" Daq
+ SG_ Index : 8|32@1+ (1,0) [0|0] "" Daq
+ SG_ Late m2 : 64|32@1+ (1,0) [0|0] "" Daq
+ SG_ Rail0 m0 : 40|8@1+ (1,0) [0|0] "MPa" Daq
+ SG_ Rail1 m0 : 48|8@1+ (1,0) [0|0] "MPa" Daq
+ SG_ Rail2 m1 : 40|8@1+ (1,0) [0|0] "MPa" Daq
+ SG_ Rail3 m2 : 40|8@1+ (1,0) [0|0] "MPa" Daq
+ SG_ Always : 56|8@1+ (1,0) [0|0] "MPa" Daq
+BO_ 292 Rest: 24 Daq
+ SG_ Index : 0|32@1+ (1,0) [0|0] "" Daq
+ SG_ Lift0 : 32|8@1+ (1,0) [0|0] "um" Daq
+ SG_ Lift1 : 40|8@1+ (1,0) [0|0] "um" Daq
+ SG_ Lift2 : 48|8@1+ (1,0) [0|0] "um" Daq
+ SG_ Lift3 : 56|8@1+ (1,0) [0|0] "um" Daq
+ SG_ Line0 : 64|8@1+ (1,0) [0|0] "MPa" Daq
+ SG_ Line1 : 72|8@1+ (1,0) [0|0] "MPa" Daq
+ SG_ Line2 : 80|8@1+ (1,0) [0|0] "MPa" Daq
+ SG_ Line3 : 88|8@1+ (1,0) [0|0] "MPa" Daq
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l","FD";
+BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
+BA_ "VFrameFormat" BO_ 291 14;
+BA_ "VFrameFormat" BO_ 292 14;
+"""
+
+
+def bus_with(folder: Path, rail: str, index: str = "Index") -> BusMap:
+    """Rail pressure from the message whose samples take turns, lift and line pressure in blocks."""
+    (folder / "user.dbc").write_text(DATABASE)
+    text = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
+    text += f'[signals.rail_pressure]\nmessage = "Turns"\nindex = "{index}"\n{rail}\n'
+    for role, name in (("needle_lift", "Lift"), ("line_pressure", "Line")):
+        text += f'[signals.{role}]\nmessage = "Rest"\nindex = "Index"\npattern = "{name}{{}}"\n'
+    (folder / "bench.toml").write_text(text)
+    return map_bus(load_bench(folder / "bench.toml"))
+
+
+def refusal(folder: Path, rail: str, index: str = "Index") -> UserError:
+    with pytest.raises(UserError) as refused:
+        bus_with(folder, rail, index)
+    assert refused.value.place.startswith(f"{folder / 'bench.toml'}: signals.rail_pressure")
+    assert refused.value.remedy
+    return refused.value
+
+
+def test_a_role_spread_over_groups_is_one_stream_of_blocks(tmp_path: Path) -> None:
+    bus = bus_with(tmp_path, 'pattern = "Rail{}"')
+    rail = next(n for n, stream in enumerate(bus.inputs.streams) if stream["roles"] == 1)
+    groups = [group for group in bus.inputs.groups if group["stream"] == rail]
+    assert [(int(g["offset"]), int(g["samples"])) for g in groups] == [(0, 2), (2, 1), (3, 1)]
+    message = next(m for m in bus.inputs.messages if m["key"] == 291)
+    kinds = bus.inputs.kinds[int(message["first_kind"]) :][: int(message["kind_count"])]
+    assert [(int(kind["end"]), int(kind["blank"][0])) for kind in kinds] == [(2, 0), (3, 1), (4, 2)]
+
+
+@pytest.mark.parametrize(
+    "samples",
+    [
+        '["Rail0", "Rail2", "Rail1", "Rail3"]',  # back to an earlier group
+        '["Rail0", "Rail1", "Rail2", "Always"]',  # one that is in every frame
+    ],
+)
+def test_a_list_that_frames_cannot_carry_in_order(tmp_path: Path, samples: str) -> None:
+    error = refusal(tmp_path, f"signals = {samples}")
+    assert "one frame can carry" in error.problem
+
+
+def test_an_index_that_some_frames_do_not_carry(tmp_path: Path) -> None:
+    assert "Late only with other samples" in refusal(tmp_path, 'pattern = "Rail{}"', "Late").problem
+
+
+def test_samples_in_turns_without_an_index(tmp_path: Path) -> None:
+    error = refusal(tmp_path, 'pattern = "Rail{}"', "")
+    assert error.place.endswith("signals.rail_pressure.index")
+    assert "no sample index" in error.problem

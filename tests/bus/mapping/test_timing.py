@@ -1,0 +1,97 @@
+"""What the bench file says of time: how each message is joined, and refusals that name place and remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus, stream_of
+from observer_rt.bus.mapping.timing import Joining, Numbering
+from observer_rt.config.bench import Role, load_bench
+from observer_rt.foundation.errors import UserError
+from tests.service.time_frames import write_time_bench
+
+RATE = 20e3
+LINE_LIFT = 'message = "LineLift"'
+
+
+def timed(folder: Path, rail: str, line: str = LINE_LIFT, lift: str = LINE_LIFT) -> BusMap:
+    return map_bus(load_bench(write_time_bench(folder, RATE, {"Line": line, "Lift": lift, "Rail": rail})))
+
+
+def refused(folder: Path, rail: str, line: str = LINE_LIFT, lift: str = LINE_LIFT) -> UserError:
+    with pytest.raises(UserError) as caught:
+        timed(folder, rail, line, lift)
+    assert caught.value.remedy
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("rail", "joining", "numbering"),
+    [
+        ('message = "RailSlow"', Joining.INDEX, Numbering.INDEX),
+        ('message = "RailSlow"\nrate_hz = 1e3', Joining.RATIO, Numbering.INDEX),
+        ('message = "RailSlow"\ntime_base = "ecu"', Joining.CLOCK, Numbering.INDEX),
+        ('message = "RailSlow"\ntime_base = "ecu"\nrate_hz = 1e3', Joining.CLOCK, Numbering.INDEX),
+        ('message = "RailSlow"\nindex = ""', Joining.NEAREST, Numbering.STAMPS),
+        ('message = "Rail"', Joining.NEAREST, Numbering.STAMPS),
+        ('message = "Rail"\nrate_hz = 1e3', Joining.CLOCK, Numbering.STAMPS),
+    ],
+)
+def test_how_the_rail_pressure_is_joined(
+    tmp_path: Path, rail: str, joining: Joining, numbering: Numbering
+) -> None:
+    bus = timed(tmp_path, rail)
+    row = bus.inputs.timing[stream_of(bus, Role.RAIL_PRESSURE)]
+    assert (row["joining"], row["numbering"]) == (joining, numbering)
+    assert bus.inputs.timing[stream_of(bus, Role.LINE_PRESSURE)]["joining"] == Joining.INDEX
+    follows = bus.following[stream_of(bus, Role.RAIL_PRESSURE)]
+    assert (follows is None) == (joining in (Joining.INDEX, Joining.NEAREST))
+
+
+def test_counter_and_its_modulus(tmp_path: Path) -> None:
+    for name, modulus in (("Nibble", 16), ("Count", 256)):
+        lines = f'message = "All"\ncounter = "{name}"'
+        bus = timed(tmp_path, lines, lines, lines)
+        assert len(bus.inputs.timing) == 1
+        assert bus.inputs.timing[0]["numbering"] == Numbering.COUNTER
+        assert bus.inputs.timing[0]["modulus"] == modulus
+
+
+def test_slower_signal_is_held_for_two_and_a_half_frames_unless_stated(tmp_path: Path) -> None:
+    rail = 'message = "Rail"\ntime_base = "ecu"\nrate_hz = 1e3\n'
+    for lines, reach in ((rail, 50.0), (rail + "max_hold_ms = 4", 80.0)):
+        bus = timed(tmp_path, lines)
+        follows = bus.following[stream_of(bus, Role.RAIL_PRESSURE)]
+        assert follows is not None
+        assert follows.reach == pytest.approx(reach)
+
+
+@pytest.mark.parametrize(
+    ("rail", "key", "problem"),
+    [
+        ('message = "Rail"\ncounter = "Cont"', "counter", "Cont"),
+        ('message = "Rail"\ncounter = "Rail"', "counter", "unsigned"),
+        ('message = "RailSlow"\nindex = "SampleIndex"\ncounter = "Rail"', "counter", "index"),
+        ('message = "Rail"\nrate_hz = 3e3', "rate_hz", "whole fraction"),
+        ('message = "Rail"\nrate_hz = 40e3', "rate_hz", "whole fraction"),
+        ('message = "Rail"\nmax_hold_ms = 4', "max_hold_ms", "slower"),
+        ('message = "Rail"\nrate_hz = 1e3\nmax_hold_ms = 0.5', "max_hold_ms", "shorter"),
+        ('message = "Rail"\nrate_hz = 1e3\nmax_hold_ms = 500', "max_hold_ms", "wait"),
+        ('message = "Rail"\nrate_hz = 10', "rate_hz", "wait"),
+    ],
+)
+def test_refusals_of_the_rail_pressure(tmp_path: Path, rail: str, key: str, problem: str) -> None:
+    error = refused(tmp_path, rail)
+    assert error.place.endswith(f"signals.rail_pressure.{key}")
+    assert problem in error.problem
+
+
+def test_line_pressure_and_lift_cannot_be_slower(tmp_path: Path) -> None:
+    slow = LINE_LIFT + "\nrate_hz = 1e3"
+    assert "lift" in refused(tmp_path, 'message = "Rail"', slow, slow).remedy
+
+
+def test_signals_of_one_message_agree(tmp_path: Path) -> None:
+    error = refused(tmp_path, 'message = "Rail"', LINE_LIFT, LINE_LIFT + '\ntime_base = "other"')
+    assert error.place.endswith("time_base")
+    assert "LineLift" in error.problem

@@ -1,0 +1,241 @@
+"""What `check` says: each finding against a bench made to cause it."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.check.bus import expected_load
+from observer_rt.check.checkup import Finding, Level, as_json_document, as_table, checkup
+from observer_rt.check.host import Host, real_time_findings
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
+
+DATABASE = EXAMPLE_BENCH.with_name("observer_fd.dbc")
+Edits = dict[str, str]
+NO_EDITS: Edits = {}
+
+
+@pytest.fixture
+def findings_of(tmp_path: Path) -> Callable[..., list[Finding]]:
+    """Findings of the example bench with text of its files replaced."""
+
+    def run(bench: Edits = NO_EDITS, database: Edits = NO_EDITS, injector: Edits = NO_EDITS) -> list[Finding]:
+        edited(DATABASE, tmp_path / "edited.dbc", database)
+        edited(NOMINAL_INJECTOR, tmp_path / "injector.toml", injector)
+        files = {
+            'file = "observer_fd.dbc"': 'file = "edited.dbc"',
+            '# file = "injector.toml"': 'file = "injector.toml"',
+        }
+        edited(EXAMPLE_BENCH, tmp_path / "bench.toml", files | bench)
+        return checkup(load_bench(tmp_path / "bench.toml"))
+
+    return run
+
+
+def edited(source: Path, target: Path, edits: Edits) -> None:
+    text = source.read_text(encoding="utf-8")
+    for old, new in edits.items():
+        assert old in text
+        text = text.replace(old, new)
+    target.write_text(text, encoding="utf-8")
+
+
+def of(findings: list[Finding], topic: str) -> list[Finding]:
+    return [finding for finding in findings if finding.topic == topic]
+
+
+def worst(findings: list[Finding], topic: str) -> Finding:
+    order = [Level.OK, Level.WARNING, Level.ERROR]
+    return max(of(findings, topic), key=lambda finding: order.index(finding.level))
+
+
+BUS_AND_OBSERVER = ("files", "mapping", "sampling", "identifiers", "frames", "integration")
+
+
+def test_the_example_bench_has_no_error() -> None:
+    findings = checkup(load_bench())
+    assert not [finding for finding in findings if finding.level is Level.ERROR]
+    for topic in (*BUS_AND_OBSERVER, "line mode", "gain", "dead band", "look-ahead", "events"):
+        assert worst(findings, topic).level is Level.OK
+
+
+def test_every_role_is_described() -> None:
+    texts = [finding.text for finding in of(checkup(load_bench()), "mapping")]
+    assert len(texts) == 3
+    for text, role, limits in zip(
+        texts,
+        ("rail_pressure", "needle_lift", "line_pressure"),
+        ("-10 to 317.665 MPa in steps of 0.005", "-50 to 605.33 um in steps of 0.01", "-10 to 317.665 MPa"),
+        strict=True,
+    ):
+        assert text.startswith(f"{role}: SampleBlock 0x100, 9 samples a frame")
+        assert limits in text
+
+
+RAIL_00 = "SG_ RailPressure_00 : 64|16@1+ (0.005,-10) [-10|317.665]"
+
+
+@pytest.mark.parametrize(
+    ("database", "text"),
+    [
+        ({RAIL_00: RAIL_00.replace("317.665", "150")}, "cannot hold 0 to 200 MPa"),
+        ({RAIL_00: RAIL_00.replace("(0.005,-10) [-10|317.665]", "(0.005,20) [20|347]")}, "cannot hold 0 to"),
+        (
+            {RAIL_00: RAIL_00.replace("(0.005,-10) [-10|317.665]", "(0.5,-10) [-10|400]")},
+            "coarser than the noise",
+        ),
+        ({"(0.01,-50) [-50|605.33]": "(0.004,-50) [-50|212]"}, "cannot hold 0 to 300 um"),
+    ],
+)
+def test_a_range_or_resolution_that_does_not_do(
+    findings_of: Callable[..., list[Finding]], database: Edits, text: str
+) -> None:
+    finding = worst(findings_of(database=database), "mapping")
+    assert finding.level is Level.WARNING
+    assert text in finding.text
+
+
+def test_an_injector_whose_needle_lifts_further_than_the_bus_can_say(
+    findings_of: Callable[..., list[Finding]],
+) -> None:
+    finding = worst(findings_of(injector={"max_lift = 0.30e-3": "max_lift = 0.70e-3"}), "mapping")
+    assert finding.level is Level.WARNING
+    assert "cannot hold 0 to 700 um" in finding.text
+
+
+def test_a_sample_period_that_contradicts_the_rate(findings_of: Callable[..., list[Finding]]) -> None:
+    findings = of(findings_of({"rate_hz = 100e3": "rate_hz = 50e3"}), "sampling")
+    assert [finding.level for finding in findings] == [Level.OK, Level.WARNING, Level.WARNING]
+    assert "SampleBlock states a sample period of 10000 ns" in findings[1].text
+    assert "SamplePeriodNs to 20000" in findings[1].text
+    agreed = findings_of(
+        {"rate_hz = 100e3": "rate_hz = 30e3"},
+        {f'Ns" BO_ {id} 10000': f'Ns" BO_ {id} 33333' for id in (256, 512)},
+    )
+    assert worst(agreed, "sampling").level is Level.OK
+
+
+def test_a_rate_the_model_cannot_be_integrated_at(findings_of: Callable[..., list[Finding]]) -> None:
+    findings = findings_of({"rate_hz = 100e3": "rate_hz = 5e3"})
+    finding = worst(findings, "integration")
+    assert finding.level is Level.ERROR
+    assert "sampling.rate_hz" in finding.text
+    assert "or more" in finding.text  # the remedy
+    assert worst(findings, "line mode").level is Level.WARNING
+    assert worst(findings, "gain").level is Level.OK  # the rest goes on
+
+
+def test_a_database_that_is_missing(findings_of: Callable[..., list[Finding]]) -> None:
+    findings = findings_of({'file = "edited.dbc"': 'file = "nowhere.dbc"'})
+    for topic in ("files", "mapping"):
+        assert worst(findings, topic).level is Level.ERROR
+        assert "nowhere.dbc" in worst(findings, topic).text
+    assert worst(findings, "integration").level is Level.OK
+    assert of(findings, "real time")
+    assert not of(findings, "bus load")
+
+
+def test_a_mapping_to_a_message_that_is_not_there(findings_of: Callable[..., list[Finding]]) -> None:
+    finding = worst(findings_of({'injection_rate = "InjectionRate"': 'injection_rate = "Rate"'}), "mapping")
+    assert finding.level is Level.ERROR
+    assert "nearest name" in finding.text
+
+
+def test_an_output_with_the_identifier_of_an_input(findings_of: Callable[..., list[Finding]]) -> None:
+    findings = findings_of({'status = "ObserverStatus"': 'status = "SampleBlock"'})
+    assert worst(findings, "identifiers").level is Level.ERROR
+    assert "0x100" in worst(findings, "identifiers").text
+
+
+def test_long_messages_that_are_not_can_fd(findings_of: Callable[..., list[Finding]]) -> None:
+    findings = findings_of(
+        database={
+            'BA_ "VFrameFormat" BO_ 512 14': 'BA_ "VFrameFormat" BO_ 512 0',
+            '"BusType" "CAN FD"': '"BusType" "CAN"',
+        }
+    )
+    assert [finding.level for finding in of(findings, "frames")] == [Level.ERROR]
+    assert "InjectionRate is a classic CAN message of 64 bytes" in worst(findings, "frames").text
+    assert not of(findings, "bus load")  # not to be computed
+
+
+def test_can_fd_messages_on_a_classic_link(findings_of: Callable[..., list[Finding]]) -> None:
+    findings = of(findings_of({"fd = true": "fd = false"}), "frames")
+    assert {finding.level for finding in findings} == {Level.ERROR}
+    assert len(findings) == 4
+
+
+def test_the_dead_band_of_a_noisy_lift(findings_of: Callable[..., list[Finding]]) -> None:
+    finding = worst(findings_of({"needle_lift_um = 0.4": "needle_lift_um = 10"}), "dead band")
+    assert finding.level is Level.WARNING
+    assert "50 um" in finding.text
+
+
+def test_the_load_of_a_bus_by_counting_frames() -> None:
+    """The design: 173 us a frame at 500k/5M, 26 % windowed; three channels in and the rate out 60 % at 24 kHz."""
+    bench = load_bench()
+    load = expected_load(bench, map_bus(bench))
+    assert load.continuous == pytest.approx(173e-6 * (1e5 / 9 + 1e5 / 28 + 10 + 17 * 0.85), rel=0.01)
+    assert load.windowed == pytest.approx(0.26, abs=0.015)
+
+
+@pytest.mark.parametrize(
+    ("bench", "levels"),
+    [
+        (NO_EDITS, [Level.OK, Level.WARNING]),  # 27 %, 254 %
+        ({"rate_hz = 100e3": "rate_hz = 20e3"}, [Level.OK, Level.OK]),  # 51 %
+        ({"rate_hz = 100e3": "rate_hz = 30e3"}, [Level.OK, Level.WARNING]),  # 76 %
+        ({"rate_hz = 100e3": "rate_hz = 250e3"}, [Level.WARNING, Level.WARNING]),  # 66 %, 635 %
+        ({"rate_hz = 100e3": "rate_hz = 500e3"}, [Level.ERROR, Level.ERROR]),  # 130 %, 1270 %
+    ],
+)
+def test_levels_of_the_bus_load(
+    findings_of: Callable[..., list[Finding]], bench: Edits, levels: list[Level]
+) -> None:
+    assert [finding.level for finding in of(findings_of(bench), "bus load")] == levels
+
+
+GOOD_HOST = Host(may_set_real_time_priority=True, swap_in_use=False, processors=4)
+
+
+def test_a_good_machine() -> None:
+    assert [finding.level for finding in real_time_findings(GOOD_HOST)] == [Level.OK] * 3
+
+
+@pytest.mark.parametrize(
+    ("host", "remedy"),
+    [
+        (replace(GOOD_HOST, may_set_real_time_priority=False), "sudo prlimit"),
+        (replace(GOOD_HOST, swap_in_use=True), "sudo swapoff"),
+        (replace(GOOD_HOST, processors=1), "taskset"),
+    ],
+)
+def test_a_machine_that_may_not_keep_up(host: Host, remedy: str) -> None:
+    (finding,) = (f for f in real_time_findings(host) if f.level is not Level.OK)
+    assert finding.level is Level.WARNING
+    assert remedy in finding.text
+
+
+def test_the_interface_is_looked_at_for_socketcan_only(findings_of: Callable[..., list[Finding]]) -> None:
+    assert of(findings_of(), "interface")
+    assert not of(findings_of({'interface = "socketcan"': 'interface = "virtual"'}), "interface")
+
+
+def test_for_programs_and_for_the_screen() -> None:
+    findings = [
+        Finding("a", Level.OK, "fine"),
+        Finding("b", Level.WARNING, "[red]x[/red]"),
+        Finding("b", Level.ERROR, "y"),
+    ]
+    document = json.loads(json.dumps(as_json_document(findings)))
+    assert (document["schema"], document["warnings"], document["errors"]) == (1, 1, 1)
+    assert document["findings"][1] == {"topic": "b", "level": "warning", "text": "[red]x[/red]"}
+    console = Console(width=100)
+    with console.capture() as capture:
+        console.print(as_table(findings))
+    assert "[red]x[/red]" in capture.get()
+    assert "error" in capture.get()

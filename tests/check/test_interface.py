@@ -1,0 +1,234 @@
+"""What `check` says of a SocketCAN interface, from what the kernel tells."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from observer_rt.check.findings import Finding, Level
+from observer_rt.check.interface import (
+    BitTiming,
+    Controller,
+    controller_in,
+    interface_findings,
+    read_controller,
+)
+from observer_rt.config.links import LinkConfig
+
+
+@pytest.fixture
+def network(tmp_path: Path) -> Callable[..., Path]:
+    """A folder as the kernel shows interfaces, with can0 in it."""
+
+    def make(**changes: str) -> Path:
+        folder = tmp_path / "net" / "can0"
+        folder.mkdir(parents=True, exist_ok=True)
+        entries = {"type": "280", "flags": "0x40041", "mtu": "72", "tx_queue_len": "1000", "operstate": "up"}
+        for name, content in (entries | changes).items():
+            (folder / name).write_text(content + "\n")
+        return folder.parent
+
+    return make
+
+
+def test_an_interface_that_is_ready(network: Callable[..., Path]) -> None:
+    findings = interface_findings(LinkConfig(channel="can0"), network=network())
+    assert [finding.level for finding in findings] == [Level.OK] * 3
+
+
+def test_a_virtual_interface_that_is_up_has_no_carrier_to_report(network: Callable[..., Path]) -> None:
+    findings = interface_findings(LinkConfig(channel="can0"), network=network(operstate="unknown"))
+    assert findings[0].level is Level.OK
+
+
+@pytest.mark.parametrize(
+    ("changes", "command"),
+    [
+        ({"flags": "0x40040", "operstate": "down"}, "up type can bitrate 500000 dbitrate 5000000 fd on"),
+        ({"operstate": "down"}, "sudo ip link set can0 up"),
+        ({"mtu": "16"}, "sudo ip link set can0 down && sudo ip link set can0 up type can"),
+        ({"tx_queue_len": "10"}, "sudo ip link set can0 txqueuelen 1000"),
+        ({"type": "1"}, "set link.channel"),
+    ],
+)
+def test_an_interface_to_be_mended(
+    network: Callable[..., Path], changes: dict[str, str], command: str
+) -> None:
+    findings = interface_findings(LinkConfig(channel="can0"), network=network(**changes))
+    (finding,) = (f for f in findings if f.level is not Level.OK)
+    assert finding.level is Level.WARNING
+    assert command in finding.text
+
+
+def test_a_classic_link_needs_no_fd_mtu(network: Callable[..., Path]) -> None:
+    findings = interface_findings(LinkConfig(channel="can0", fd=False), network=network(mtu="16"))
+    assert {finding.level for finding in findings} == {Level.OK}
+
+
+@pytest.mark.parametrize(
+    ("channel", "remedy"), [("vcan7", "ip link add vcan7 type vcan"), ("can7", "driver")]
+)
+def test_an_interface_that_is_missing(network: Callable[..., Path], channel: str, remedy: str) -> None:
+    (finding,) = interface_findings(LinkConfig(channel=channel), network=network())
+    assert finding.level is Level.WARNING
+    assert remedy in finding.text
+
+
+ANSWER: dict[str, Any] = {
+    "ifindex": 4,
+    "ifname": "can0",
+    "flags": ["NOARP", "UP", "LOWER_UP", "ECHO"],
+    "mtu": 72,
+    "qdisc": "pfifo_fast",
+    "operstate": "UP",
+    "txqlen": 1000,
+    "link_type": "can",
+    "linkinfo": {
+        "info_kind": "can",
+        "info_data": {
+            "ctrlmode": ["FD"],
+            "state": "ERROR-ACTIVE",
+            "berr_counter": {"tx": 0, "rx": 0},
+            "restart_ms": 100,
+            "bittiming": {"bitrate": 500000, "sample_point": "0.875", "tq": 25, "sjw": 1, "brp": 1},
+            "bittiming_const": {"name": "mcp251xfd", "tseg1": {"min": 2, "max": 256}},
+            "data_bittiming": {"bitrate": 5000000, "sample_point": "0.750", "tq": 25, "sjw": 1, "brp": 1},
+            "clock": 40000000,
+        },
+    },
+}
+GOOD = Controller("ERROR-ACTIVE", BitTiming(500_000, 0.875), BitTiming(5_000_000, 0.75), 100, ("FD",))
+
+
+def answer(**changes: Any) -> str:
+    """As iproute2 answers, with other details."""
+    content = ANSWER["linkinfo"]["info_data"] | changes
+    linkinfo = ANSWER["linkinfo"] | {"info_data": {k: v for k, v in content.items() if v is not None}}
+    return json.dumps([ANSWER | {"linkinfo": linkinfo}])
+
+
+def test_a_controller_is_read() -> None:
+    assert controller_in(answer()) == GOOD
+
+
+@pytest.mark.parametrize(
+    ("changes", "arbitration", "data"),
+    [
+        ({"data_bittiming": None}, GOOD.arbitration, None),  # classic
+        ({"bittiming": {"bitrate": 500000, "sample_point": 0.875}}, GOOD.arbitration, GOOD.data),
+        ({"bittiming": None, "bittiming_bitrate": 250000}, BitTiming(250_000, None), GOOD.data),
+        ({"bittiming": {"bitrate": 0, "sample_point": "0.000"}}, None, GOOD.data),  # not set up yet
+    ],
+)
+def test_bit_rates_as_different_controllers_tell_them(
+    changes: dict[str, Any], arbitration: BitTiming | None, data: BitTiming | None
+) -> None:
+    controller = controller_in(answer(**changes))
+    assert controller is not None
+    assert (controller.arbitration, controller.data) == (arbitration, data)
+
+
+def test_a_virtual_interface_has_no_controller() -> None:
+    virtual = ANSWER | {"linkinfo": {"info_kind": "vcan"}}
+    assert controller_in(json.dumps([virtual])) is None
+
+
+KEYS = (
+    "linkinfo",
+    "info_kind",
+    "info_data",
+    "bittiming",
+    "bitrate",
+    "sample_point",
+    "restart_ms",
+    "ctrlmode",
+)
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.sampled_from(KEYS), inner),
+)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(content=JSON)
+def test_an_iproute2_that_writes_otherwise_is_survived(network: Callable[..., Path], content: Any) -> None:
+    folder = network()
+    link = LinkConfig(channel="can0")
+    expected = interface_findings(link, None, folder)
+    inside = [{"linkinfo": {"info_kind": "can", "info_data": content}}]
+    for text in (json.dumps(content), json.dumps(inside)):
+        assert interface_findings(link, controller_in(text), folder)[: len(expected)] == expected
+
+
+def test_no_answer_tells_nothing() -> None:
+    assert controller_in("") is None
+    assert read_controller("no-such-one") is None
+
+
+def test_a_computer_without_iproute2(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert read_controller("lo") is None
+
+
+def of_controller(network: Callable[..., Path], controller: Controller) -> list[Finding]:
+    return interface_findings(LinkConfig(channel="can0"), controller, network())
+
+
+def test_a_controller_that_is_set_up_well(network: Callable[..., Path]) -> None:
+    findings = of_controller(network, GOOD)
+    assert {finding.level for finding in findings} == {Level.OK}
+    text = "\n".join(finding.text for finding in findings)
+    assert "bit rate 500000 bit/s, sampled at 87.5%" in text
+    assert "data bit rate 5000000 bit/s, sampled at 75.0%" in text
+    assert "restart-ms 100" in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "said", "command"),
+    [
+        ({"restart_ms": 0}, "after bus-off it stays off", "up type can restart-ms 100"),
+        ({"arbitration": BitTiming(250_000, 0.875)}, "bit rate 250000", "bitrate 500000 dbitrate 5000000"),
+        ({"data": BitTiming(2_000_000, 0.75)}, "data bit rate 2000000", "set link.data_bit_rate"),
+        ({"state": "BUS-OFF"}, "bus-off", "sudo ip link set can0 type can restart"),
+        ({"state": "ERROR-PASSIVE"}, "error-passive", "termination"),
+        ({"modes": ("LISTEN-ONLY", "FD")}, "nobody will hear", "listen-only off"),
+    ],
+)
+def test_a_controller_to_be_set_up_otherwise(
+    network: Callable[..., Path], changes: dict[str, Any], said: str, command: str
+) -> None:
+    findings = of_controller(network, replace(GOOD, **changes))
+    (finding,) = (f for f in findings if f.level is not Level.OK)
+    assert finding.level is Level.WARNING
+    assert said in finding.text
+    assert command in finding.text
+
+
+def test_a_controller_that_is_off_is_not_called_down(network: Callable[..., Path]) -> None:
+    off = replace(GOOD, state="BUS-OFF")
+    findings = interface_findings(LinkConfig(channel="can0"), off, network(operstate="down"))
+    assert [f.text for f in findings if f.level is not Level.OK and "bus-off" not in f.text] == []
+
+
+def test_the_data_bit_rate_of_a_classic_link_does_not_matter(network: Callable[..., Path]) -> None:
+    findings = interface_findings(
+        LinkConfig(channel="can0", fd=False), replace(GOOD, data=BitTiming(2_000_000, 0.75)), network()
+    )
+    assert {finding.level for finding in findings} == {Level.OK}
+
+
+@pytest.mark.vcan
+def test_a_real_virtual_interface(vcan: str) -> None:
+    """The kernel's own folder and iproute2's own answer."""
+    findings = interface_findings(LinkConfig(channel=vcan), read_controller(vcan))
+    assert [finding.text for finding in findings] == [
+        f"{vcan}: up",
+        f"{vcan}: mtu 72, CAN FD",
+        f"{vcan}: queue of 1000 frames to send",
+    ]
+    assert {finding.level for finding in findings} == {Level.OK}

@@ -1,0 +1,81 @@
+"""Bench and injector files of another format, or damaged: read, or refused by name, never a traceback."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.foundation.errors import UserError
+from observer_rt.service.state_file import model_hash
+
+Load = Callable[[Path], object]
+FILES = pytest.mark.parametrize(
+    ("source", "load"), [(NOMINAL_INJECTOR, load_injector), (EXAMPLE_BENCH, load_bench)]
+)
+STRANGE = (
+    *("nan", "inf", "-inf", "1e999", "-1", "0", "1" * 5_000, '""', "true", "[]", "{}", "{ a = 1 }"),
+    *("1979-05-27", "07:32:00", "[" * 3_000 + "]" * 3_000, '"\\u0000"', "'''x'''", "0x10", "[1, [2, '3']]"),
+)
+
+
+def place_of_refusal(load: Load, path: Path) -> str | None:
+    """None when the file was read."""
+    try:
+        load(path)
+    except UserError as error:
+        return error.place
+    return None
+
+
+@pytest.mark.parametrize(("number", "said"), [(2, "a later version"), (0, "no such format")])
+def test_injector_file_of_another_format(tmp_path: Path, number: int, said: str) -> None:
+    path = tmp_path / "injector.toml"
+    text = NOMINAL_INJECTOR.read_text()
+    assert "format = 1 " in text
+    path.write_text(text.replace("format = 1 ", f"format = {number} "))
+    with pytest.raises(UserError, match=said) as refused:
+        load_injector(path)
+    assert refused.value.place == f"{path}: format"
+
+
+def test_injector_file_from_before_there_were_formats(tmp_path: Path) -> None:
+    path = tmp_path / "injector.toml"
+    path.write_text(NOMINAL_INJECTOR.read_text().replace("format = 1 ", ""))
+    assert model_hash(load_injector(path)) == model_hash(load_injector())
+
+
+@FILES
+@given(data=st.data())
+def test_damaged_bytes(
+    tmp_path_factory: pytest.TempPathFactory, source: Path, load: Load, data: st.DataObject
+) -> None:
+    path = tmp_path_factory.getbasetemp() / source.name
+    content = bytearray(source.read_bytes())
+    place = data.draw(st.integers(0, len(content) - 1))
+    if data.draw(st.booleans(), label="truncate"):
+        del content[place:]
+    else:
+        content[place : place + 1] = data.draw(st.binary(max_size=20))
+    path.write_bytes(content)
+    refused = place_of_refusal(load, path)
+    assert refused is None or str(path.parent) in refused
+
+
+@FILES
+@given(number=st.integers(0, 40), value=st.sampled_from(STRANGE) | st.integers().map(str))
+@example(number=0, value="[" * 3_000 + "]" * 3_000)
+def test_strange_values(
+    tmp_path_factory: pytest.TempPathFactory, source: Path, load: Load, number: int, value: str
+) -> None:
+    """The n-th value of a file, counted round and round."""
+    path = tmp_path_factory.getbasetemp() / source.name
+    text = source.read_text()
+    values = list(re.finditer(r"(?m)^\w+ = (\S+)", text))
+    start, end = values[number % len(values)].span(1)
+    path.write_text(text[:start] + value + text[end:])
+    refused = place_of_refusal(load, path)
+    assert refused is None or str(path.parent) in refused

@@ -1,0 +1,134 @@
+"""`[[effects]]` of an injector file: read, put in force, refused with key and remedy."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effect import Effect
+from observer_rt.model.effects import VOCABULARY, effective_model, sized
+from observer_rt.service.state_file import model_hash
+
+ERODED = """
+[[effects]]
+id = "orifice_area"
+parameters = { v_H = { value = 0.30, ci95 = [0.29, 0.31], unit = "-" } }
+origin = "discover"
+evidence = "six recordings"
+date = 2026-01-31
+"""
+LATE = """
+[[effects]]
+id = "channel_skew"
+parameters = { d = { value = 12.5, unit = "us" } }
+"""
+SWITCH = '\n[[effects]]\nid = "seat_outflow"\n'
+
+
+def injector_file(folder: Path, effects: str) -> Path:
+    path = folder / "injector.toml"
+    path.write_text(NOMINAL_INJECTOR.read_text() + effects)
+    return path
+
+
+def refusal(folder: Path, effects: str) -> UserError:
+    path = injector_file(folder, effects)
+    with pytest.raises(UserError) as refused:
+        load_injector(path)
+    assert refused.value.place.startswith(f"{path}: effects.")
+    assert refused.value.exit_code == 2
+    assert refused.value.remedy
+    return refused.value
+
+
+def test_effects_are_read_and_in_force(tmp_path: Path) -> None:
+    injector = load_injector(injector_file(tmp_path, ERODED + LATE + SWITCH))
+    eroded, late, switch = injector.effects
+    assert (eroded.origin, eroded.evidence, eroded.date) == ("discover", "six recordings", "2026-01-31")
+    assert eroded.parameters["v_H"].ci95 == (0.29, 0.31)
+    assert (late.origin, late.date, switch.parameters) == ("", "", {})
+    expected = [sized("orifice_area", v_H=0.3), sized("channel_skew", d=12.5e-6), sized("seat_outflow")]
+    found = effective_model(injector)
+    by_hand = effective_model(load_injector(), expected)
+    assert found.coefficients == by_hand.coefficients
+    assert found.sensor == pytest.approx(by_hand.sensor)
+
+
+def test_example_in_the_shipped_file_is_one(tmp_path: Path) -> None:
+    """What is commented out there works when it is not."""
+    head, example = NOMINAL_INJECTOR.read_text().split("# [[effects]]")
+    lines = [line.removeprefix("# ") for line in example.splitlines()]
+    path = tmp_path / "injector.toml"
+    path.write_text(head + "\n[[effects]]" + "\n".join(lines) + "\n")
+    (effect,) = load_injector(path).effects
+    assert effect.id == "orifice_area"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "said"),
+    [
+        ('"orifice_area"', '"orifice_aria"', "0.id", "'orifice_area'"),
+        ("v_H =", "v_S =", "0.parameters.v_S", "v_H"),
+        ('unit = "-"', 'unit = "%"', "0.parameters.v_H.unit", "'-'"),
+        (', unit = "-"', "", "0.parameters.v_H.unit", "add it"),
+        ("0.30", "7.0", "0.parameters.v_H.value", "-0.8 to 1.5"),
+        ("0.30", "nan", "0.parameters.v_H.value", "correct"),
+        ("ci95 =", "ci =", "0.parameters.v_H.ci", "did you mean 'ci95'?"),
+        ("origin =", "origins =", "0.origins", "did you mean 'origin'?"),
+        ("[0.29, 0.31]", "[0.29]", "0.parameters.v_H.ci95.1", "add it"),
+        ('parameters = { v_H = { value = 0.30, ci95 = [0.29, 0.31], unit = "-" } }', "", "0", "v_H"),
+        ('id = "orifice_area"', "", "0.id", "add it"),
+    ],
+)
+def test_mistakes_name_the_key(tmp_path: Path, old: str, new: str, key: str, said: str) -> None:
+    assert ERODED.count(old) == 1
+    error = refusal(tmp_path, ERODED.replace(old, new))
+    assert error.place.endswith(f": effects.{key}")
+    assert said in f"{error.problem} {error.remedy}"
+
+
+def test_an_effect_given_twice(tmp_path: Path) -> None:
+    error = refusal(tmp_path, ERODED + LATE + ERODED)
+    assert error.place.endswith(": effects.2.id")
+    assert "twice" in error.problem
+
+
+@settings(max_examples=30)
+@given(st.sampled_from([e for e in VOCABULARY.values() if e.parameters]), st.floats(0.0, 1.0))
+def test_every_effect_in_its_printed_unit(
+    tmp_path_factory: pytest.TempPathFactory, effect: Effect, share: float
+) -> None:
+    values = [p.lowest + share * (p.highest - p.lowest) for p in effect.parameters]
+    printed = ", ".join(
+        f'{p.name} = {{ value = {value / p.si!r}, unit = "{p.unit}" }}'
+        for p, value in zip(effect.parameters, values, strict=True)
+    )
+    text = f'\n[[effects]]\nid = "{effect.id}"\nparameters = {{ {printed} }}\n'
+    found = effective_model(load_injector(injector_file(tmp_path_factory.mktemp("effects"), text)))
+    sizes = {p.name: value for p, value in zip(effect.parameters, values, strict=True)}
+    by_hand = effective_model(load_injector(), [sized(effect.id, **sizes)])
+    for one, other in (
+        (found.coefficients, by_hand.coefficients),
+        (found.inputs, by_hand.inputs),
+        (found.sensor, by_hand.sensor),
+    ):
+        assert tuple(one) == pytest.approx(tuple(other), rel=1e-9)
+
+
+def test_model_hash_covers_what_effects_do(tmp_path: Path) -> None:
+    nominal, eroded = model_hash(load_injector()), load_injector(injector_file(tmp_path, ERODED))
+    assert model_hash(eroded) != nominal
+    more = ERODED.replace("0.30", "0.31")
+    assert model_hash(load_injector(injector_file(tmp_path, more))) != model_hash(eroded)
+    assert model_hash(load_injector(injector_file(tmp_path, ERODED + LATE))) != model_hash(eroded)
+
+
+def test_model_hash_does_not_cover_why_they_are_believed(tmp_path: Path) -> None:
+    eroded = model_hash(load_injector(injector_file(tmp_path, ERODED)))
+    other = (
+        ERODED.replace("six recordings", "a dream").replace("2026", "2027").replace("[0.29, 0.31]", "[0, 1]")
+    )
+    assert model_hash(load_injector(injector_file(tmp_path, other))) == eroded

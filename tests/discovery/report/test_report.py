@@ -1,0 +1,135 @@
+"""report.html: one page that stands alone and says what findings.json says."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import datetime
+from html.parser import HTMLParser
+
+import pytest
+
+from observer_rt.discovery.findings import Findings
+from observer_rt.discovery.opinion import Opinion
+from observer_rt.discovery.report.report import Sources, report
+from observer_rt.discovery.result import Decisive, Discovery, Signal, Unexplained, Verdict
+from observer_rt.estimation.phases import Phase
+from observer_rt.model.effect import Equation
+from tests.discovery.conftest import Worn
+
+VOID = {"meta", "br", "path", "use", "rect", "line"}
+
+
+class _Page(HTMLParser):
+    """The text of a page; fails on tags that do not match, and notes what a browser would load or run."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.text = ""
+        self.loaded: list[str] = []
+        self._open: list[str] = []
+        self.feed(page)
+        assert not self._open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag in ("script", "link", "img", "iframe", "object"):
+            self.loaded.append(tag)
+        for name, value in attrs:
+            outside = value is not None and re.search(r"(https?:|//|url\((?!#))", value)
+            if outside and not name.startswith("xmlns"):
+                self.loaded.append(f"{name}={value}")
+        if tag not in VOID:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self._open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in VOID:
+            assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def _page(worn: Worn, found: Discovery | None = None, **changes: object) -> _Page:
+    findings: Findings = replace(worn.answer.findings, **changes)  # type: ignore[arg-type]
+    if found is not None:
+        count = len(found.effects)
+        findings = replace(findings, discovery=found, effects=findings.effects[:count])
+    return _Page(report(findings, worn.answer.overlays, _sources(worn.question.hashes)))
+
+
+def _sources(hashes: Mapping[str, str]) -> Sources:
+    return Sources("a & b.toml", "0" * 64, ("seat_area",), hashes, (), datetime(2026, 1, 31, 12, 0))
+
+
+def test_the_page_stands_alone(worn: Worn) -> None:
+    assert _page(worn).loaded == []
+
+
+def test_the_answer_comes_first_with_size_confidence_and_consequences(worn: Worn) -> None:
+    text = _page(worn).text
+    (effect,) = worn.answer.findings.discovery.effects
+    answer = text[: text.index("Where model and measurement disagree")]
+    assert f"v_H = {effect.parameters[0].value:.4f}" in answer
+    assert "99%" in answer
+    assert re.search(r"[\d.]+ MPa off in line pressure and [\d.]+ mg \([\d.]+%\) in injected mass", answer)
+    assert "amended.toml" in answer
+
+
+def test_every_part_is_there(worn: Worn) -> None:
+    page = _page(worn)
+    for heading in (
+        "Where model and measurement disagree",
+        "A typical injection",
+        "not fitted to",
+        "Candidates and their evidence",
+        "could not be told apart",
+        "at standstill",
+        "learning observer",
+        "How this was found",
+    ):
+        assert heading in page.text
+    assert "Nothing here contradicts the discovery" in page.text
+    for name in worn.question.hashes:
+        assert name in page.text  # <0>.csv: shown, not taken for a tag
+
+
+def test_a_contradiction_stands_at_the_top(worn: Worn) -> None:
+    quiet = Opinion((replace(worn.answer.findings.opinion.indicators[0], value=0.0),), 10, 12, {})  # type: ignore[union-attr]
+    text = _page(worn, opinion=quiet).text
+    assert text.index("does not agree") < text.index("Where model and measurement disagree")
+    assert "could not be run" in _page(worn, opinion=None).text
+
+
+def test_an_ambiguous_answer_names_its_rivals_and_what_would_decide(worn: Worn) -> None:
+    found = replace(
+        worn.answer.findings.discovery,
+        verdict=Verdict.AMBIGUOUS,
+        rivals=(("orifice_cavitation",),),
+        decide_by=(Decisive("a measurement at 160 MPa", ("orifice_area", "orifice_cavitation")),),
+    )
+    text = _page(worn, found).text
+    assert "do not decide" in text
+    assert "explained as well by: orifice_cavitation" in text
+    assert "a measurement at 160 MPa" in text
+
+
+@pytest.mark.parametrize("verdict", [Verdict.NONE, Verdict.UNKNOWN])
+def test_without_an_effect_no_model_is_promised(worn: Worn, verdict: Verdict) -> None:
+    place = Unexplained(
+        Equation.SAC_PRESSURE, Phase.CLOSING, Signal.LINE_PRESSURE, ("duration",), "measured < modelled"
+    )
+    found = replace(
+        worn.answer.findings.discovery,
+        verdict=verdict,
+        effects=(),
+        unexplained=place if verdict is Verdict.UNKNOWN else None,
+    )
+    text = _page(worn, found, amended_model=None).text
+    assert "amended.toml" not in text
+    assert ("Nothing is missing" in text) == (verdict is Verdict.NONE)
+    assert ("while the needle closes" in text) == (verdict is Verdict.UNKNOWN)
+    assert ("Measured < modelled" in text) == (verdict is Verdict.UNKNOWN)

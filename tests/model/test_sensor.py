@@ -1,0 +1,91 @@
+"""The lagging sensor against its differential equation, solved by another method."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from observer_rt.model.sensor import lagged, lagged_slopes
+
+INTERVAL = 1e-5  # s
+pressures = st.floats(-0.1, 2.0)
+lags = st.floats(0.0, 5e-4)
+
+
+def solved(indicated: float, start: float, end: float, interval: float, lag: float) -> float:
+    """tau y' = p - y with p a ramp, by an implicit method with tight tolerances."""
+    solution = solve_ivp(
+        lambda t, y: (start + (end - start) * t / interval - y) / lag,
+        (0.0, interval),
+        [indicated],
+        method="Radau",
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    return float(solution.y[0, -1])
+
+
+@pytest.mark.parametrize("interval", [1e-5, 5e-5])
+@pytest.mark.parametrize("lag", [2e-7, 3e-6, 40e-6, 500e-6])
+@pytest.mark.parametrize(("indicated", "start", "end"), [(0.9, 0.95, 0.7), (1.0, 1.0, 1.2), (0.3, 0.1, 0.1)])
+def test_lagged_solves_the_sensors_equation(
+    interval: float, lag: float, indicated: float, start: float, end: float
+) -> None:
+    expected = solved(indicated, start, end, interval, lag)
+    assert lagged(indicated, start, end, interval, lag) == pytest.approx(expected, abs=1e-8)
+
+
+@given(pressures, pressures, pressures)
+def test_without_a_lag_the_pressure_is_indicated(indicated: float, start: float, end: float) -> None:
+    assert lagged(indicated, start, end, INTERVAL, 0.0) == end
+
+
+@given(pressures, pressures, pressures, lags)
+def test_indication_lies_between_what_was_indicated_and_what_was_there(
+    indicated: float, start: float, end: float, lag: float
+) -> None:
+    shown = lagged(indicated, start, end, INTERVAL, lag)
+    assert min(indicated, start, end) - 1e-12 <= shown <= max(indicated, start, end) + 1e-12
+
+
+@given(pressures, pressures, lags, st.integers(1, 20))
+def test_steps_compose(indicated: float, start: float, lag: float, pieces: int) -> None:
+    """A ramp in one step or in many: an exact solution does not mind."""
+    assume(lag > 1e-8)  # of which the start is forgotten in every step
+    end = start + 0.05
+    shown = indicated
+    for k in range(pieces):
+        at = [start + (end - start) * (k + i) / pieces for i in range(2)]
+        shown = lagged(shown, at[0], at[1], INTERVAL / pieces, lag)
+    assert shown == pytest.approx(lagged(indicated, start, end, INTERVAL, lag), abs=1e-9)
+
+
+def test_no_jump_where_the_lag_becomes_negligible() -> None:
+    """Below a thousandth of a sample another formula is used."""
+    edge = 1e-3 * INTERVAL
+    below, above = (lagged(0.5, 0.9, 0.8, INTERVAL, edge * share) for share in (1 - 1e-9, 1 + 1e-9))
+    assert below == pytest.approx(above, abs=1e-12)
+
+
+@given(pressures, pressures, pressures, st.one_of(st.floats(2e-7, 5e-4), st.floats(1e-9, 5e-9)))
+def test_slopes_are_the_derivatives(indicated: float, start: float, end: float, lag: float) -> None:
+    point = np.array([indicated, start, end, lag])
+    slopes = lagged_slopes(indicated, start, end, INTERVAL, lag)
+    for i, slope in enumerate(slopes):
+        step = np.zeros(4)
+        step[i] = 1e-3 * lag if i == 3 else 1e-4
+        high, low = (point + step), (point - step)
+        numeric = (
+            lagged(high[0], high[1], high[2], INTERVAL, high[3])
+            - lagged(low[0], low[1], low[2], INTERVAL, low[3])
+        ) / (2 * step[i])
+        scale = 1.0 if i < 3 else 1.0 / max(lag, INTERVAL)
+        assert slope == pytest.approx(numeric, rel=1e-4, abs=1e-5 * scale)
+
+
+@given(pressures, lags)
+def test_weights_of_the_three_pressures_add_up_to_one(pressure: float, lag: float) -> None:
+    slopes = lagged_slopes(pressure, pressure, pressure, INTERVAL, lag)
+    assert sum(slopes[:3]) == pytest.approx(1.0, abs=1e-12)
+    assert slopes[3] == pytest.approx(0.0, abs=1e-6)

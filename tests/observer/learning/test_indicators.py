@@ -1,0 +1,38 @@
+"""Wear as a number, whatever the structure that holds it."""
+
+import numpy as np
+import pytest
+
+from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.model.coefficients import coefficients
+from observer_rt.model.network import HIDDEN, zero_network
+from observer_rt.model.right_hand_side import injection_rate
+from observer_rt.observer.learning.indicators import nozzle_change
+from tests.observer.sample_stream import NOMINAL
+
+X, U = (0.9, 1.0, 0.8), (0.95, 0.6)
+
+
+def worn() -> np.ndarray:
+    theta = np.zeros(PARAMETERS)
+    theta[Parameter.NOZZLE_BIAS] = 0.2
+    theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN] = np.linspace(-0.05, 0.08, HIDDEN)
+    theta[Parameter.BACK_PRESSURE : Parameter.BACK_PRESSURE + 2] = 0.03, 0.05
+    return theta
+
+
+def test_nozzle_change_is_that_of_the_injection_rate() -> None:
+    c = coefficients(NOMINAL)._replace(transition=1e-9)
+    changed = injection_rate(X, U, c, learned_of(worn()).network)
+    assert nozzle_change(worn(), X, U)[0] == pytest.approx(
+        changed / injection_rate(X, U, c, zero_network()) - 1.0
+    )
+
+
+@pytest.mark.parametrize("parameter", range(PARAMETERS))
+def test_slopes_are_derivatives(parameter: int) -> None:
+    step = np.zeros(PARAMETERS)
+    step[parameter] = 1e-6
+    numeric = (nozzle_change(worn() + step, X, U)[0] - nozzle_change(worn() - step, X, U)[0]) / 2e-6
+    assert nozzle_change(worn(), X, U)[1][parameter] == pytest.approx(numeric, abs=1e-7)

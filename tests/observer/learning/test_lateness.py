@@ -1,0 +1,82 @@
+"""A lag of the line-pressure sensor is told from a channel recorded late."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from observer_rt.config.bench import load_bench
+from observer_rt.estimation.posterior import prior_belief
+from observer_rt.estimation.prediction_error import EventCost
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import sized
+from observer_rt.model.sensor import LAG_UNIT
+from observer_rt.observer.learning.fitting import EventFitter, theta_limits
+from observer_rt.observer.learning.knowledge import DEFAULT_RULES
+from observer_rt.observer.learning.lateness import LagDoubt, lag_score
+from observer_rt.observer.stream.state import Reason
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+from tests.estimation.conftest import event_inputs, make_case, simulated_event, worn_theta
+from tests.observer.sample_stream import NOMINAL
+
+LAGGING = sized("line_pressure_sensor_lag", tau=40e-6)
+LATE = sized("channel_skew", d=30e-6)
+EVENTS = 12
+
+
+@cache
+def reasons(effect: SizedEffect) -> tuple[Reason, ...]:
+    """Why each of twelve injections at three pressures and two durations is not valid."""
+    schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
+    recording = simulate(NOMINAL, schedule, 100e3, (effect,), NoiseLevels(), seed=5).recording
+    reports = evaluate(load_bench(), [recording]).evaluations[0].reports
+    return tuple(report.reason for report in reports)
+
+
+def test_a_lag_is_believed() -> None:
+    assert reasons(LAGGING)[3:] == (Reason.NONE,) * (EVENTS - 3)
+
+
+def test_a_channel_recorded_late_is_not_taken_for_a_lag() -> None:
+    assert Reason.NONE not in reasons(LATE)[-4:]
+    assert Reason.TIME_BASE in reasons(LATE)[-4:]
+
+
+def test_score_of_a_fit_is_not_changed_by_what_was_tried_after_it() -> None:
+    """An event that contradicts may keep its first fit, though another was tried from a wide prior."""
+    case = make_case(NOMINAL)
+    lagging = np.zeros(PARAMETERS)
+    lagging[Parameter.SENSOR_LAG] = 40e-6 / LAG_UNIT
+    window = simulated_event(case, lagging, event_inputs(), seed=3)
+    cost = EventCost(window, case.setting, case.schedule.innovation_sigma, burn_in=50)
+    wide = DEFAULT_RULES.prior.vector(case.c.pressure_scale)
+    fitter = EventFitter(cost, DEFAULT_RULES.gate, frozenset(), theta_limits(case.c.pressure_scale))
+    fit = fitter.fit(cost.linearised(lagging), prior_belief(lagging, np.diag(wide**2)), 2)
+    before = lag_score(window, case.setting, fit, cost, wide)
+    assert before is not None
+    elsewhere = cost.linearised(worn_theta())
+    fitter.fit(elsewhere, prior_belief(worn_theta(), np.diag((1e-3 * wide) ** 2)), 1)
+    assert lag_score(window, case.setting, fit, cost, wide) == before
+
+
+def test_white_scores_hardly_ever_contradict_a_lag() -> None:
+    doubt = LagDoubt()
+    assert not any(doubt.is_no_lag_after(score) for score in np.random.default_rng(6).normal(size=5000))
+
+
+@pytest.mark.parametrize("pull", [-3.0, 3.0])
+def test_scores_of_one_sign_do(pull: float) -> None:
+    doubt = LagDoubt()
+    assert [doubt.is_no_lag_after(pull) for _ in range(4)] == [False, False, True, True]
+
+
+def test_without_a_lag_all_is_forgotten() -> None:
+    doubt = LagDoubt()
+    for _ in range(5):
+        doubt.is_no_lag_after(-3.0)
+    assert not doubt.is_no_lag_after(None)
+    assert not doubt.is_no_lag_after(-3.0)

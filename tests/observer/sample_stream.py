@@ -1,0 +1,168 @@
+"""Drives the observer sample by sample, as the service does, and keeps every processed sample."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
+from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.foundation.continuity import Break
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.observer.learning.knowledge import Outcome, no_knowledge
+from observer_rt.observer.learning.learner import Learner
+from observer_rt.observer.observer import (
+    Durations,
+    constants_for,
+    event_standstill,
+    event_window,
+    in_force,
+    judge,
+    make_observer,
+)
+from observer_rt.observer.stream.standstill import Standstill, standstill_of
+from observer_rt.observer.stream.state import INJECTIONS, RING, SAMPLE, Observer
+from observer_rt.observer.stream.step import advance_stream, push
+
+NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
+NOMINAL = load_injector()
+RAIL = 100e6  # Pa
+PIECE = 1000  # samples fed between two looks
+
+
+@njit(cache=True, nogil=True)
+def _push_all(observer, index, rail, lift, line, broken, between):  # type: ignore[no-untyped-def]
+    for k in range(rail.size):
+        begins = broken if k == 0 else 0
+        push(observer, index + k, rail[k], lift[k], line[k], False, begins, 0, between[0], between[1])
+
+
+@dataclass
+class Stream:
+    """One observer; `rows` are the processed samples, `judged` the indices before which an event was judged."""
+
+    injector: InjectorParameters = NOMINAL
+    sample_rate: float = 100e3
+    durations: Durations = field(default_factory=Durations)
+    events_required: int = 2
+    learning: bool = False
+    keep: bool = True
+    judged: list[int] = field(default_factory=list)
+    outcomes: list[Outcome | None] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        constants = constants_for(self.injector, self.sample_rate, self.durations, self.events_required)
+        knowledge = no_knowledge(NOISE, constants.coefficients.pressure_scale)
+        self.learner = Learner(constants, knowledge)
+        self.observer: Observer = make_observer(constants, knowledge, self.learner)
+        self._kept: list[NDArray[np.void]] = []
+        self._seen = 0
+        self._next_index = 0
+        self._begun = False
+
+    def feed(
+        self,
+        rail: NDArray[np.float64],
+        lift: NDArray[np.float64],
+        line: NDArray[np.float64],
+        index: int | None = None,
+        broken: Break = Break.NONE,
+        lift_after: float = 0.0,
+        rail_share: float = 0.0,
+    ) -> "Stream":
+        """Samples [Pa, m, Pa] from `index` on (default: where the last ones ended).
+
+        lift_after: share of an interval by which the lift was taken later than the rest; rail_share: of the later
+        one of the two neighbours between which the rail pressure lies.
+        """
+        first = self._next_index if index is None else index
+        if not self._begun:
+            broken, self._begun = Break.START, True
+        for k in range(0, rail.size, PIECE):
+            piece = slice(k, k + PIECE)
+            begins = int(broken) if k == 0 else 0
+            _push_all(
+                self.observer,
+                first + k,
+                rail[piece],
+                lift[piece],
+                line[piece],
+                begins,
+                (lift_after, rail_share),
+            )
+            self._advance()
+        self._next_index = first + rail.size
+        return self
+
+    def rest(self, duration: float, pressure: float = RAIL, **where: int) -> "Stream":
+        """A shut needle for `duration` [s], without noise."""
+        samples = round(duration * self.sample_rate)
+        constant = np.full(samples, pressure)
+        return self.feed(constant, np.zeros(samples), constant, **where)  # type: ignore[arg-type]
+
+    def finish(self) -> "Stream":
+        """No sample will come."""
+        self.observer.memory["draining"] = True
+        self._advance()
+        return self
+
+    @property
+    def rows(self) -> NDArray[np.void]:
+        """Processed samples, dtype SAMPLE."""
+        return np.concatenate(self._kept) if self._kept else np.zeros(0, SAMPLE)
+
+    @property
+    def injections(self) -> NDArray[np.void]:
+        """Injections begun, in order."""
+        begun = int(self.observer.memory["injections_begun"][0])
+        assert begun <= INJECTIONS
+        records: NDArray[np.void] = self.observer.memory["injections"][0][:begun]
+        return records
+
+    def count(self, name: str) -> int:
+        """A counter of the observer's memory."""
+        return int(self.observer.memory[name][0])
+
+    @property
+    def standstill(self) -> Standstill:
+        """Statistics so far."""
+        return standstill_of(self.observer.memory[0], self.observer.constants.coefficients.pressure_scale)
+
+    def _advance(self) -> None:
+        while advance_stream(self.observer):
+            self._keep()
+            position = self.count("processed")
+            waiting_index = int(self.observer.ring[position % RING]["index"])
+            self.judged.append(waiting_index if position < self.count("received") else -1)
+            number = self.count("events_taken")
+            window = event_window(self.observer, number) if self.learning else None
+            outcome = None
+            if window is not None:
+                outcome = self.learner.learn(
+                    window, event_standstill(self.observer, number), in_force(self.observer)
+                )
+            self.outcomes.append(outcome)
+            judge(self.observer, outcome)
+        self._keep()
+
+    def _keep(self) -> None:
+        processed = self.count("processed")
+        if self.keep:
+            self._kept.append(self.observer.ring[np.arange(self._seen, processed) % RING].copy())
+        self._seen = processed
+
+
+def stroke(open_for: int, peak: float = 0.3e-3, ramp: int = 20) -> NDArray[np.float64]:
+    """Lift [m] of one opening: exactly `open_for` samples above 0, straight ramps of `ramp` samples."""
+    k = np.arange(1, open_for + 1)
+    return peak * np.clip(np.minimum(k, open_for + 1 - k) / ramp, 0.0, 1.0)
+
+
+def place(length: int, **strokes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lift [m] of `length` samples with strokes at the samples given by name: at_100=stroke(50)."""
+    lift = np.zeros(length)
+    for name, shape in strokes.items():
+        start = int(name.removeprefix("at_"))
+        lift[start : start + shape.size] = shape
+    return lift

@@ -1,0 +1,175 @@
+"""Openings, injections, events: what belongs together, where windows end, when an event is judged."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.foundation.continuity import Break
+from observer_rt.observer.observer import Durations
+from observer_rt.observer.stream.state import MAX_EVENT, RING, Reason, State
+from tests.observer.sample_stream import RAIL, Stream, stroke
+
+MS = 100  # samples at 100 kHz
+GAP, DELAY = 10 * MS, 20 * MS
+
+
+def lift_with(openings: dict[int, int], length: int) -> NDArray[np.float64]:
+    """Lift with openings {first open sample: samples open}."""
+    lift = np.zeros(length)
+    for start, open_for in openings.items():
+        lift[start : start + open_for] = stroke(open_for)[: length - start]
+    return lift
+
+
+def run(openings: dict[int, int], length: int, **options: object) -> Stream:
+    pressure = np.full(length, RAIL)
+    stream = Stream(**options)  # type: ignore[arg-type]
+    return stream.feed(pressure, lift_with(openings, length), pressure)
+
+
+def test_pilot_main_and_post_are_one_event() -> None:
+    openings = {1000: 30, 1150: 110, 1400: 40}
+    stream = run(openings, 6000)
+    assert stream.count("event_number") == 1
+    assert stream.count("events_judged") == 1
+    assert [int(i["number"]) for i in stream.injections] == [1, 2, 3]
+    assert [int(i["event"]) for i in stream.injections] == [1, 1, 1]
+
+
+def test_window_of_an_injection() -> None:
+    """From 0.15 ms before its opening to 0.5 ms after it is shut, or to where the next one opens."""
+    stream = run({1000: 30, 1060: 110, 1400: 40}, 6000)
+    first, second, third = stream.injections
+    assert (int(first["start_index"]), int(first["end_index"])) == (1000 - 15, 1060)
+    assert (int(second["start_index"]), int(second["end_index"])) == (1060 - 15, 1170 + 50)
+    assert (int(third["start_index"]), int(third["end_index"])) == (1400 - 15, 1440 + 50)
+
+
+def test_window_of_a_slow_opening_begins_at_the_foot_of_its_ramp() -> None:
+    pressure = np.full(3000, RAIL)
+    lift = lift_with({1000: 110}, 3000)
+    lift[998:1000] = 0.9e-6, 1.7e-6  # below the dead band, above the noise
+    stream = Stream().feed(pressure, lift, pressure)
+    assert int(stream.injections[0]["start_index"]) == 998 - 15
+
+
+@pytest.mark.parametrize(("apart", "events"), [(GAP - 1, 1), (GAP + 4, 2)])
+def test_event_gap_parts_events(apart: int, events: int) -> None:
+    """Shut for less than the gap is the same event."""
+    stream = run({1000: 50, 1050 + apart: 50}, 8000)
+    assert stream.count("event_number") == events
+
+
+@pytest.mark.parametrize("gap_ms", [2.0, 10.0, 50.0])
+@pytest.mark.parametrize("delay_ms", [0.0, 20.0, 100.0])
+def test_event_is_judged_a_fixed_time_after_it_closed(gap_ms: float, delay_ms: float) -> None:
+    stream = run({1000: 50}, 20_000, durations=Durations(gap_ms * 1e-3, delay_ms * 1e-3))
+    closed = 1050 + round(gap_ms * MS)  # the last sample of its window
+    assert stream.judged == [max(closed + round(delay_ms * MS), closed + 1)]
+
+
+def test_judgement_waits_for_an_event_under_way() -> None:
+    """Due in the middle of the second event: judged at the first sample after that has closed."""
+    due = 1050 + GAP + DELAY
+    stream = run({1000: 50, due - 20: 50}, 12_000)
+    second_closed = due - 20 + 50 + GAP
+    assert stream.judged == [second_closed + 1, second_closed + DELAY]
+
+
+def test_judgement_comes_before_the_opening_that_would_delay_it() -> None:
+    due = 1050 + GAP + DELAY
+    stream = run({1000: 50, due + 4: 50}, 12_000)
+    assert stream.judged[0] == due
+
+
+def test_many_events_wait_for_their_judgement() -> None:
+    """A long learning delay and short gaps: every event is judged once, in order, at its time."""
+    gap, delay = 2 * MS, 100 * MS
+    starts = list(range(1000, 1000 + 40 * 3 * MS, 3 * MS))
+    stream = run(dict.fromkeys(starts, 20), 30_000, durations=Durations(2e-3, 100e-3))
+    assert stream.count("event_number") == len(starts)
+    outside = [start + 20 + gap + delay for start in starts]
+    assert len(stream.judged) == len(starts)
+    for judged, due in zip(stream.judged, outside, strict=True):
+        assert due <= judged < due + 3 * MS
+
+
+def test_end_of_the_stream_judges_what_is_left() -> None:
+    stream = run({1000: 50}, 1100).finish()
+    assert stream.count("processed") == 1100
+    assert stream.count("events_judged") == 1
+
+
+@pytest.mark.parametrize("opened", [True, False])
+def test_break_in_the_stream_ends_the_event(opened: bool) -> None:
+    """With an open needle nothing can be learned from it; long shut, all of it can."""
+    length = 1030 if opened else 1050 + 5 * MS
+    stream = run({1000: 50}, length, learning=True)
+    stream.rest(40e-3, index=length + 100, broken=Break.LOSS)
+    assert stream.count("events_judged") == 1
+    assert (stream.outcomes[0] is None) == opened
+
+
+def test_index_that_begins_anew_judges_at_once() -> None:
+    """The index the event was due at will not come again."""
+    stream = run({9000: 50}, 9500)
+    stream.rest(5e-3, index=0, broken=Break.RESTART)
+    assert stream.judged == [0]
+
+
+def test_volume_is_the_trapezoid_of_what_was_published() -> None:
+    stream = run({1000: 110}, 6000)
+    (injection,) = stream.injections
+    rows = stream.rows[int(injection["start"]) : int(injection["end"]) + 1]
+    expected = float(np.trapezoid(rows["injection_rate"])) * 1e-5
+    assert expected > 1e-8  # m3
+    assert float(injection["volume"]) == pytest.approx(expected, rel=1e-12)
+    assert float(injection["peak_rate"]) == rows["injection_rate"].max()
+
+
+def test_opening_that_cuts_a_window_short_counts_with_its_own_sample() -> None:
+    """Not with what stood in its place of the ring one lap before, when nothing was valid yet."""
+    first, lap = 1000, RING
+    openings = {first: 110, first + 6000: 110, first + lap - 60: 30, first + lap: 110}
+    stream = run(openings, first + lap + 6000)
+    pilot = stream.injections[2]
+    rows = stream.rows[int(pilot["start"]) : int(pilot["end"]) + 1]
+    assert int(pilot["end_index"]) == first + lap
+    expected = float(np.trapezoid(rows["injection_rate"])) * 1e-5
+    assert float(pilot["volume"]) == pytest.approx(expected, rel=1e-12)
+    assert pilot["valid"]
+
+
+def test_injection_in_time_not_synchronised_has_no_volume() -> None:
+    stream = run({100: 50}, 6000)
+    (injection,) = stream.injections
+    assert np.isnan(injection["volume"])
+    assert np.isnan(injection["peak_rate"])
+    assert not injection["valid"]
+    assert Reason(int(injection["reason"])) is Reason.STARTING
+
+
+def test_samples_are_valid_after_two_judged_events() -> None:
+    stream = run({1000: 50, 6000: 50, 11_000: 50}, 16_000)
+    rows = stream.rows
+    valid = np.flatnonzero(rows["valid"])
+    assert valid[0] == stream.judged[1]
+    assert rows["valid"][valid[0] :].all()
+    assert (rows["reason"][400 : valid[0]] == Reason.TOO_FEW_EVENTS).all()
+    assert [bool(i["valid"]) for i in stream.injections] == [False, False, True]
+
+
+def test_needle_that_never_shuts_is_reported() -> None:
+    """Open longer than any injection: not valid, not available, and nothing is learned."""
+    length = MAX_EVENT + 4000
+    stream = Stream(events_required=0, learning=True).rest(10e-3)
+    pressure = np.full(length, RAIL)
+    stream.feed(pressure, np.full(length, 0.3e-3), pressure)
+    last = stream.rows[-1]
+    assert not last["valid"]
+    assert Reason(int(last["reason"])) is Reason.NEEDLE_STUCK
+    assert State(int(last["state"])) is State.DEGRADED
+    assert np.isnan(last["injection_rate"])
+    stream.rest(60e-3)
+    assert stream.outcomes == [None]
+    assert stream.rows[-1]["valid"]

@@ -1,0 +1,179 @@
+"""The candump log reader against text as candump writes it, and against text it must refuse."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.can_log import LogFrame
+from observer_rt.recording.canlog.candump import CandumpLog
+
+FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
+
+
+def log(folder: Path, text: str) -> CandumpLog:
+    path = folder / "candump.log"
+    path.write_text(text)
+    return CandumpLog(path)
+
+
+def read(folder: Path, text: str) -> list[LogFrame]:
+    return list(log(folder, text))
+
+
+def message(folder: Path, text: str) -> str:
+    with pytest.raises(UserError) as raised:
+        read(folder, text)
+    return str(raised.value)
+
+
+def test_fd_frame(tmp_path: Path) -> None:
+    (found,) = read(tmp_path, "(1700000000.000123) vcan0 100##1AABB\n")
+    assert found.frame.stamp_ns == 1_700_000_000_000_123_000
+    assert (found.frame.frame_id, found.frame.payload) == (0x100, b"\xaa\xbb")
+    assert (found.frame.is_fd, found.frame.is_extended) == (True, False)
+    assert (found.channel, found.frame.bit_rate_switch, found.frame.error_state_indicator) == (
+        "vcan0",
+        True,
+        False,
+    )
+
+
+def test_classic_extended_and_empty_frames(tmp_path: Path) -> None:
+    text = "(0.000001) can1 18DAF110#0102\n(0.000002) can1 7FF#\n(0.000003) can1 00000100##3\n"
+    extended, empty, flagged = read(tmp_path, text)
+    assert (extended.frame.frame_id, extended.frame.is_extended, extended.frame.is_fd) == (
+        0x18DAF110,
+        True,
+        False,
+    )
+    assert (empty.frame.frame_id, empty.frame.is_extended, empty.frame.payload) == (0x7FF, False, b"")
+    assert (flagged.frame.frame_id, flagged.frame.is_extended) == (0x100, True)
+    assert (flagged.frame.bit_rate_switch, flagged.frame.error_state_indicator) == (True, True)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "nanoseconds"),
+    [("12.5", 12_500_000_000), ("12.000001", 12_000_001_000), ("12.000000001", 12_000_000_001)],
+)
+def test_stamps_are_exact_to_the_nanosecond(tmp_path: Path, stamp: str, nanoseconds: int) -> None:
+    assert read(tmp_path, f"({stamp}) vcan0 100#00\n")[0].frame.stamp_ns == nanoseconds
+
+
+def test_direction_and_raw_length_suffixes_are_accepted(tmp_path: Path) -> None:
+    text = "(1.5) vcan0 100#AA R\n(1.6) vcan0 100##0BB T\n(1.7) vcan0 100#1122334455667788_C\n"
+    assert [found.frame.payload.hex() for found in read(tmp_path, text)] == ["aa", "bb", "1122334455667788"]
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(
+    frames=st.lists(
+        st.tuples(
+            st.integers(0, 10**7),
+            st.integers(0, 0x1FFFFFFF),
+            st.booleans(),
+            st.none() | st.integers(0, 3),
+            st.sampled_from(FD_LENGTHS).flatmap(lambda n: st.binary(min_size=n, max_size=n)),
+        ),
+        max_size=200,
+    )
+)
+def test_whatever_is_written_is_read(
+    tmp_path: Path, frames: list[tuple[int, int, bool, int | None, bytes]]
+) -> None:
+    lines, expected, microseconds = [], [], 1_700_000_000_123_457
+    for step, identifier, is_extended, flags, data in frames:
+        microseconds += step
+        frame_id = identifier if is_extended else identifier & 0x7FF
+        payload = data if flags is not None else data[:8]
+        mark = "#" if flags is None else f"##{flags}"
+        printed_id = f"{frame_id:08X}" if is_extended else f"{frame_id:03X}"
+        stamp = f"{microseconds // 10**6:010d}.{microseconds % 10**6:06d}"
+        lines.append(f"({stamp}) vcan0 {printed_id}{mark}{payload.hex().upper()}\n")
+        of_fd = (flags is not None, flags in (1, 3), flags in (2, 3))
+        expected.append((frame_id, payload, microseconds * 1000, is_extended, *of_fd))
+    assert [tuple(found.frame) for found in read(tmp_path, "".join(lines))] == expected
+
+
+def test_remote_and_error_frames_are_counted_not_yielded(tmp_path: Path) -> None:
+    text = (
+        "(1.1) vcan0 100#R\n(1.2) vcan0 100#R8\n(1.3) vcan0 20000004#0001000000000000\n"
+        "(1.4) vcan0 100##1AA\n(1.5) vcan0 00000100#R\n"
+    )
+    frames = log(tmp_path, text)
+    for _ in range(2):  # the counters belong to one reading
+        assert [found.frame.payload for found in frames] == [b"\xaa"]
+        assert (frames.remote_frames, frames.error_frames) == (3, 1)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "  vcan0  100   [8]  11 22 33 44 55 66 77 88",
+        "(1700000000.000123)  vcan0  100  [08]  11 22 33 44 55 66 77 88",
+        "(000.000123)  vcan0  18DAF110   [2]  11 22",
+        "vcan0  RX - -  100   [2]  11 22",
+    ],
+)
+def test_screen_output_is_recognised(tmp_path: Path, line: str) -> None:
+    text = message(tmp_path, f"(1.5) vcan0 100#00\n{line}\n")
+    assert "line 2: this is candump's screen output" in text
+    assert "candump -l" in text
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "hello",
+        "(1.5) vcan0 100",
+        "(1.5) vcan0 100#A",
+        "(1.5) vcan0 100#AABBC",
+        "(1.5) vcan0 100##",
+        "(1.5) vcan0 1000#AA",
+        "(1.5) vcan0 800#AA",
+        "(1.5) vcan0 F0000000#AA",
+        "(1.5 vcan0 100#AA",
+        "(-1.5) vcan0 100#AA",
+        "(1.5) vcan0 100#GG",
+        "(1.5) vcan0 100#AA BB",
+    ],
+)
+def test_malformed_line_names_its_number(tmp_path: Path, line: str) -> None:
+    assert "line 3: not a candump log line" in message(tmp_path, f"(1.5) vcan0 100#00\n\n{line}\n")
+
+
+@pytest.mark.parametrize("line", ["100#" + "00" * 9, "100##1" + "00" * 9, "100##1" + "00" * 65])
+def test_impossible_lengths(tmp_path: Path, line: str) -> None:
+    assert "line 1: " in message(tmp_path, f"(1.5) vcan0 {line}\n")
+
+
+def test_time_that_steps_back_names_the_line(tmp_path: Path) -> None:
+    lines = [f"({1 + i * 1e-3:.6f}) vcan0 100#00\n" for i in range(300)]
+    lines[250] = "(1.200000) vcan0 100#00\n"
+    assert "line 251: time on vcan0 steps back by 0.049 s" in message(tmp_path, "".join(lines))
+
+
+def test_channels_may_overtake_each_other(tmp_path: Path) -> None:
+    assert len(read(tmp_path, "(1.5) can0 100#00\n(1.4) can1 100#00\n(1.6) can0 100#00\n")) == 3
+
+
+@pytest.mark.parametrize("stamp", ["1700000000", "1700000000.000000"])
+def test_whole_second_stamps_are_refused(tmp_path: Path, stamp: str) -> None:
+    assert "whole seconds" in message(tmp_path, f"({stamp}) vcan0 100#00\n" * 3)
+
+
+def test_a_single_frame_at_a_whole_second_is_fine(tmp_path: Path) -> None:
+    assert len(read(tmp_path, "(1700000000.000000) vcan0 100#00\n")) == 1
+
+
+def test_reading_is_lazy(tmp_path: Path) -> None:
+    lines = [f"({1 + i * 1e-3:.6f}) vcan0 100#00\n" for i in range(1000)]
+    frames = iter(log(tmp_path, "".join([*lines, "broken\n"])))
+    assert next(frames).frame.stamp_ns == 1_000_000_000
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="no such file"):
+        list(CandumpLog(tmp_path / "absent.log"))

@@ -1,0 +1,108 @@
+"""Logs and recordings damaged anywhere: what they held, or an error that names the file; never less in silence."""
+
+import random
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.formats import LOG_WRITERS, open_log
+from observer_rt.recording.signals.files import WRITERS, read_recording, write_recording
+from observer_rt.recording.signals.recording import Recording
+from tests.recording.canlog.log_cases import mixture, write_log
+
+FRAMES = 12
+COMMENTS = {
+    ".log": b"#",
+    ".asc": b"/;",
+    ".trc": b";",
+}  # what begins with one is none by the rules of the format
+
+Damage = Callable[[bytes], bytes]
+
+
+@cache
+def undamaged(suffix: str, folder: Path) -> bytes:
+    path = folder / f"whole{suffix}"
+    write_log(path, mixture(suffix, FRAMES))
+    return path.read_bytes()
+
+
+@st.composite
+def damages(draw: st.DrawFn) -> Damage:
+    """A stretch of bytes replaced by others; the seed chooses where, whatever the length of the file."""
+    chance = random.Random(draw(st.integers(0, 2**32)))
+    removed = draw(st.sampled_from((0, 1, 1, 2, 5)))
+    added = draw(
+        st.binary(max_size=6) | st.sampled_from((b"\n", b" ", b"0", b"9", b"x", b"\0", b"\xff", b"R"))
+    )
+
+    def damage(data: bytes) -> bytes:
+        place = chance.randrange(len(data))
+        return data[:place] + added + data[place + removed :]
+
+    return damage
+
+
+@pytest.mark.parametrize("suffix", sorted(LOG_WRITERS))
+def test_a_damaged_log(tmp_path: Path, suffix: str) -> None:
+    whole = undamaged(suffix, tmp_path)
+
+    @settings(
+        max_examples=20 if suffix == ".mf4" else 200,
+        suppress_health_check=[HealthCheck.function_scoped_fixture],
+    )
+    @given(damages())
+    def check(damage: Damage) -> None:
+        data = damage(whole)
+        path = tmp_path / f"damaged{suffix}"
+        path.write_bytes(data)
+        log, refusal = open_log(path), ""
+        try:
+            found = list(log)
+        except UserError as error:
+            refusal = str(error)
+        if refusal:
+            assert str(path) in refusal
+        elif len(found) < FRAMES and not _comments(suffix, data) - _comments(suffix, whole):
+            assert log.notes() != []
+
+    check()
+
+
+def _comments(suffix: str, data: bytes) -> set[bytes]:
+    """Damage may make a comment of a frame: nobody can tell."""
+    marks = COMMENTS.get(suffix, b"")
+    return {line for line in data.splitlines() if line.strip()[:1] in marks and line.strip()}
+
+
+@pytest.mark.parametrize("suffix", sorted(WRITERS))
+def test_a_damaged_recording(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"recording{suffix}"
+    values = np.arange(20.0)
+    write_recording(path, Recording(values / 1e5, values * 1e5, values * 1e-6, values * 1e5))
+    whole = path.read_bytes()
+
+    @settings(
+        max_examples=20 if suffix == ".mf4" else 200,
+        suppress_health_check=[HealthCheck.function_scoped_fixture],
+    )
+    @given(damages())
+    def check(damage: Damage) -> None:
+        path.write_bytes(damage(whole))
+        refusal = ""
+        try:
+            found = read_recording(path)
+        except UserError as error:
+            refusal = str(error)
+        if refusal:
+            assert str(path) in refusal
+        else:
+            assert found.samples == values.size
+
+    check()

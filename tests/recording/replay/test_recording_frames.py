@@ -1,0 +1,189 @@
+"""Recordings as frames: parts, windows, loops; decoded by plain cantools."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import cantools.database
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.bus.mapping.signal_range import recorded_out_of_range
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.replay.framing import TimedFrame
+from observer_rt.recording.replay.recording_frames import recording_extent, recording_frames
+from observer_rt.recording.signals.recording import Recording
+
+RATE = 100e3
+DATABASE = cantools.database.load_file(EXAMPLE_BENCH.with_name("observer_fd.dbc"))
+
+
+@pytest.fixture(scope="module")
+def bus() -> BusMap:
+    return map_bus(load_bench())
+
+
+def recording_of(samples: int, open_at: tuple[int, ...] = (), start: float = 0.0) -> Recording:
+    lift = np.zeros(samples)
+    for sample in open_at:
+        lift[sample : sample + 100] = 1e-4
+    random = np.random.default_rng(samples)
+    return Recording(
+        start + np.arange(samples) / RATE,
+        random.uniform(0, 200e6, samples),
+        lift,
+        random.uniform(0, 200e6, samples),
+        path=Path("recorded.csv"),
+    )
+
+
+def rail_by_index(frames: list[TimedFrame]) -> dict[int, float]:
+    """Rail pressure [MPa] by sample index; every index may come once, missing values are left out."""
+    found: dict[int, float] = {}
+    for frame in frames:
+        message = DATABASE.get_message_by_frame_id(frame.frame_id)
+        raw = message.decode(frame.payload, scaling=False, decode_choices=False)
+        for name in (name for name in raw if name.startswith("RailPressure_")):
+            index = int(raw["SampleIndex"]) + int(name[-2:])
+            assert index not in found
+            if raw[name] != 0xFFFF:
+                found[index] = 0.005 * raw[name] - 10
+    return found
+
+
+def rail_of(recording: Recording) -> list[float]:
+    return [pressure / 1e6 for pressure in recording.rail_pressure]
+
+
+def test_a_long_recording_is_sent_as_if_encoded_at_once(bus: BusMap) -> None:
+    recording = recording_of(5003)
+    frames = list(recording_frames(recording, bus, False))
+    assert len(frames) == 556 == recording_extent(recording, bus, False).frames
+    values = rail_by_index(frames)
+    assert list(values) == list(range(5003))
+    assert list(values.values()) == pytest.approx(rail_of(recording), abs=0.0026)
+    assert [frame.payload[2] for frame in frames] == [n & 0xFF for n in range(556)]
+    assert [frame.time for frame in frames] == pytest.approx([(9 * n + 8) / RATE for n in range(556)])
+
+
+def test_time_index_and_counter_go_on_over_loops(bus: BusMap) -> None:
+    recording = recording_of(905)  # 100 frames of 9 samples, and 5 that fill none
+    frames = list(recording_frames(recording, bus, False, loop=3))
+    assert len(frames) == 100 + 100 + 101
+    values = rail_by_index(frames)
+    rail = rail_of(recording)
+    assert list(values) == list(range(900 + 900 + 905))
+    assert list(values.values()) == pytest.approx([*rail[:900], *rail[:900], *rail], abs=0.0026)
+    assert [frame.payload[2] for frame in frames] == [n & 0xFF for n in range(301)]
+    assert [frame.time for frame in frames] == pytest.approx([(9 * n + 8) / RATE for n in range(301)])
+
+
+def test_loop_0_never_ends(bus: BusMap) -> None:
+    frames = recording_frames(recording_of(20), bus, False, loop=0)
+    indices = [next(frames).payload[4] for _ in range(20)]
+    assert indices == [9 * n for n in range(20)]
+
+
+def test_windows_hold_whole_frames_round_the_injections(bus: BusMap) -> None:
+    recording = recording_of(20_000, open_at=(5000, 9000, 19_900))
+    frames = list(recording_frames(recording, bus, True))
+    values = rail_by_index(frames)
+    rail = rail_of(recording)
+    assert list(values.values()) == pytest.approx([rail[index] for index in values], abs=0.0026)
+    for opening in (5000, 9000):
+        sent = [index for index in values if opening - 1000 <= index <= opening + 1000]
+        assert sent == list(range(opening - 200, opening - 200 + len(sent)))
+        assert len(sent) % 9 == 0
+        assert 100 + 600 <= len(sent) <= 100 + 600 + 9
+    assert max(values) == 19_999
+    extent = recording_extent(recording, bus, True)
+    assert extent.frames == len(frames)
+    assert extent.duration == pytest.approx(0.2)
+    assert [frame.payload[2] for frame in frames] == [n & 0xFF for n in range(len(frames))]
+
+
+@given(gap=st.integers(590, 640))
+def test_windows_that_nearly_touch_send_no_index_twice(bus: BusMap, gap: int) -> None:
+    recording = recording_of(3000, open_at=(500, 600 + gap))
+    values = rail_by_index(list(recording_frames(recording, bus, True)))
+    assert set(values) >= {*range(300, 999), *range(400 + gap, 1099 + gap)}
+
+
+def test_windows_without_an_injection(bus: BusMap) -> None:
+    with pytest.raises(UserError, match=r"--windowed: no injection in .* recorded\.csv"):
+        recording_frames(recording_of(1000), bus, True)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "first", "last"),
+    [
+        (2.0, None, 0, 1000),
+        (2.0012, None, 120, 1000),
+        (None, 2.0012, 0, 120),
+        (2.001, 2.004, 100, 400),
+        (2.001001, 2.004001, 101, 401),
+        (-5.0, math.inf, 0, 1000),
+    ],
+)
+def test_a_part_in_the_recordings_own_time(
+    bus: BusMap, start: float | None, stop: float | None, first: int, last: int
+) -> None:
+    recording = recording_of(1000, start=2.0)
+    frames = list(recording_frames(recording, bus, False, start=start, stop=stop))
+    values = rail_by_index(frames)
+    assert list(values.values()) == pytest.approx(rail_of(recording)[first:last], abs=0.0026)
+    assert frames[0].time == pytest.approx(8 / RATE)
+    assert recording_extent(recording, bus, False, start, stop).duration == pytest.approx(
+        (last - first) / RATE
+    )
+
+
+def test_a_short_part_keeps_the_rate_of_the_whole(bus: BusMap) -> None:
+    """48 kHz in printed microseconds: three stamps alone would not tell the rate."""
+    time_s = np.round(np.arange(3000) / 48e3, 6)
+    recording = replace(recording_of(3000), time=time_s)
+    frames = recording_frames(recording, bus, False, start=0.05, stop=0.05006)
+    assert next(frames).time == pytest.approx(8 / 48e3, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop"),
+    [(3.0, None), (None, 2.0), (2.5, 2.5), (2.006, 2.004), (math.nan, None), (2.00999, None)],
+)
+def test_an_empty_part(bus: BusMap, start: float | None, stop: float | None) -> None:
+    with pytest.raises(UserError, match="--start, --stop"):
+        recording_frames(recording_of(1000, start=2.0), bus, False, start=start, stop=stop)
+
+
+def test_an_empty_part_names_the_range(bus: BusMap) -> None:
+    with pytest.raises(UserError, match=r"recorded\.csv, which runs from 2 to 2\.00999 s"):
+        recording_frames(recording_of(1000, start=2.0), bus, False, start=7.0)
+
+
+def test_a_block_that_is_no_can_fd_message_is_refused(tmp_path: Path) -> None:
+    text = EXAMPLE_BENCH.with_name("observer_fd.dbc").read_text(encoding="utf-8")
+    text = text.replace('"BusType" "CAN FD"', '"BusType" "CAN"').replace(
+        'Format" BO_ 256 14', 'Format" BO_ 256 0'
+    )
+    (tmp_path / "observer_fd.dbc").write_text(text, encoding="utf-8")
+    (tmp_path / "bench.toml").write_text(EXAMPLE_BENCH.read_text(encoding="utf-8"), encoding="utf-8")
+    with pytest.raises(UserError, match="SampleBlock: 64 bytes do not fit"):
+        recording_frames(recording_of(100), map_bus(load_bench(tmp_path / "bench.toml")), False)
+
+
+def test_values_out_of_range_are_told_by_role(bus: BusMap) -> None:
+    recording = recording_of(100)
+    assert recorded_out_of_range(recording, bus) == []
+    recording.line_pressure[:3] = 400e6
+    recording.line_pressure[3] = -10.1e6
+    recording.needle_lift[5] = 605.334e-6  # rounds to the largest value
+    recording.needle_lift[6] = np.nan  # is sent as not available
+    above, below = sorted(recorded_out_of_range(recording, bus), key=lambda line: "below" in line)
+    assert above.startswith("line_pressure: 3 of 100 samples are above 317.665 MPa")
+    assert below.startswith("line_pressure: 1 of 100 samples are below -10 MPa")
+    recording.needle_lift[5] = 605.336e-6
+    assert [line for line in recorded_out_of_range(recording, bus) if "needle_lift: 1 of 100" in line]

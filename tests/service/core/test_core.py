@@ -1,0 +1,206 @@
+"""The core on frames made and read by plain cantools and autosar-e2e: undisturbed traffic."""
+
+from concurrent.futures import Executor, Future
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.observer.stream.state import Reason, State
+from observer_rt.service.core.core import Core
+from tests.service.core_frames import (
+    ONE_MESSAGE,
+    RATES,
+    SAMPLE_RATE,
+    THREE_MESSAGES,
+    Device,
+    Frame,
+    Result,
+    bench_text,
+    recording,
+    run,
+)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("core") / "bench.toml"
+    path.write_text(bench_text(ONE_MESSAGE))
+    return path
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[Frame]:
+    return Device(ONE_MESSAGE).send(recording())
+
+
+@pytest.fixture(scope="module")
+def result(bench: Path, frames: list[Frame]) -> Result:
+    return run(bench, frames)
+
+
+def test_every_index_is_published_exactly_once(result: Result, frames: list[Frame]) -> None:
+    sent = 9 * len(frames)
+    covered = result.covered
+    assert covered[:sent] == list(range(sent))
+    assert len(covered) - sent < RATES  # the last frame is filled up
+    assert set(result.rates) == set(range(151, sent))  # available from 3 ms of shut needle on
+    assert result.core.counters.samples == sent
+
+
+def test_published_rate_is_that_of_the_observer(result: Result) -> None:
+    """Codes of 0.01 mm3/ms from -100 on, rounded; the last samples are still in the core's memory."""
+    rows = result.core.rows(0, result.core.processed)
+    codes = result.rates
+    for row in rows[~np.isnan(rows["injection_rate"])]:
+        expected = (float(row["injection_rate"]) / 1e-6 + 100.0) / 0.01
+        assert abs(codes[int(row["index"])] - expected) <= 0.5 + 1e-6
+
+
+def test_evaluation_of_the_recording_gives_the_same_frames(bench: Path, result: Result) -> None:
+    """`evaluate` codes the recording by its own encoder: what comes out is the same, bit for bit."""
+    history = evaluate(load_bench(bench), [recording()])
+    own = [frame.payload for frame in history.frames]
+    assert own[: len(result.frames) - 5] == [frame.payload for frame in result.frames][:-5]
+
+
+def test_same_frames_same_bytes(bench: Path, frames: list[Frame], result: Result) -> None:
+    assert run(bench, frames).frames == result.frames
+
+
+@pytest.mark.parametrize("messages", [ONE_MESSAGE, THREE_MESSAGES], ids=["one message", "three messages"])
+def test_stamps_change_nothing_where_messages_share_an_index(
+    tmp_path: Path, messages: dict[str, str]
+) -> None:
+    """Not a bit of what goes out, whatever the receiver's clock does: it stands still, or it runs wild."""
+    bench = tmp_path / "bench.toml"
+    bench.write_text(bench_text(messages))
+    frames = Device(messages).send(recording(), 0, 14_000)
+    random = np.random.default_rng(7)
+    wild = [replace(frame, stamp_ns=int(random.integers(-(1 << 62), 1 << 62))) for frame in frames]
+    assert run(bench, wild).frames == run(bench, frames).frames
+
+
+def test_frames_of_others_change_nothing(bench: Path, frames: list[Frame], result: Result) -> None:
+    loaded = load_bench(bench)
+    core = Core(loaded, map_bus(loaded))
+    out = []
+    for frame in frames:
+        out += core.handle(0x7FF, False, b"\x00" * 8, 0)
+        out += core.handle(frame.frame_id, True, frame.payload, 0)  # an extended frame with our number
+        out += core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+        out += core.handle(0x200, False, frame.payload, 0)  # our own output, by somebody else
+    assert out + core.finish() == result.frames
+    assert core.counters.frames == len(frames)
+
+
+def test_three_messages_give_the_same_rates(tmp_path: Path, result: Result) -> None:
+    bench = tmp_path / "bench.toml"
+    bench.write_text(bench_text(THREE_MESSAGES))
+    three = run(bench, Device(THREE_MESSAGES).send(recording()))
+    common = 28 * (recording().samples // 28)
+    assert three.core.counters.samples == common
+    assert {i: c for i, c in three.rates.items() if i < common - 40} == {
+        i: c for i, c in result.rates.items() if i < common - 40
+    }
+    first_summaries = [summary["Mass"] for summary in three.summaries]
+    assert first_summaries == [summary["Mass"] for summary in result.summaries]
+
+
+@pytest.mark.parametrize("start", [0xFFFFFFFF - 5000, 3_000_000_000])
+def test_index_wraps_and_starts_anywhere(bench: Path, result: Result, start: int) -> None:
+    moved = run(bench, Device(ONE_MESSAGE, index=start).send(recording()))
+    assert moved.core.counters.lost_samples == 0
+    assert moved.core.counters.restarts == 0
+    codes = {(index - start) % (1 << 32): code for index, code in moved.rates.items()}
+    assert codes == result.rates
+
+
+def test_summary_agrees_with_the_published_rate(result: Result) -> None:
+    """Mass by the trapezoidal rule from the decoded rate frames, and the window it is taken over."""
+    codes = result.rates
+    assert [summary["InjectionNumber"] for summary in result.summaries] == [1, 2, 3]
+    for summary in result.summaries:
+        window = range(int(summary["SampleIndex"]), int(summary["EndIndex"]) + 1)
+        rate = np.array([codes[index] * 0.01 - 100.0 for index in window])  # mm3/ms
+        volume = float(np.trapezoid(rate)) / SAMPLE_RATE * 1e3  # mm3
+        assert summary["Volume"] == pytest.approx(volume, rel=1e-3)
+        assert summary["Mass"] == pytest.approx(volume * 0.83, rel=1e-3)  # mg
+        assert summary["PeakInjectionRate"] == pytest.approx(rate.max(), abs=0.02)
+        assert summary["RailPressureAtStart"] == pytest.approx(100.0, abs=0.5)
+        assert summary["InjectorId"] == 1
+
+
+def test_wear_goes_out_with_the_summary(result: Result) -> None:
+    last = result.summaries[-1]
+    assert last["NozzleWear"] == pytest.approx(0.2, abs=0.03)
+    assert 0.0 < last["NozzleWearSigma"] < 0.05
+    assert last["Learning"] == 1
+
+
+def test_sigma_of_the_mass_spans_its_interval(result: Result) -> None:
+    """The interval lies round the mass as learned later: 1.96 sigma round the published one must reach its ends."""
+    for report, summary in zip(result.reports, result.summaries, strict=True):
+        assert report.mass_ci95 is not None
+        reach = 1.96 * summary["MassSigma"] * 1e-6  # kg
+        low, high = report.mass - reach, report.mass + reach
+        assert low <= report.mass_ci95[0] + 1e-9
+        assert high >= report.mass_ci95[1] - 1e-9
+        assert min(abs(low - report.mass_ci95[0]), abs(high - report.mass_ci95[1])) < 2e-9  # and no further
+
+
+def test_header_tells_validity_and_state(result: Result) -> None:
+    """Valid from the second judged event on; adapted once a phi was adopted."""
+    headers = {first: header for first, header, _ in result.rate_frames}
+    shut = 0.2 + 1.1e-3 + 0.27e-3 + 0.33e-3  # s: energizing, closing delay, fall of the needle
+    second_judged = round((shut + 0.010 + 0.020) * SAMPLE_RATE)
+    valid = [first for first, header in headers.items() if header["Valid"]]
+    assert second_judged - 5 < min(valid) < second_judged + RATES + 5
+    assert all(header["Valid"] for first, header in headers.items() if first >= min(valid))
+    states = [State(header["State"]) for header in headers.values()]
+    assert states[0] is State.STARTING
+    assert State.RUNNING_NOMINAL in states
+    assert states[-1] is State.ADAPTED
+    assert result.core.state == (State.ADAPTED, Reason.NONE)
+
+
+def test_learning_switched_off(bench: Path, frames: list[Frame]) -> None:
+    loaded = load_bench(bench)
+    core = Core(loaded, map_bus(loaded), learning=False)
+    for frame in frames:
+        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+    core.finish()
+    assert core.counters.adoptions == 0
+    assert core.counters.events == 3
+    assert core.state == (State.RUNNING_NOMINAL, Reason.NONE)
+
+
+class NeverDone(Executor):
+    """Takes jobs and never finishes one."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        return Future()
+
+
+def test_learning_that_is_late_is_skipped_and_counted(bench: Path, frames: list[Frame]) -> None:
+    loaded = load_bench(bench)
+    core = Core(loaded, map_bus(loaded), executor=NeverDone())
+    for frame in frames:
+        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+    assert core.counters.late_adoptions == 3
+    assert core.counters.adoptions == 0
+    assert core.counters.samples > 14_900
+
+
+def test_restored_knowledge_is_valid_one_event_earlier(
+    bench: Path, frames: list[Frame], result: Result
+) -> None:
+    restored = run(bench, frames, result.core.knowledge)
+    assert [report.valid for report in restored.reports] == [False, True, True]
+    assert restored.reports[0].phi_version == result.core.knowledge.phi_version
+    assert restored.reports[0].mass == pytest.approx(result.reports[2].mass, rel=0.02)

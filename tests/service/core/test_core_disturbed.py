@@ -1,0 +1,242 @@
+"""The core on disturbed traffic: nothing wrong is ever published as right, everything is counted, all recovers."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.observer.stream.state import Reason, State
+from tests.service.core_frames import (
+    DATABASE,
+    ONE_MESSAGE,
+    SAMPLE_RATE,
+    THREE_MESSAGES,
+    Device,
+    Frame,
+    Result,
+    bench_text,
+    damaged,
+    protected,
+    recording,
+    run,
+)
+
+SETTLE = round(3e-3 * SAMPLE_RATE)
+LOST = 9_100 // 9  # a frame in the standstill after the first event
+IN_INJECTION = round(0.2008 * SAMPLE_RATE) // 9  # the second one
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("core") / "bench.toml"
+    path.write_text(bench_text(ONE_MESSAGE))
+    return path
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[Frame]:
+    return Device(ONE_MESSAGE).send(recording())
+
+
+@pytest.fixture(scope="module")
+def clean(bench: Path, frames: list[Frame]) -> Result:
+    return run(bench, frames)
+
+
+def test_flipped_bits_change_nothing_that_is_published(
+    bench: Path, frames: list[Frame], clean: Result
+) -> None:
+    """Damaged copies before their good frame, any bit, as many as good ones."""
+    random = np.random.default_rng(2)
+    traffic = []
+    for frame in frames:
+        traffic += [damaged(frame, int(random.integers(512))), frame]
+    result = run(bench, traffic)
+    assert result.frames == clean.frames
+    assert result.core.counters.crc_errors == len(frames)
+    assert result.core.counters.lost_samples == 0
+
+
+@pytest.mark.parametrize("length", [0, 1, 2, 3, 8, 63])
+def test_frames_of_the_wrong_length_are_dropped_and_counted(
+    bench: Path, frames: list[Frame], clean: Result, length: int
+) -> None:
+    traffic = list(frames)
+    traffic.insert(500, Frame(frames[0].frame_id, frames[500].payload[:length]))
+    result = run(bench, traffic)
+    assert result.frames == clean.frames
+    assert result.core.counters.length_errors == 1
+
+
+def test_repeated_frames_change_nothing(bench: Path, frames: list[Frame], clean: Result) -> None:
+    result = run(bench, [frame for frame in frames for _ in range(2)])
+    assert result.frames == clean.frames
+    assert result.core.counters.repeated_frames == len(frames)
+    assert result.core.counters.sequence_errors == 0
+
+
+def test_lost_frame_is_not_available_and_then_valid_again(
+    bench: Path, frames: list[Frame], clean: Result
+) -> None:
+    result = run(bench, [*frames[:LOST], *frames[LOST + 1 :]])
+    lost = range(9 * LOST, 9 * LOST + 9)
+    rates, right = result.rates, clean.rates
+    missing = sorted(set(right) - set(rates))
+    assert missing == list(range(lost[0], lost[-1] + 1 + SETTLE + 1))
+    assert {i: c for i, c in rates.items() if i < lost[0]} == {i: c for i, c in right.items() if i < lost[0]}
+    late = [i for i in rates if i > 10_000]  # the next injection: the same learning, the same rates
+    assert max(abs(rates[i] - right[i]) for i in late) <= 20  # of 0.01 mm3/ms
+    assert result.core.counters.lost_samples == 9
+    states = {State(header["State"]) for first, header, _ in result.rate_frames if first > lost[-1]}
+    assert State.DEGRADED in states
+    assert result.core.state == (State.ADAPTED, Reason.NONE)
+
+
+def test_lost_indices_are_never_published_as_numbers(bench: Path, frames: list[Frame]) -> None:
+    """Many losses everywhere: of what was lost nothing is available, of the rest nothing is there twice."""
+    random = np.random.default_rng(4)
+    lost = set(random.choice(len(frames), 60, replace=False).tolist())
+    result = run(bench, [frame for k, frame in enumerate(frames) if k not in lost])
+    gone = {9 * k + i for k in lost for i in range(9)}
+    assert not gone & set(result.rates)
+    covered = result.covered
+    assert sorted(set(covered)) == sorted(covered)
+    assert set(range(9 * len(frames))) - gone <= set(covered)
+    assert result.core.counters.lost_samples == len(gone)
+
+
+def test_frame_lost_in_an_injection_makes_it_invalid_only(bench: Path, frames: list[Frame]) -> None:
+    result = run(bench, [*frames[:IN_INJECTION], *frames[IN_INJECTION + 1 :]])
+    assert [report.event for report in result.reports][:2] == [1, 2]
+    second = result.reports[1]
+    assert not second.valid
+    assert second.reason is not Reason.NONE
+    assert not np.isfinite(result.reports[2].mass) or result.reports[2].event == 3
+    assert result.core.state == (State.ADAPTED, Reason.NONE)
+    summary = result.summaries[1]
+    assert summary["Valid"] == 0
+
+
+def test_interpolated_sample_does_not_interrupt(bench: Path, frames: list[Frame], clean: Result) -> None:
+    """One sample of one sensor not available in a good frame: marked, counted, and on it goes."""
+    message = DATABASE.get_message_by_name("SampleBlock")
+    values = message.decode(frames[LOST].payload, scaling=False)
+    values["LinePressure_04"] = 0xFFFF
+    payload = bytearray(message.encode(values, scaling=False, strict=False))
+    swapped = Frame(message.frame_id, protected(payload, message.frame_id, values["Counter"]))
+    result = run(bench, [*frames[:LOST], swapped, *frames[LOST + 1 :]])
+    assert set(result.rates) == set(clean.rates)
+    assert result.core.counters.interpolated_samples == 1
+    assert result.core.counters.lost_samples == 1
+
+
+def test_reordered_frame_is_dropped(bench: Path, frames: list[Frame]) -> None:
+    traffic = list(frames)
+    traffic[LOST], traffic[LOST + 1] = traffic[LOST + 1], traffic[LOST]
+    result = run(bench, traffic)
+    without = run(bench, [*frames[:LOST], *frames[LOST + 1 :]])
+    assert result.frames == without.frames
+    assert result.core.counters.old_frames == 1
+
+
+def test_frame_of_another_message_of_ours_is_refused_by_its_data_id(
+    bench: Path, frames: list[Frame], clean: Result
+) -> None:
+    """A good frame under a wrong identifier: the data id in the CRC tells."""
+    message = DATABASE.get_message_by_name("SampleBlock")
+    foreign = Frame(message.frame_id, protected(bytearray(frames[300].payload), 0x110, 5))
+    result = run(bench, [*frames[:400], foreign, *frames[400:]])
+    assert result.frames == clean.frames
+    assert result.core.counters.crc_errors == 1
+
+
+def test_restart_of_the_device(bench: Path, frames: list[Frame], clean: Result) -> None:
+    """Switched off and on: the same recording again from index 0, with a fresh counter."""
+    result = run(bench, [*frames[:1200], *Device(ONE_MESSAGE).send(recording())])
+    assert result.core.counters.restarts == 1
+    assert result.core.counters.lost_samples == 0
+    starts = [first for first, _, _ in result.rate_frames]
+    again = starts.index(0, 1)
+    assert starts[:again] == sorted(starts[:again])
+    assert starts[again:] == sorted(starts[again:])
+    states = [State(header["State"]) for _, header, _ in result.rate_frames]
+    assert State.DEGRADED in states[again : again + 6]
+    assert result.reports[-1].mass == pytest.approx(clean.reports[-1].mass, rel=0.01)
+
+
+@pytest.mark.parametrize("messages", [ONE_MESSAGE, THREE_MESSAGES], ids=["one message", "three messages"])
+def test_windowed_source(tmp_path: Path, messages: dict[str, str], clean: Result) -> None:
+    """Only 6 ms round each injection is sent: a legal jump, after which 1 ms of shut needle is enough."""
+    bench = tmp_path / "bench.toml"
+    bench.write_text(bench_text(messages))
+    device = Device(messages)
+    traffic = []
+    for event in range(3):
+        start = round((0.150 + 0.05 * event - 0.0035) * SAMPLE_RATE)
+        traffic += device.send(recording(), start, start + 28 * 18)
+    result = run(bench, traffic)
+    assert result.core.counters.jumps == 2
+    assert result.core.counters.lost_samples == 0
+    assert [report.event for report in result.reports] == [1, 2, 3]
+    assert np.isfinite([report.mass for report in result.reports]).all()
+    assert result.reports[2].mass == pytest.approx(clean.reports[2].mass, rel=0.03)
+
+
+def test_jump_with_a_lost_frame_is_a_loss(bench: Path) -> None:
+    device = Device(ONE_MESSAGE)
+    first, second = device.send(recording(), 0, 2700), device.send(recording(), 5400, 14_400)
+    assert run(bench, [*first, *second]).core.counters.jumps == 1
+    result = run(bench, [*first[:-1], *second])
+    assert result.core.counters.jumps == 0
+    assert result.core.counters.lost_samples == 2700 + 9
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [lambda k: 9 * k + 1, lambda k: 9 * k - 1],
+    ids=["one late", "one early"],
+)
+def test_index_off_by_one_is_noticed(
+    bench: Path, frames: list[Frame], clean: Result, wrong: Callable[[int], int]
+) -> None:
+    """So that the comparisons above can fail: indices shifted by a sample give other rates."""
+    message = DATABASE.get_message_by_name("SampleBlock")
+    traffic = []
+    for k, frame in enumerate(frames[1:], start=1):
+        values = message.decode(frame.payload, scaling=False)
+        values["SampleIndex"] = wrong(k)
+        payload = bytearray(message.encode(values, scaling=False, strict=False))
+        traffic.append(Frame(message.frame_id, protected(payload, message.frame_id, k % 256)))
+    assert run(bench, traffic).rates != clean.rates
+
+
+def test_roles_swapped_are_noticed(tmp_path: Path, frames: list[Frame], clean: Result) -> None:
+    """Rail and line pressure exchanged in the bench file: other rates, and a wear that is not there."""
+    bench = tmp_path / "bench.toml"
+    text = bench_text(ONE_MESSAGE)
+    text = (
+        text.replace("RailPressure_", "X_")
+        .replace("LinePressure_", "RailPressure_")
+        .replace("X_", "LinePressure_")
+    )
+    bench.write_text(text)
+    swapped = run(bench, frames)
+    assert swapped.rates != clean.rates
+    assert abs(swapped.reports[-1].indicators.nozzle.value - 0.2) > 0.05
+
+
+def test_needle_signal_that_chatters_is_survived(bench: Path) -> None:
+    """A lift sensor gone mad: thousands of openings in one event, each reported once or forgotten, in order."""
+    good = recording()
+    lift = good.needle_lift.copy()
+    lift[1000:11_000] = np.where(np.arange(10_000) % 8 < 2, 50e-6, 0.0)
+    mad = type(good)(good.time, good.rail_pressure, lift, good.line_pressure)
+    result = run(bench, Device(ONE_MESSAGE).send(mad))
+    numbers = [report.number for report in result.reports]
+    assert numbers == sorted(set(numbers))
+    assert numbers[-1] > 1200
+    assert result.core.counters.samples == 14_994
+    assert result.core.counters.events >= 2
+    assert not any(report.valid for report in result.reports)
+    assert result.core.state == (State.DEGRADED, Reason.MODEL_INADEQUATE)

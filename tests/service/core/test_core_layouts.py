@@ -1,0 +1,141 @@
+"""A user's own bus database: other byte order, scale, unit, frame format and division, the same rates."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cantools
+import numpy as np
+import pytest
+from cantools.database.can import Database
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.service.core.core import Core
+from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device, Result, bench_text, recording, run
+
+SAMPLES = 6  # in a block
+FD = """BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l",\
+"StandardCAN_FD","ExtendedCAN_FD";
+BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
+"""
+LIFT = "signals.needle_lift"
+
+
+def _block_database() -> str:
+    """Big-endian 24-bit blocks: pressures in 0.001 bar from -500, lift signed in 0.002 um."""
+    lines = ['VERSION ""', "BU_: Daq", "BO_ 291 Block: 64 Daq", ' SG_ First : 7|32@0+ (1,0) [0|0] "" Daq']
+    byte = 4
+    for k in range(SAMPLES):
+        for name, code in (
+            ("Rail", '+ (0.001,-500) [0|0] "bar"'),
+            ("Line", '+ (0.001,-500) [0|0] "bar"'),
+            ("Lift", '- (0.002,0) [0|0] "um"'),
+        ):
+            lines.append(f" SG_ {name}{k} : {8 * byte + 7}|24@0{code} Daq")
+            byte += 3
+    return "\n".join(lines) + "\n" + FD + 'BA_ "VFrameFormat" BO_ 291 14;\n'
+
+
+def _single_database() -> str:
+    """One sample a frame, one message a signal, extended classic frames, lift in millimetres as a float."""
+    head = 'VERSION ""\nBU_: Daq\n'
+    signals = {
+        "Rail": '32|32@1+ (500,-10000000) [0|0] "Pa"',
+        "Line": '32|32@1- (1,0) [0|0] "kPa"',
+        "Lift": '32|32@1- (1,0) [0|0] "mm"',
+    }
+    for number, (name, code) in enumerate(signals.items()):
+        head += f"BO_ {(1 << 31) + 0x18FF0000 + number} {name}Frame: 8 Daq\n"
+        head += f' SG_ Index : 0|32@1+ (1,0) [0|0] "" Daq\n SG_ {name} : {code} Daq\n'
+    return head + f"SIG_VALTYPE_ {(1 << 31) + 0x18FF0002} Lift : 1;\n"
+
+
+def _bench(folder: Path, database: str, roles: dict[str, str]) -> Path:
+    (folder / "user.dbc").write_text(database)
+    text = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
+    text += "".join(f"[signals.{role}]\n{lines}\n" for role, lines in roles.items())
+    path = folder / "bench.toml"
+    path.write_text(text + f"[sampling]\nrate_hz = {SAMPLE_RATE}\n")
+    return path
+
+
+def _through(bench: Path, frames: Iterator[tuple[int, bool, bytes]]) -> Result:
+    loaded = load_bench(bench)
+    core = Core(loaded, map_bus(loaded))
+    out = []
+    for frame_id, is_extended, payload in frames:
+        out += core.handle(frame_id, is_extended, payload, 0)
+    return Result(core, out + core.finish(), [])
+
+
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory: pytest.TempPathFactory) -> dict[int, int]:
+    """Codes of the rate by sample index, in our own layout."""
+    path = tmp_path_factory.mktemp("layout") / "bench.toml"
+    path.write_text(bench_text(ONE_MESSAGE))
+    return run(path, Device(ONE_MESSAGE).send(recording())).rates
+
+
+def _check_same(rates: dict[int, int], usual: dict[int, int]) -> None:
+    common = sorted(set(rates) & set(usual))
+    assert len(common) > 14_800
+    difference = np.array([rates[index] - usual[index] for index in common])
+    assert np.abs(difference).max() <= 1  # the last bit, where a rate lies between two codes
+    assert max(rates.values()) > 15_000  # 50 mm3/ms: there was something to compare
+
+
+def test_big_endian_blocks_in_other_units(tmp_path: Path, usual: dict[int, int]) -> None:
+    def names(signal: str) -> str:
+        listed = ", ".join(f'"{signal}{k}"' for k in range(SAMPLES))
+        return f'message = "Block"\nindex = "First"\nsignals = [{listed}]'
+
+    bench = _bench(
+        tmp_path,
+        _block_database(),
+        {
+            "rail_pressure": names("Rail"),
+            "needle_lift": 'message = "Block"\nindex = "First"\npattern = "Lift{}"',
+            "line_pressure": names("Line"),
+        },
+    )
+    message = _load(tmp_path).get_message_by_name("Block")
+
+    def frames() -> Iterator[tuple[int, bool, bytes]]:
+        data = recording()
+        for first in range(0, data.samples - SAMPLES + 1, SAMPLES):
+            values: dict[str, float] = {"First": first}
+            for k in range(SAMPLES):
+                values[f"Rail{k}"] = data.rail_pressure[first + k] / 1e5
+                values[f"Line{k}"] = data.line_pressure[first + k] / 1e5
+                values[f"Lift{k}"] = data.needle_lift[first + k] / 1e-6
+            yield 291, False, message.encode(values)
+
+    _check_same(_through(bench, frames()).rates, usual)
+
+
+def test_one_sample_a_frame_in_three_extended_messages(tmp_path: Path, usual: dict[int, int]) -> None:
+    roles = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}
+    bench = _bench(
+        tmp_path,
+        _single_database(),
+        {
+            role: f'message = "{name}Frame"\nindex = "Index"\nsignal = "{name}"'
+            for role, name in roles.items()
+        },
+    )
+    database = _load(tmp_path)
+
+    def frames() -> Iterator[tuple[int, bool, bytes]]:
+        data = recording()
+        factors = {"Rail": 1.0, "Line": 1e3, "Lift": 1e-3}
+        for index in range(data.samples):
+            for role, name in roles.items():
+                message = database.get_message_by_name(f"{name}Frame")
+                value = getattr(data, role)[index] / factors[name]
+                yield message.frame_id, True, message.encode({"Index": index, name: float(value)})
+
+    _check_same(_through(bench, frames()).rates, usual)
+
+
+def _load(folder: Path) -> Database:
+    return cantools.database.load_file(folder / "user.dbc")

@@ -1,0 +1,146 @@
+"""The optional input `energizing`: which command an opening belongs to, and how long after it the needle opens."""
+
+from pathlib import Path
+
+import pytest
+
+from observer_rt.config.bench import load_injector
+from observer_rt.simulation.schedule import Shot
+from tests.service.core_frames import SAMPLE_RATE, Frame
+from tests.service.pulse_frames import (
+    BED,
+    CYCLIC,
+    EPOCH,
+    LEVEL,
+    LEVELS_IN_BLOCK,
+    SAFE,
+    TIME,
+    TIME_BY_STAMP,
+    Sent,
+    blocks,
+    commands,
+    cyclic,
+    durations,
+    index_at,
+    injected,
+    is_on,
+    on_change,
+    pulse_bench,
+    safe_durations,
+    samples,
+    triple_bench,
+    watch,
+)
+
+DELAY = load_injector().needle.opening_delay
+SAMPLE = 1 / SAMPLE_RATE
+SOURCES = {
+    "level": (LEVEL, on_change, SAMPLE, SAMPLE),
+    "duration": (TIME, durations, SAMPLE, 1e-7),
+    "block": (LEVELS_IN_BLOCK, lambda pulses: blocks(pulses, 0.0, 0.3), SAMPLE, SAMPLE),
+    "by stamp": (TIME_BY_STAMP, durations, SAMPLE, 1e-7),
+    "protected": (SAFE, safe_durations, SAMPLE, 1e-7),
+    "cyclic": (CYCLIC, lambda pulses: cyclic(pulses, 0.3), 0.5e-3 + SAMPLE, 1e-3),
+}
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_every_opening_has_its_command(tmp_path: Path, name: str) -> None:
+    lines, source, delay_error, time_error = SOURCES[name]
+    schedule, recording = injected(3)
+    watched = watch(pulse_bench(tmp_path, lines), samples(recording), source(commands(schedule)))
+    assert watched.commands == [1, 2, 3]
+    assert watched.mismatches == []
+    for report in watched.reports:
+        assert report.commanded is not None
+        assert report.commanded.opening_delay == pytest.approx(DELAY, abs=1.5 * delay_error)
+        assert report.commanded.energizing_time == pytest.approx(1.1e-3, abs=1.01 * time_error)
+
+
+@pytest.mark.parametrize("late", [0.3e-3, 0.8e-3])
+def test_a_stamp_that_is_late_makes_the_delay_too_short(tmp_path: Path, late: float) -> None:
+    """Even below zero; it is the same command all the same, that of a pilot too."""
+    schedule, recording = injected(2, (Shot(0.3e-3, -1.5e-3), Shot(1.0e-3)))
+    told = [Sent(one.time + late, one.frame) for one in durations(commands(schedule))]
+    watched = watch(pulse_bench(tmp_path, TIME_BY_STAMP), samples(recording), told)
+    assert watched.commands == [1, 2, 3, 4]
+    assert watched.mismatches == []
+    for report in watched.reports:
+        assert report.commanded is not None
+        assert report.commanded.opening_delay == pytest.approx(DELAY - late, abs=1.5 * SAMPLE)
+
+
+@pytest.mark.parametrize("step", [5e-3, -5e-3, 1.0])
+def test_no_alarm_while_the_receivers_clock_was_set(tmp_path: Path, step: float) -> None:
+    """At first commands are not known, later they are again."""
+    schedule, recording = injected(28)
+    told = durations(commands(schedule))
+    frames = sorted([*samples(recording), *told], key=lambda sent: sent.time)
+    stamps = [EPOCH + round((one.time + (step if one.time > 0.96 else 0.0)) * 1e9) for one in frames]
+    watched = watch(pulse_bench(tmp_path, TIME_BY_STAMP), frames, stamps=stamps)
+    assert watched.mismatches == []
+    assert watched.commands[:16] == [*range(1, 17)]
+    assert watched.commands[-2:] == [27, 28]
+    assert None in watched.commands
+
+
+def test_a_delay_of_the_stamps_that_is_stated_is_made_up_for(tmp_path: Path) -> None:
+    schedule, recording = injected(2)
+    told = [Sent(one.time + 2e-3, one.frame) for one in durations(commands(schedule))]
+    watched = watch(pulse_bench(tmp_path, TIME_BY_STAMP + "delay_us = 2000\n"), samples(recording), told)
+    assert watched.mismatches == []
+    delays = [report.commanded.opening_delay for report in watched.reports if report.commanded]
+    assert delays == pytest.approx([DELAY, DELAY], abs=1.5 * SAMPLE)
+
+
+def test_level_beside_samples_without_an_index(tmp_path: Path) -> None:
+    """One sample a frame, and its level: frames are counted by their stamps, and so are commands placed."""
+    schedule, recording = injected(2)
+    pulses = commands(schedule)
+    message = BED.get_message_by_name("Triple")
+    sent = []
+    for n in range(recording.samples):
+        values = {
+            "Rail": recording.rail_pressure[n] / 1e6,
+            "Lift": recording.needle_lift[n] / 1e-6,
+            "Line": recording.line_pressure[n] / 1e6,
+            "Level": int(is_on(pulses, n / SAMPLE_RATE + 1e-9)),
+            "LevelPlain": 0,
+            "Time": 0,
+        }
+        sent.append(Sent(n / SAMPLE_RATE, Frame(message.frame_id, message.encode(values))))
+    watched = watch(triple_bench(tmp_path, "Level"), sent)
+    assert watched.commands == [1, 2]
+    assert watched.mismatches == []
+    assert watched.core.energizing is not None
+    assert watched.core.energizing.mean_delay == pytest.approx(DELAY, abs=1.5 * SAMPLE)
+
+
+def test_multiplexed_message(tmp_path: Path) -> None:
+    """Pages without the duration say nothing."""
+    schedule, recording = injected(2)
+    message = BED.get_message_by_name("Pages")
+    sent = []
+    for start, duration in commands(schedule):
+        page = {"Page": 2, "PageDuration": duration / 1e-6, "PageIndex": index_at(start)}
+        sent.append(Sent(start, Frame(message.frame_id, message.encode(page))))
+        sent.append(
+            Sent(start + 1e-3, Frame(message.frame_id, message.encode({"Page": 1, "PageOther": 500})))
+        )
+    lines = 'message = "Pages"\nsignal = "PageDuration"\nindex = "PageIndex"\n'
+    watched = watch(pulse_bench(tmp_path, lines), samples(recording), sent)
+    assert watched.commands == [1, 2]
+    assert watched.mismatches == []
+
+
+def test_mean_and_spread_of_the_delays(tmp_path: Path) -> None:
+    """Commands told 40 us too late and too early in turn."""
+    schedule, recording = injected(4)
+    pulses = [(start + 40e-6 * (-1) ** n, duration) for n, (start, duration) in enumerate(commands(schedule))]
+    watched = watch(pulse_bench(tmp_path, TIME), samples(recording), durations(pulses))
+    figures = watched.core.energizing
+    assert figures is not None
+    assert figures.commands == 4
+    assert figures.mean_delay == pytest.approx(DELAY, abs=1.5 * SAMPLE)
+    assert figures.delay_sigma == pytest.approx(40e-6, abs=10e-6)
+    assert "4 commands, 0 injections missing" in figures.as_text()

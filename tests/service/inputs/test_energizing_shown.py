@@ -1,0 +1,218 @@
+"""Where the energizing is shown: `check`, the view, the status, the document of `evaluate`; and its mistakes."""
+
+import io
+import time
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from observer_rt.bus.links.link import Frame as BusFrame
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.check.checkup import Level, checkup
+from observer_rt.config.bench import load_bench
+from observer_rt.evaluation.evaluate import evaluate, evaluate_logs
+from observer_rt.evaluation.logged import read_logged
+from observer_rt.evaluation.results import recording_json
+from observer_rt.evaluation.table import print_evaluation
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effects import effective_model
+from observer_rt.recording.canlog.can_log import LogFrame
+from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.service.daemon import Daemon
+from observer_rt.service.inputs.energizing import Mismatch
+from observer_rt.service.view import View
+from observer_rt.service.warm_up import warm_up
+from tests.recording.canlog.log_cases import write_log
+from tests.service.core_frames import SAMPLE_RATE
+from tests.service.participants import ScriptedLink, serving, until
+from tests.service.pulse_frames import (
+    BED,
+    CYCLIC,
+    EPOCH,
+    LEVEL,
+    LEVELS_IN_BLOCK,
+    SAFE,
+    TIME,
+    TIME_BY_STAMP,
+    Sent,
+    commands,
+    durations,
+    injected,
+    misfired,
+    pulse_bench,
+    samples,
+    triple_bench,
+)
+
+
+def traffic() -> list[Sent]:
+    """Three injections; the second command misfires, the third injection has none."""
+    schedule, recording = injected(3)
+    pulses = commands(schedule)
+    shut = misfired(recording, (pulses[1][0], pulses[1][0] + 5e-3))
+    return sorted([*samples(shut), *durations(pulses[:2])], key=lambda sent: sent.time)
+
+
+def findings(bench: Path, topic: str, name: str) -> list[tuple[Level, str]]:
+    return [
+        (one.level, one.text) for one in checkup(load_bench(bench)) if one.topic == topic and name in one.text
+    ]
+
+
+@pytest.mark.parametrize(
+    ("lines", "mapping", "level", "accuracy"),
+    [
+        (
+            LEVEL,
+            "PulseLevel 0x330, Energized, energized while it is not 0",
+            Level.OK,
+            "sample index, to 20 us",
+        ),
+        (TIME, "PulseTime 0x331, Duration, energizing time", Level.OK, "sample index, to 20 us"),
+        (LEVELS_IN_BLOCK, "20 samples a frame, Level_00 to Level_19", Level.OK, "sample index, to 20 us"),
+        (TIME_BY_STAMP + "delay_us = 50\n", "energizing time", Level.WARNING, "stamps, 50 us after it"),
+        (CYCLIC, "Energized", Level.WARNING, "500 us more between two frames"),
+    ],
+)
+def test_check_says_what_to_expect(
+    tmp_path: Path, lines: str, mapping: str, level: Level, accuracy: str
+) -> None:
+    bench = pulse_bench(tmp_path, lines)
+    [(found, text)] = findings(bench, "mapping", "energizing")
+    assert found is Level.OK
+    assert mapping in text
+    assert "missing 3 ms after" in text
+    [(found, text)] = findings(bench, "time", "opening delays")
+    assert found is level
+    assert accuracy in text
+    assert bool(findings(bench, "time", "misses shorter energizing")) == (lines == CYCLIC)
+
+
+@pytest.mark.parametrize(
+    ("lines", "place", "word"),
+    [
+        ('message = "PulseVolts"\nsignal = "Volts"\n', "signals.energizing", "'V'"),
+        ('message = "PulseLevl"\nsignal = "Energized"\n', "signals.energizing", "PulseLevl"),
+        ('message = "PulseLevel"\nsignal = "Energised"\n', "signals.energizing", "Energized"),
+        (LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
+        (LEVEL + 'time_base = "other"\n', "signals.energizing.index", "stamps"),
+        (
+            'message = "SampleBlock"\nsignals = ["RailPressure_00", "RailPressure_01"]\nunit = "-"\n',
+            "signals.energizing",
+            "9 samples",
+        ),
+        (
+            'message = "PulseBlock"\nsignals = ["Level_00", "Level_01"]\nunit = "us"\n',
+            "signals.energizing",
+            "levels",
+        ),
+    ],
+)
+def test_mistakes_name_the_key(tmp_path: Path, lines: str, place: str, word: str) -> None:
+    bench = pulse_bench(tmp_path, lines)
+    with pytest.raises(UserError) as caught:
+        map_bus(load_bench(bench))
+    assert place in caught.value.place
+    assert word in f"{caught.value.problem} {caught.value.remedy}"
+
+
+def test_units_of_the_bench_file_go_before_the_databases(tmp_path: Path) -> None:
+    bench = pulse_bench(tmp_path, 'message = "PulseVolts"\nsignal = "Volts"\nunit = "-"\n')
+    energizing = map_bus(load_bench(bench)).energizing
+    assert energizing is not None
+    assert energizing.is_level
+
+
+@pytest.mark.parametrize("lines", [LEVEL, SAFE])
+def test_warm_up_takes_a_bench_with_energizing(tmp_path: Path, lines: str) -> None:
+    bench = load_bench(pulse_bench(tmp_path, lines))
+    warm_up(bench, map_bus(bench))
+
+
+def test_document_of_a_log(tmp_path: Path) -> None:
+    bench = load_bench(pulse_bench(tmp_path, TIME))
+    log = tmp_path / "bus.log"
+    write_log(log, [_logged(sent) for sent in traffic()])
+    evaluation = evaluate_logs(bench, [read_logged(bench, log)], learning=False).evaluations[0]
+    c = effective_model(bench.injector).coefficients
+    document = recording_json(evaluation, c)
+    first, third = (one["energizing"] for one in document["injections"])
+    assert third is None
+    assert first["command"] == 1
+    assert first["opening_delay_us"] == pytest.approx(320, abs=20)
+    assert first["energizing_time_us"] == pytest.approx(1100, abs=0.2)
+    assert document["summary"]["energizing"] == {
+        "commands": 2,
+        "missing_injections": 1,
+        "uncommanded_injections": 1,
+        "mean_opening_delay_us": pytest.approx(first["opening_delay_us"]),
+        "opening_delay_sigma_us": 0.0,
+    }
+    screen = io.StringIO()
+    print_evaluation(evaluation, c, Console(file=screen, width=80, color_system=None))
+    assert "2 commands, 1 injections missing, 1 without a command" in screen.getvalue()
+
+
+def _logged(sent: Sent) -> LogFrame:
+    frame = BusFrame(
+        sent.frame.frame_id, sent.frame.payload, EPOCH + round(sent.time * 1e9), False, True, True
+    )
+    return LogFrame(frame, "can0")
+
+
+def test_document_of_a_recording_which_has_no_energizing(tmp_path: Path) -> None:
+    _, recording = injected(2)
+    bench = load_bench(pulse_bench(tmp_path, TIME))
+    c = effective_model(bench.injector).coefficients
+    document = recording_json(evaluate(bench, [recording], learning=False).evaluations[0], c)
+    assert [one["energizing"] for one in document["injections"]] == [None, None]
+    assert document["summary"]["energizing"]["missing_injections"] == 0
+    assert document["summary"]["energizing"]["mean_opening_delay_us"] is None
+
+
+def test_document_of_a_bench_without_energizing(tmp_path: Path) -> None:
+    _, recording = injected(2)
+    path = pulse_bench(tmp_path, TIME)
+    path.write_text(path.read_text().partition("[signals.energizing]")[0])
+    bench = load_bench(path)
+    c = effective_model(bench.injector).coefficients
+    document = recording_json(evaluate(bench, [recording], learning=False).evaluations[0], c)
+    assert "energizing" not in document["summary"]
+    assert not any("energizing" in one for one in document["injections"])
+
+
+@pytest.mark.parametrize(("signal", "code"), [("Level", 3), ("LevelPlain", 0), ("Time", 20)])
+def test_frames_of_a_recording_say_nothing_of_it(tmp_path: Path, signal: str, code: int) -> None:
+    """Not available, or else 0."""
+    bench = load_bench(triple_bench(tmp_path, signal))
+    _, recording = injected(1)
+    frame = next(iter(Framer(map_bus(bench)).frames(recording, whole(recording))))
+    assert BED.get_message_by_name("Triple").decode(frame.payload, scaling=False)[signal] in (code, "SNA")
+
+
+def test_view_and_status(tmp_path: Path) -> None:
+    """Of a daemon on a bench whose status message has the counts."""
+    path = pulse_bench(tmp_path, TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n')
+    bench = load_bench(path)
+    view = View("title", SAMPLE_RATE)
+    mismatches: list[Mismatch] = []
+    frames = [TimedFrame(s.time, s.frame.frame_id, False, True, s.frame.payload) for s in traffic()]
+    link = ScriptedLink(frames)
+    daemon = Daemon(bench, map_bus(bench), link, on_report=view.on_report, on_mismatch=mismatches.append)
+    view.watch(daemon)
+    with serving(daemon) as stop:
+        until(link.empty.is_set)
+        stop.set()
+    screen = io.StringIO()
+    Console(file=screen, width=80, color_system=None).print(view.render(time.monotonic_ns(), 80, 24))
+    drawn = screen.getvalue().splitlines()
+    assert len(drawn) <= 24
+    assert any(
+        "2 commands, 1 injections missing, 1 without a command, opening delay 3" in line for line in drawn
+    )
+    assert any("command" in line and "delay" in line for line in drawn)
+    status = BED.get_message_by_name("BedStatus")
+    last = [frame.payload for frame in link.sent if frame.frame_id == status.frame_id][-1]
+    assert status.decode(last) == {"MissingInjections": 1, "UncommandedInjections": 1}
+    assert sorted(one.is_missing for one in mismatches) == [False, True]

@@ -1,0 +1,200 @@
+"""The optional input `learning_enable`: what it stops, what it leaves, what is no word of it."""
+
+import io
+import time
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.check.checkup import Level, checkup
+from observer_rt.config.bench import load_bench
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.foundation.errors import UserError
+from observer_rt.service.daemon import Daemon
+from observer_rt.service.view import View
+from tests.check.test_checkup import worst
+from tests.service.core_frames import (
+    ONE_MESSAGE,
+    SAMPLE_RATE,
+    Device,
+    Frame,
+    Result,
+    bench_text,
+    damaged,
+    recording,
+    run,
+)
+from tests.service.participants import ScriptedLink
+from tests.service.slow_frames import bed, inserted, safe_bed, slow_bench
+
+ENABLE = {"learning_enable": ("Bed", "LearnEnable")}
+SAFE_ENABLE = {"learning_enable": ("SafeBed", "LearnEnableSafe")}
+BLOCK = 9  # samples in a frame
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[Frame]:
+    return Device(ONE_MESSAGE).send(recording())
+
+
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -> Result:
+    """Without optional inputs."""
+    path = tmp_path_factory.mktemp("usual") / "bench.toml"
+    path.write_text(bench_text(ONE_MESSAGE))
+    return run(path, frames)
+
+
+def after_injection(result: Result, number: int) -> int:
+    """Number of a frame that comes after the event of an injection is judged, before the next one begins."""
+    following = result.reports[number].start_index  # of the next one: reports count from 0
+    return following // BLOCK - 20
+
+
+def flags(result: Result) -> list[int]:
+    return [int(header["Learning"]) for _, header, _ in result.rate_frames]
+
+
+@pytest.mark.parametrize("value", [1, 2, None])
+def test_enabled_or_not_known_changes_nothing(
+    tmp_path: Path, frames: list[Frame], usual: Result, value: int | None
+) -> None:
+    path = slow_bench(tmp_path, ENABLE)
+    sent = run(path, inserted(frames, [(n, bed("LearnEnable", value)) for n in range(0, 1600, 100)]))
+    assert sent.frames == usual.frames
+    assert run(path, frames).frames == usual.frames
+
+
+def test_off_from_the_start_is_as_switched_off_by_the_bench(tmp_path: Path, frames: list[Frame]) -> None:
+    held = run(slow_bench(tmp_path, ENABLE), inserted(frames, [(0, bed("LearnEnable", 0))]))
+    off = run(slow_bench(tmp_path, ENABLE, "[learning]\nenabled = false"), frames)
+    assert held.frames == off.frames
+    assert set(flags(held)) == {0}
+    assert held.core.counters.adoptions == 0
+
+
+def test_bench_that_switches_learning_off_cannot_be_overruled(tmp_path: Path, frames: list[Frame]) -> None:
+    path = slow_bench(tmp_path, ENABLE, "[learning]\nenabled = false")
+    assert set(flags(run(path, inserted(frames, [(0, bed("LearnEnable", 1))])))) == {0}
+
+
+def test_what_was_learned_stays_in_force(tmp_path: Path, frames: list[Frame], usual: Result) -> None:
+    """Off after the first of three events."""
+    off = after_injection(usual, 1)
+    held = run(slow_bench(tmp_path, ENABLE), inserted(frames, [(off, bed("LearnEnable", 0))]))
+    first, second, third = held.reports
+    assert held.core.counters.adoptions == 1 < usual.core.counters.adoptions
+    assert first.mass_ci95 == usual.reports[0].mass_ci95
+    assert second.mass_ci95 is None
+    assert third.mass_ci95 is None
+    for report in (second, third):
+        assert report.phi_version == 1
+        assert report.indicators.line_pressure_offset.value == first.indicators.line_pressure_offset.value
+        assert report.indicators.nozzle.value == pytest.approx(first.indicators.nozzle.value, rel=1e-3)
+    assert [summary["Learning"] for summary in held.summaries] == [1, 0, 0]
+    assert flags(held) == sorted(flags(held), reverse=True)
+    assert 0 in flags(held)
+
+
+@pytest.mark.parametrize("on", [1, None])
+def test_learning_goes_on_when_it_is_on_again(
+    tmp_path: Path, frames: list[Frame], usual: Result, on: int | None
+) -> None:
+    words = [(0, bed("LearnEnable", 0)), (after_injection(usual, 1), bed("LearnEnable", on))]
+    result = run(slow_bench(tmp_path, ENABLE), inserted(frames, words))
+    assert [report.mass_ci95 is None for report in result.reports] == [True, False, False]
+    assert result.core.counters.adoptions == 2
+
+
+def test_another_page_of_its_message_is_no_word_of_it(
+    tmp_path: Path, frames: list[Frame], usual: Result
+) -> None:
+    """The byte of the signal is 0 there."""
+    sent = inserted(frames, [(0, bed("Mass", 0.0))])
+    assert run(slow_bench(tmp_path, ENABLE), sent).frames == usual.frames
+
+
+def test_damaged_frames_are_counted_and_change_nothing(
+    tmp_path: Path, frames: list[Frame], usual: Result
+) -> None:
+    good = safe_bed(7, enable=0)
+    words = [(0, damaged(good, 40)), (1, Frame(good.frame_id, good.payload[:-1]))]
+    result = run(slow_bench(tmp_path, SAFE_ENABLE), inserted(frames, words))
+    assert result.frames == usual.frames
+    assert (result.core.counters.crc_errors, result.core.counters.length_errors) == (1, 1)
+    heeded = run(slow_bench(tmp_path, SAFE_ENABLE), inserted(frames, [(0, good)]))
+    assert set(flags(heeded)) == {0}
+
+
+def test_a_recording_does_not_switch_learning_off(tmp_path: Path, usual: Result) -> None:
+    """Also where the signal is in the message of the samples, whose frames are made of the recording then."""
+    path = slow_bench(tmp_path, {"learning_enable": ("SampleBlock", "FuelTemperature")})
+    assert evaluate(load_bench(path), [recording()]).evaluations[0].counters.adoptions > 0
+
+
+def test_check_lists_it(tmp_path: Path) -> None:
+    findings = checkup(load_bench(slow_bench(tmp_path, ENABLE)))
+    listed = [finding for finding in findings if finding.text.startswith("learning_enable")]
+    assert [finding.level for finding in listed] == [Level.OK]
+    assert listed[0].text == (
+        "learning_enable: Bed 0x321, LearnEnable, learning stops while it is 0, "
+        "a value counts until the next (no cycle time, no timeout_ms)"
+    )
+    never = slow_bench(tmp_path, {"learning_enable": ("SampleBlock", "FuelTemperature")})
+    assert "which it cannot be" in worst(checkup(load_bench(never)), "mapping").text
+
+
+@pytest.mark.parametrize(
+    ("message", "signal", "expected"),
+    [
+        ("Bedd", "LearnEnable", "message Bedd not in the bus database"),
+        ("Bed", "LearnEnabled", "nearest name: LearnEnable"),
+    ],
+)
+def test_mistakes_are_named(tmp_path: Path, message: str, signal: str, expected: str) -> None:
+    bench = load_bench(slow_bench(tmp_path, {"learning_enable": (message, signal)}))
+    with pytest.raises(UserError) as caught:
+        map_bus(bench)
+    assert "bench.toml: signals.learning_enable" in caught.value.place
+    assert expected in f"{caught.value.problem}; {caught.value.remedy}"
+
+
+def test_unknown_key_of_an_optional_role(tmp_path: Path) -> None:
+    path = slow_bench(tmp_path, {})
+    path.write_text(path.read_text() + '[signals.learning_enable]\nmesage = "Bed"\nsignal = "LearnEnable"\n')
+    with pytest.raises(UserError) as caught:
+        load_bench(path)
+    assert "did you mean 'message'" in caught.value.remedy
+
+
+def test_view_says_that_learning_is_off(tmp_path: Path) -> None:
+    bench = load_bench(slow_bench(tmp_path, ENABLE))
+    daemon = Daemon(bench, map_bus(bench), ScriptedLink())
+    view = View("title", SAMPLE_RATE)
+    view.watch(daemon)
+
+    def drawn() -> str:
+        screen = io.StringIO()
+        Console(file=screen, width=80, color_system=None).print(view.render(time.monotonic_ns(), 80, 24))
+        return screen.getvalue()
+
+    for value, expected in ((1, "learning: 0 adopted"), (0, "learning off: 0 adopted")):
+        frame = bed("LearnEnable", value)
+        daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+        assert expected in drawn()
+
+
+def test_a_switch_that_stays_away_holds_nothing_up(
+    tmp_path: Path, frames: list[Frame], usual: Result
+) -> None:
+    """Off before the first injection, and never heard of again: it counts for 80 ms."""
+    path = slow_bench(tmp_path, ENABLE)
+    path.write_text(path.read_text() + "timeout_ms = 80\n")
+    off = inserted(frames, [(0, bed("LearnEnable", 0))])
+    result = run(path, off)
+    assert flags(result)[0] == 0
+    assert flags(result)[-1] == 1
+    assert result.core.counters.adoptions == usual.core.counters.adoptions
+    assert "a value counts for 0.08 s" in "".join(finding.text for finding in checkup(load_bench(path)))

@@ -11,8 +11,13 @@ def say(message: str) -> None:
 
 
 class UnableError(Exception):
-    """vcan0 cannot be had; `mend` is the one command that would change that."""
+    """vcan0 cannot be had; `mend` is the one command that would change that, `details` what others said."""
 
-    def __init__(self, problem: str, mend: str) -> None:
+    def __init__(self, problem: str, mend: str, details: str = "") -> None:
         super().__init__(problem)
         self.mend = mend
+        self.details = details
+
+
+class KernelError(UnableError):
+    """This user-mode Linux cannot be had or does not run; another one may."""

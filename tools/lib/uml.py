@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
-from say import UnableError
+from say import KernelError, UnableError
 from supervise import supervise
 from uml_kernel import Kernel
 
@@ -63,7 +63,7 @@ def memory_folder(size_mib: int) -> str:
 
 
 def run_in_uml(kernel: Kernel, command: list[str], timeout_s: float) -> int:
-    """Exit code of `command`, run in one boot of `kernel`; raises UnableError if the guest fails."""
+    """Exit code of `command`, run in one boot of `kernel`; raises KernelError if the guest fails."""
     size_mib = memory_size_mib()
     with tempfile.TemporaryDirectory(prefix="vcan-") as name, contextlib.ExitStack() as pipes:
         folder = Path(name)
@@ -89,9 +89,11 @@ def run_in_uml(kernel: Kernel, command: list[str], timeout_s: float) -> int:
             return int(answer)
         if killed is not None:
             return killed
-        sys.stderr.write((folder / "boot").read_text(errors="replace"))
-    raise UnableError(
-        "user-mode Linux ended before the command did (its messages are above)", "sudo modprobe vcan"
+        messages = (folder / "boot").read_text(errors="replace")
+    raise KernelError(
+        "user-mode Linux ended before the command did (its messages are above)",
+        "sudo modprobe vcan",
+        messages,
     )
 
 
@@ -116,6 +118,7 @@ def boot(
         "rw",
         f"init={folder}/init",
         f"mem={size_mib}M",
+        "seccomp=auto",  # where both it and the host can; kernels before 6.16 pay no attention
         f"uml_dir={folder}/",
         "con=null",
         "con0=null,fd:1",
@@ -123,13 +126,17 @@ def boot(
         f"ssl1=null,fd:{errors}",
         f"ssl2=fd:{orders},fd:{answers}",
     ]
+    environment = {"PATH": os.defpath, "HOME": str(folder), "TMPDIR": memory_folder(size_mib)}
+    if kernel.libraries is not None:
+        environment["LD_LIBRARY_PATH"] = str(kernel.libraries)
     with (folder / "boot").open("wb") as log:
         return subprocess.Popen(
             [kernel.program, *arguments],
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,
-            env={"PATH": os.defpath, "HOME": str(folder), "TMPDIR": memory_folder(size_mib)},
+            env=environment,
+            cwd=kernel.libraries,
             pass_fds=(out, errors, orders, answers),
             start_new_session=True,
         )

@@ -1,33 +1,26 @@
-"""Finds Debian's user-mode Linux kernel: the installed package, or one unpacked into a per-user cache."""
+"""What makes a user-mode Linux kernel that can be booted: the program, its modules, its C library."""
 
 from __future__ import annotations
 
-import fcntl
 import os
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
-
-from say import UnableError, say
-from uml_package import PACKAGE, unpack_package
 
 # In the order they must be loaded; bcm and vxcan are what candump's relatives and gateway tests ask for.
 MODULES = ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan")
 OPTIONAL_MODULES = ("sch_tbf",)  # slows an interface down, for tests of full queues; may be built in
+PROGRAM = "usr/bin/linux.uml"
+LIBRARIES = "libraries"  # below the root of a kernel that brings its own C library
+LOADER = "ld-linux-x86-64.so.2"  # user-mode Linux is built for this architecture only
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """A bootable user-mode Linux: the program and its modules in loading order."""
+    """A bootable user-mode Linux: the program, its modules in loading order, the C library it brings if any."""
 
     program: Path
     modules: tuple[Path, ...]
-
-
-def cache_folder() -> Path:
-    """Where the package is unpacked when it is not installed."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "observer_rt_tools" / PACKAGE
+    libraries: Path | None
 
 
 def kernel_below(root: Path) -> Kernel | None:
@@ -35,53 +28,25 @@ def kernel_below(root: Path) -> Kernel | None:
 
     Versions differ in where below the modules folder a module lies: they are searched by name.
     """
-    program = root / "usr/bin/linux.uml"
+    program, libraries = root / PROGRAM, root / LIBRARIES
     if not os.access(program, os.X_OK):
         return None
     for modules in (root / "usr/lib/uml/modules", root / "lib/uml/modules"):
         for version in sorted(modules.glob("*"), reverse=True):
             found = {path.name.split(".")[0]: path for path in version.rglob("*.ko*")}
             if all(name in found for name in MODULES):
-                there = (name for name in (*MODULES, *OPTIONAL_MODULES) if name in found)
-                return Kernel(program, tuple(found[name] for name in there))
+                there = tuple(found[name] for name in (*MODULES, *OPTIONAL_MODULES) if name in found)
+                return Kernel(program, there, libraries if libraries.is_dir() else None)
     return None
 
 
-def present_kernel() -> Kernel | None:
-    """The installed kernel, else the cached one, else None."""
-    return kernel_below(Path("/")) or kernel_below(cache_folder())
+def bring_library(root: Path) -> None:
+    """Make the program below `root` use the C library below `root`, whatever the system's is.
 
-
-def obtain_kernel() -> Kernel:
-    """The kernel, downloaded and unpacked first if need be; several callers at once fetch it once."""
-    kernel = present_kernel()
-    if kernel is not None:
-        return kernel
-    if shutil.which("apt-get") is None or shutil.which("dpkg-deb") is None:
-        raise UnableError(
-            "user-mode Linux comes as a Debian package, and this machine has no apt-get", "sudo modprobe vcan"
-        )
-    cache = cache_folder()
-    cache.parent.mkdir(parents=True, exist_ok=True)
-    with (cache.parent / f"{PACKAGE}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if kernel_below(cache) is None:
-            fetch_into(cache)
-    kernel = kernel_below(cache)
-    if kernel is None:
-        raise UnableError(f"the package {PACKAGE} lacks linux.uml or its CAN modules", "sudo modprobe vcan")
-    return kernel
-
-
-def fetch_into(cache: Path) -> None:
-    """Download the package and unpack it into `cache`; the lock must be held."""
-    folder = cache.with_suffix(".partial")
-    shutil.rmtree(folder, ignore_errors=True)  # left by a download that was killed
-    folder.mkdir()
-    try:
-        root = unpack_package(folder)
-        shutil.rmtree(cache, ignore_errors=True)
-        root.rename(cache)
-        say(f"unpacked into {cache}")
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    It then asks for the loader by a name without folder: it must be started in the folder `LIBRARIES`.
+    """
+    folder = next(path.parent for path in root.rglob(LOADER) if path.parent.name == "x86_64-linux-gnu")
+    (root / LIBRARIES).symlink_to(folder.relative_to(root))
+    asked = b"/lib64/" + LOADER.encode() + b"\0"
+    image = (root / PROGRAM).read_bytes()
+    (root / PROGRAM).write_bytes(image.replace(asked, asked[len(b"/lib64/") :].ljust(len(asked), b"\0"), 1))

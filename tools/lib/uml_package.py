@@ -3,58 +3,88 @@
 from __future__ import annotations
 
 import os
+import platform
 import subprocess
-import sys
 from pathlib import Path
 
-from say import UnableError, say
+from say import KernelError
+from uml_kernel import bring_library
 
 PACKAGE = "user-mode-linux"
-# Where the distribution does not carry the package (Ubuntu): a Debian archive as in sources.list, that is
-# "URL suite component".
-# Ubuntu carries Debian's keys, so that the chain of signatures stays whole.
+LIBRARY_PACKAGE = "libc6"  # the newest kernel asks for a newer one than older systems have
+# A Debian archive as in sources.list, that is "URL suite component", instead of those tried in turn.
 ARCHIVE_VARIABLE = "VCAN_DEBIAN_ARCHIVE"
+PUBLIC_ARCHIVE, NEWEST = "http://deb.debian.org/debian", "testing main"
+# Ubuntu carries Debian's keys, so that the chain of signatures stays whole.
 KEYRING_PACKAGE = "debian-archive-keyring"
 KEYRING = "usr/share/keyrings/debian-archive-keyring.gpg"
 
 
-def unpack_package(folder: Path) -> Path:
-    """Download into `folder` and unpack there; the root of the unpacked files. Raises UnableError."""
-    say(f"downloading Debian package {PACKAGE} (about 40 MB)")
+def unpack_newest(folder: Path) -> Path:
+    """Root of Debian testing's kernel with its C library, unpacked below `folder`; raises KernelError."""
     log = folder / "log"
-    package = download_package(folder, log)
+    keyring = Path("/", KEYRING)
+    if not keyring.exists():
+        package = download_from_system(folder, log, KEYRING_PACKAGE)
+        if package is None:
+            mend = f"sudo apt-get update && sudo apt-get install -y {KEYRING_PACKAGE}"
+            raise failure(log, f"no keys to check Debian's signatures with: {keyring} is missing", mend)
+        keyring = unpack(package, folder / "keyring") / KEYRING
+    for number, archive in enumerate(archives()):
+        own = folder / str(number)
+        own.mkdir()
+        sources = own / "sources.list"
+        sources.write_text(f"deb [signed-by={keyring}] {archive}\n")
+        only_debian = [
+            f"Dir::Etc::SourceList={sources}",
+            "Dir::Etc::SourceParts=-",
+            "Dir::State::Status=/dev/null",  # what is installed is no alternative
+        ]
+        options = with_lists(own, log, only_debian)
+        kernel, library = (download(own, log, name, options) for name in (PACKAGE, LIBRARY_PACKAGE))
+        if kernel is not None and library is not None:
+            unpack(kernel, own / "root")
+            unpack(library, own / "root")
+            bring_library(own / "root")
+            return own / "root"
+    raise failure(log, f"cannot download {PACKAGE} from {' nor '.join(archives())}, see above")
+
+
+def unpack_distribution(folder: Path) -> Path:
+    """Root of the kernel of the system's own archive, unpacked below `folder`; raises KernelError."""
+    log = folder / "log"
+    package = download_from_system(folder, log, PACKAGE)
     if package is None:
-        sys.stderr.write(log.read_text(errors="replace"))
-        raise UnableError(
-            f"cannot download {PACKAGE}, see above; where the distribution lacks it, name a Debian archive in "
-            f"{ARCHIVE_VARIABLE} (URL suite component)",
-            "sudo modprobe vcan",
-        )
+        raise failure(log, f"the system's own archive does not give {PACKAGE}, see above")
     return unpack(package, folder / "root")
 
 
-def download_package(folder: Path, log: Path) -> Path | None:
-    """The package from the system's lists, from fresh ones, or from the archive named; None if all fail."""
+def failure(log: Path, problem: str, mend: str = "sudo modprobe vcan") -> KernelError:
+    """The error of a download, with what apt said."""
+    return KernelError(problem, mend, log.read_text(errors="replace"))
+
+
+def archives() -> list[str]:
+    """Debian archives that may have the newest kernel, as in sources.list: the system's mirror goes first."""
+    if named := os.environ.get(ARCHIVE_VARIABLE):
+        return [named]
+    system = platform.freedesktop_os_release()
+    mirrors: list[str] = []
+    if system["ID"] == "debian":
+        wanted = ["Created-By: Packages", "Component: main", f"Release: {system.get('VERSION_CODENAME', '')}"]
+        command = ["apt-get", "indextargets", "--format", "$(REPO_URI)", *wanted]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        mirrors = [uri.rstrip("/") for uri in done.stdout.split()]
+    return [f"{uri} {NEWEST}" for uri in dict.fromkeys([*mirrors, PUBLIC_ARCHIVE])]
+
+
+def download_from_system(folder: Path, log: Path, name: str) -> Path | None:
+    """The file of a package by the system's lists, or by fresh ones; None if both fail."""
     system: list[str] = []
-    if package := download(folder, log, PACKAGE, system):
+    if package := download(folder, log, name, system):
         return package
     # A bare machine has no package lists yet, and only root may write the system's.
-    fresh = with_lists(folder / "system", log, system)
-    if package := download(folder, log, PACKAGE, fresh):
-        return package
-    archive = os.environ.get(ARCHIVE_VARIABLE)
-    if archive is None:
-        return None
-    keyring = Path("/", KEYRING)
-    if not keyring.exists():
-        package = download(folder, log, KEYRING_PACKAGE, fresh)
-        if package is None:
-            return None
-        keyring = unpack(package, folder / "keyring") / KEYRING
-    sources = folder / "debian.list"
-    sources.write_text(f"deb [signed-by={keyring}] {archive}\n")
-    only_debian = [f"Dir::Etc::SourceList={sources}", "Dir::Etc::SourceParts=-"]
-    return download(folder, log, PACKAGE, with_lists(folder / "debian", log, only_debian))
+    return download(folder, log, name, with_lists(folder / "system", log, system))
 
 
 def with_lists(folder: Path, log: Path, options: list[str]) -> list[str]:

@@ -79,7 +79,7 @@ def _follow_lift(alignment, follower, position, lift, first):  # type: ignore[no
     begin = follower.lift_row + follower.lift_after
     for index in range(max(follower.lift_row + 1, first), row + 1):
         share = (index - follower.lift_row) / (row - follower.lift_row)
-        value = follower.values[NEEDLE_LIFT] + share * (lift - follower.values[NEEDLE_LIFT])
+        value = lift + (1.0 - share) * (follower.values[NEEDLE_LIFT] - lift)  # to the last bit its own
         place = min(max(begin + share * (row + after - begin) - index, 0.0), 1.0)
         store(alignment, index, NEEDLE_LIFT, value, index < row and distance > MISSED, place)
     follower.lift_row = row

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.bus.alignment.alignment import decide, is_stale, store
@@ -196,6 +196,7 @@ def needle(position: float) -> float:
 
 @settings(max_examples=50, deadline=None)
 @given(st.floats(-0.9, 0.9), st.floats(0.999, 1.001), st.integers(1, 28))
+@example(0.5234375, 0.999, 1)
 def test_lifts_of_another_clock_are_kept_with_their_times(phase: float, step: float, block: int) -> None:
     """Every sample has a lift that was taken as it says, each lift of an open needle belongs to one sample."""
     joined = Joined(LIFT_ALONE)

@@ -1,0 +1,171 @@
+"""Which user-mode Linux tools/vcan takes: one that boots on this machine, and none is tried twice."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+LIB = Path(__file__).parents[2] / "tools" / "lib"
+OBTAIN = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from say import UnableError
+from uml_choice import obtain_kernel
+try:
+    print(obtain_kernel(Path(sys.argv[2])).program)
+except UnableError as error:
+    sys.exit(f"{error.details}{error} MEND {error.mend}")
+"""
+# What kernels before 6.13 end with on a CPU with AMX.
+PANICS = 'echo "ptrace set fp regs failed, errno = 14"; echo "Kernel panic - not syncing"; exit 134'
+# The command's exit code goes to the last descriptor of the third serial line.
+BOOTS = "for word; do case $word in ssl2=*) answer=${word##*fd:};; esac; done; echo 0 >/proc/self/fd/$answer"
+# As apt-get download and dpkg-deb -x would: "packages" are folders.
+APT = 'for word; do last=$word; done; [ -d "$SHELF/$last" ] && cp -r "$SHELF/$last" "${last}_1.deb"; exit 0'
+DPKG = 'mkdir -p "$3"; cp -r "$2"/. "$3"'
+ASKS_FOR_LOADER = "# /lib64/ld-linux-x86-64.so.2\0"
+MODULES = ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan")
+
+
+def write_program(path: Path, script: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(0o755)
+
+
+def write_kernel(root: Path, script: str) -> Path:
+    """A kernel below `root` that notes every boot in the file `boots` beside its program."""
+    program = root / "usr/bin/linux.uml"
+    write_program(program, f'echo boot >>"$(dirname "$0")/boots"\n{script}')
+    for name in MODULES:
+        module = root / f"usr/lib/uml/modules/1/{name}.ko"
+        module.parent.mkdir(parents=True, exist_ok=True)
+        module.touch()
+    return program
+
+
+class Machine:
+    """A machine of its own: its cache, its installed system, what its archives have."""
+
+    def __init__(self, folder: Path) -> None:
+        self.cache = folder / "cache/observer_rt_tools/user-mode-linux"
+        self.system = folder / "system"
+        self.shelf = folder / "shelf"
+        self._programs = folder / "programs"
+        self._folder = folder
+        write_program(self._programs / "apt-get", APT)
+        write_program(self._programs / "dpkg-deb", DPKG)
+
+    def offer(self, script: str) -> None:
+        """Put a kernel into the archives, and the C library."""
+        write_kernel(self.shelf / "user-mode-linux", script)
+        loader = self.shelf / "libc6/usr/lib/x86_64-linux-gnu/ld-linux-x86-64.so.2"
+        loader.parent.mkdir(parents=True)
+        loader.touch()
+        (self.shelf / "debian-archive-keyring").mkdir()
+
+    def start(self) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, "-c", OBTAIN, str(LIB), str(self.system)],
+            env=os.environ
+            | {
+                "XDG_CACHE_HOME": str(self._folder / "cache"),
+                "PATH": f"{self._programs}:{os.environ['PATH']}",
+                "SHELF": str(self.shelf),
+            },
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def obtain(self) -> tuple[str, str]:
+        """The kernel chosen, and what was said."""
+        out, errors = self.start().communicate(timeout=60)
+        return out.strip(), errors
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    return Machine(tmp_path)
+
+
+def boots_of(program: Path) -> int:
+    notes = program.parent / "boots"
+    return len(notes.read_text().splitlines()) if notes.exists() else 0
+
+
+def test_kernel_that_boots_is_tried_once(machine: Machine) -> None:
+    program = write_kernel(machine.system, BOOTS)
+    for _ in range(2):
+        assert machine.obtain()[0] == str(program)
+    assert boots_of(program) == 1
+
+
+def test_where_the_installed_one_panics_another_is_fetched(machine: Machine) -> None:
+    """The first is remembered, as is the one that boots."""
+    program = write_kernel(machine.system, PANICS)
+    machine.offer(BOOTS)
+    chosen, said = machine.obtain()
+    assert chosen == str(machine.cache / "newest/usr/bin/linux.uml")
+    assert f"{program} does not boot on this machine" in said
+    again, said = machine.obtain()
+    assert again == chosen
+    assert said == ""
+    assert boots_of(program) == boots_of(Path(chosen)) == 1
+
+
+def test_newest_brings_its_c_library(machine: Machine) -> None:
+    """It is started where its loader is, which it asks for by name only."""
+    machine.offer(f'{ASKS_FOR_LOADER}\nls ld-linux-x86-64.so.2 "$LD_LIBRARY_PATH" || exit 1\n{BOOTS}')
+    chosen = Path(machine.obtain()[0])
+    assert chosen.parents[2].name == "newest"
+    assert b"/lib64/" not in chosen.read_bytes()
+    assert ASKS_FOR_LOADER.encode()[len("# /lib64/") :] in chosen.read_bytes()
+
+
+def test_none_boots(machine: Machine) -> None:
+    """Each is named with the reason, and how to try anew."""
+    installed = write_kernel(machine.system, PANICS)
+    machine.offer(PANICS)
+    for _ in range(2):
+        chosen, said = machine.obtain()
+        assert chosen == ""
+        for program in (
+            installed,
+            *(machine.cache / n / "usr/bin/linux.uml" for n in ("newest", "distribution")),
+        ):
+            assert f"{program}: ptrace set fp regs failed, errno = 14" in said
+            assert boots_of(program) == 1
+        assert f"MEND rm {machine.cache}" in said
+    trials = list((machine.cache / "trials").iterdir())
+    assert len(trials) == 3
+
+
+def test_a_trial_is_forgotten_when_the_kernel_changes(machine: Machine) -> None:
+    write_kernel(machine.system, PANICS)
+    assert machine.obtain()[0] == ""
+    program = write_kernel(machine.system, f"{BOOTS} # mended")
+    assert machine.obtain()[0] == str(program)
+
+
+def test_nothing_to_be_had(machine: Machine) -> None:
+    """Archives without the package, or without a network: nothing half done is left."""
+    chosen, said = machine.obtain()
+    assert chosen == ""
+    assert "user-mode-linux" in said
+    assert "MEND sudo" in said
+    assert {path.name for path in machine.cache.iterdir()} == {"lock", "trials"}
+
+
+def test_several_at_once_fetch_it_once(machine: Machine) -> None:
+    machine.offer(BOOTS)
+    outputs = [process.communicate(timeout=60) for process in [machine.start() for _ in range(3)]]
+    chosen = {out.strip() for out, _ in outputs}
+    assert len(chosen) == 1
+    assert sum("downloading" in said for _, said in outputs) == 1
+    assert boots_of(Path(chosen.pop())) == 1

@@ -7,17 +7,20 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from observer_rt.bus.links.link import Frame, Link, open_link
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.config.bench import Bench, load_bench, load_injector
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels
@@ -124,6 +127,25 @@ def listening(interface: str, channel: str) -> Iterator[Listener]:
 def bench_file(folder: Path, channel: str, interface: str = "virtual") -> Path:
     """Bench at SAMPLE_RATE, learning in lockstep."""
     return write_bench(folder, interface, channel, SAMPLE_RATE)
+
+
+def assert_warm_up_takes_all(bench: Bench) -> None:
+    """Every message of the bench goes through the core that warms up, and none is refused."""
+    cores: dict[int, Core] = {}
+
+    class Watched(Core):
+        def handle(self, frame_id: int, *rest: Any) -> list[OutputFrame]:
+            cores[frame_id] = self
+            return super().handle(frame_id, *rest)
+
+    bus = map_bus(bench)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("observer_rt.service.warm_up.Core", Watched)
+        warm_up(bench, bus)
+    assert cores.keys() == {layout.frame_id for layout in bus.received}
+    counters = next(iter(cores.values())).counters
+    assert counters.samples > 0
+    assert counters.crc_errors == counters.length_errors == 0
 
 
 def over_bus(path: Path, frames: Sequence[TimedFrame], speed: float = math.inf) -> tuple[Heard, Daemon]:

@@ -1,5 +1,7 @@
 """The paper's scheme on one injection: what its parts do alone, and what it comes to."""
 
+import contextlib
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -129,8 +131,15 @@ def test_gains_that_cannot_identify_are_refused(gain: float, problem: str) -> No
 
 
 def test_gains_between_line_mode_and_sample_rate_are_taken() -> None:
-    for gain in (1.01 * line_mode(C), 3e4, 1e5, 1 / (1 / 100e3)):
-        check_gain("here", gain, C, 100e3)
+    def is_taken(gain: float) -> bool:
+        with contextlib.suppress(UserError):
+            check_gain("here", gain, C, 100e3)
+            return True
+        return False
+
+    lowest, rate = line_mode(C), 1 / (1 / 100e3)
+    gains = (0.99 * lowest, 1.01 * lowest, 3e4, rate, 1.01 * rate)
+    assert [is_taken(gain) for gain in gains] == [False, True, True, True, False]
 
 
 @pytest.mark.parametrize(("gain", "doubt"), [(1e4, "derivative"), (5e4, None), (1e5, "noise")])

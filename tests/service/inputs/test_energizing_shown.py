@@ -22,10 +22,9 @@ from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.inputs.energizing import Mismatch
 from observer_rt.service.view import View
-from observer_rt.service.warm_up import warm_up
 from tests.recording.canlog.log_cases import write_log
 from tests.service.core_frames import SAMPLE_RATE
-from tests.service.participants import ScriptedLink, serving, until
+from tests.service.participants import ScriptedLink, assert_warm_up_takes_all, serving, until
 from tests.service.pulse_frames import (
     BED,
     CYCLIC,
@@ -126,8 +125,7 @@ def test_units_of_the_bench_file_go_before_the_databases(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("lines", [LEVEL, SAFE])
 def test_warm_up_takes_a_bench_with_energizing(tmp_path: Path, lines: str) -> None:
-    bench = load_bench(pulse_bench(tmp_path, lines))
-    warm_up(bench, map_bus(bench))
+    assert_warm_up_takes_all(load_bench(pulse_bench(tmp_path, lines)))
 
 
 def test_document_of_a_log(tmp_path: Path) -> None:

@@ -23,7 +23,6 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.inputs.measured_mass import MeasuredMass
 from observer_rt.service.view import View
-from observer_rt.service.warm_up import warm_up
 from tests.recording.canlog.log_cases import write_log
 from tests.service.core_frames import (
     ONE_MESSAGE,
@@ -35,7 +34,7 @@ from tests.service.core_frames import (
     recording,
     run,
 )
-from tests.service.participants import ScriptedLink
+from tests.service.participants import ScriptedLink, assert_warm_up_takes_all
 from tests.service.slow_frames import bed, inserted, safe_bed, slow_bench
 
 MASS = {"measured_mass": ("Bed", "Mass")}
@@ -171,8 +170,7 @@ def test_check_lists_it(path: Path) -> None:
 
 
 def test_warm_up_takes_a_bench_with_optional_inputs(tmp_path: Path) -> None:
-    bench = load_bench(slow_bench(tmp_path, SAFE_MASS))
-    warm_up(bench, map_bus(bench))
+    assert_warm_up_takes_all(load_bench(slow_bench(tmp_path, SAFE_MASS)))
 
 
 def test_evaluating_a_log_compares_it(path: Path, frames: list[Frame], usual: Result, tmp_path: Path) -> None:

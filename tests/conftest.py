@@ -21,6 +21,7 @@ settings.load_profile("unhurried")
 INTERFACE = "vcan0"
 CAN_FD_MTU = 72
 FLAG_UP = 1
+OPENED = "opened a SocketCAN socket on"  # property of a test's report
 # Names a file for `passed failed opened`: tests passed, tests failed, tests that opened a socket on vcan0.
 COUNTS_VARIABLE = "OBSERVER_RT_TEST_COUNTS"
 
@@ -58,11 +59,14 @@ def own_interface(vcan: str) -> Iterator[OwnInterface]:
 
 
 class SocketCounter:
-    """Notes which tests bind a SocketCAN socket to vcan0, whichever library does it for them."""
+    """Notes which tests bind a SocketCAN socket to vcan0, whichever library does it for them.
+
+    The tests may run in several processes, the count is made in the one that gets all reports.
+    """
 
     def __init__(self) -> None:
         self.tests: set[str] = set()
-        self._running: str | None = None
+        self._running: pytest.Item | None = None
         sys.addaudithook(self._audit)
 
     def _audit(self, event: str, arguments: tuple[object, ...]) -> None:
@@ -72,16 +76,21 @@ class SocketCounter:
         match arguments:
             case (socket.socket(family=socket.AF_CAN), (str(name), *_)) if name == INTERFACE:
                 if any(name == existing for _, existing in socket.if_nameindex()):
-                    self.tests.add(self._running)
+                    self._running.user_properties.append((OPENED, INTERFACE))
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         """Attribute what happens from set-up to tear-down to this test."""
-        self._running = item.nodeid
+        self._running = item
         try:
             return (yield)
         finally:
             self._running = None
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Count a test whose socket was seen, be it in another process."""
+        if any(name == OPENED for name, _ in report.user_properties):
+            self.tests.add(report.nodeid)
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Print the count where there could be any, and leave all counts for tools/test."""

@@ -16,8 +16,8 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
 from observer_rt.observer.learning.knowledge import EventLearner, Knowledge, Outcome, Verdict
-from observer_rt.observer.paper_scheme.network import FreeNetwork
 from observer_rt.observer.stream.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
+from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
     INJECTIONS,
@@ -87,6 +87,7 @@ def make_observer(constants: Constants, knowledge: Knowledge, learner: EventLear
         np.zeros(1, OBSERVER),
         np.zeros(RING, SAMPLE),
         learner.schedule.gains.copy(),
+        learner.phi,
     )
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
@@ -174,8 +175,7 @@ def judge(observer: Observer, outcome: Outcome | None) -> None:
         return
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge.in_force, outcome.knowledge.noise.needle_lift)
-    if outcome.free_rows is not None:
-        _carry_free_rows(observer, outcome.free_rows)
+    put_into(observer.phi, outcome.phi)
     if outcome.verdict is Verdict.ADOPTED:
         memory["phi_version"] += 1
     memory["judgement"] = outcome.findings[0].reason if outcome.findings else Reason.NONE
@@ -193,12 +193,3 @@ def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: fl
     memory["lag"] = sensor.lag + learned.lag
     memory["friction"], memory["leakage"], memory["stiffness"], memory["air"] = learned.line
     memory["lift_on"], memory["lift_off"] = dead_band(lift_noise)
-
-
-def _carry_free_rows(observer: Observer, network: FreeNetwork) -> None:
-    memory = observer.memory[0]
-    memory["has_free_rows"] = True
-    memory["free_hidden"] = network.hidden
-    memory["free_output"] = network.output
-    memory["free_bias"] = network.bias
-    memory["free_unit"] = network.unit

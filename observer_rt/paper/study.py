@@ -151,12 +151,10 @@ class _Scheme:
         knowledge = no_knowledge(configured_noise(self._bench), self._constants.coefficients.pressure_scale)
         learner = PaperLearner(self._constants, knowledge, self._gain)
         rejected = 0
-        network = self.trained(0)
         for _ in range(trainings):
             outcome = learner.learn(self._window, Standstill(0, 0.0, None), np.zeros(PARAMETERS))
             rejected += outcome.verdict is not Verdict.ADOPTED
-            network = outcome.free_rows or network
-        return network, rejected
+        return learner.network, rejected
 
     def estimate(self, network: FreeNetwork) -> Estimate:
         """The observer with this network over the injection."""

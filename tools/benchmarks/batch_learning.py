@@ -24,6 +24,7 @@ from observer_rt.observer.learning.fitting import TOLERANCE, Cost, EventFitter, 
 from observer_rt.observer.learning.knowledge import GATE, EventLearner, Outcome
 from observer_rt.observer.learning.learner import BURN_IN, FIRST_ITERATIONS, ITERATIONS
 from observer_rt.observer.paper_scheme.bfgs import minimise
+from observer_rt.observer.stream.phi import Phi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
 
@@ -79,6 +80,11 @@ class Listener:
     def schedule(self) -> GainSchedule:
         """As of the other."""
         return self._learner.schedule
+
+    @property
+    def phi(self) -> Phi:
+        """As of the other."""
+        return self._learner.phi
 
     def learn(
         self,

@@ -1,18 +1,15 @@
 """Wear of nozzle and seat, and line-side and sensor matters, as numbers with a standard deviation."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.laws import root
 from observer_rt.model.network import HIDDEN, activation, back_pressure_at, flow_changes
 from observer_rt.model.sensor import LAG_UNIT
-from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
 
@@ -99,16 +96,3 @@ def nozzle_change(
         slopes[Parameter.BACK_PRESSURE] = -0.5 * factor / (x_3 * against_chamber)
         slopes[Parameter.BACK_PRESSURE + 1] = slopes[Parameter.BACK_PRESSURE] * u[1]
     return factor * against_chamber - 1.0, slopes
-
-
-def with_free_rows(
-    indicators: Indicators,
-    network: FreeNetwork,
-    x: NDArray[np.float64],
-    u: NDArray[np.float64],
-    c: Coefficients,
-) -> Indicators:
-    """Indicators where phi is the paper's: v_H of (27) from phi_1 at state x (3,) and inputs u (2,), no sigma."""
-    phi_1, _, _ = free_fault((float(x[0]), float(x[1]), float(x[2])), (float(u[0]), float(u[1])), network)
-    flow = c.a2_nozzle * root(float(x[2]), c.transition)
-    return replace(indicators, nozzle=Estimate(-phi_1 / flow if flow > 0.0 else 0.0))

@@ -20,7 +20,7 @@ from observer_rt.model.network import HIDDEN
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.adequacy import Finding
 from observer_rt.observer.learning.interval import Resimulated
-from observer_rt.observer.paper_scheme.network import FreeNetwork
+from observer_rt.observer.stream.phi import Phi, StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
 
@@ -134,8 +134,7 @@ class Outcome:
 
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
     with the covariance (m, m) of its error, None where the training knows none. resimulated: the event with the
-    estimate, None where nothing usable was learned from it. free_rows: the paper's network to carry instead of
-    theta's, where that is what was trained.
+    estimate, None where nothing usable was learned from it. phi: what x^ is to carry.
     """
 
     verdict: Verdict
@@ -145,7 +144,7 @@ class Outcome:
     estimate: NDArray[np.float64]
     covariance: NDArray[np.float64] | None
     resimulated: Resimulated | None = None
-    free_rows: FreeNetwork | None = None
+    phi: Phi = field(default_factory=StructuredPhi)
 
 
 class EventLearner(Protocol):
@@ -154,6 +153,10 @@ class EventLearner(Protocol):
     @property
     def schedule(self) -> GainSchedule:
         """Gains of the live x~."""
+
+    @property
+    def phi(self) -> Phi:
+        """What x^ carries at the start, in arrays of its own."""
 
     def learn(
         self,

@@ -45,6 +45,7 @@ from observer_rt.observer.learning.knowledge import (
 )
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
 from observer_rt.observer.learning.trend import Trend
+from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants, Reason
 
@@ -85,6 +86,11 @@ class Learner:
     def schedule(self) -> GainSchedule:
         """Gains for the noise levels and the sensor lag in use."""
         return self._schedule
+
+    @property
+    def phi(self) -> StructuredPhi:
+        """x^ carries the network of theta, as x~ does."""
+        return StructuredPhi()
 
     @property
     def belief(self) -> Belief:

@@ -9,6 +9,8 @@ from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.predictor import Window
 from observer_rt.observer.learning.adequacy import Finding
 from observer_rt.observer.learning.knowledge import Knowledge, Outcome, Verdict
+from observer_rt.observer.paper_scheme.network import FreeNetwork
+from observer_rt.observer.paper_scheme.phi import FreePhi, free_phi
 from observer_rt.observer.paper_scheme.systems import PaperSetting
 from observer_rt.observer.paper_scheme.training import (
     first_weights,
@@ -51,6 +53,16 @@ class PaperLearner:
             sensor.fraction,
         )
 
+    @property
+    def network(self) -> FreeNetwork:
+        """The network in force."""
+        return network_of(self._weights.in_force, self._setting)
+
+    @property
+    def phi(self) -> FreePhi:
+        """What x^ carries of it."""
+        return free_phi(self.network)
+
     def learn(
         self,
         window: Window,
@@ -87,5 +99,5 @@ class PaperLearner:
             findings=(Finding(Reason.UNTESTED),),
             estimate=in_force,
             covariance=None,
-            free_rows=network_of(self._weights.in_force, self._setting),
+            phi=self.phi,
         )

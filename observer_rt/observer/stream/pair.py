@@ -8,11 +8,9 @@ from observer_rt.estimation.predictor import correct
 from observer_rt.model.coefficients import Coefficients, LineTerms, with_line_terms
 from observer_rt.model.integrator import advance_over
 from observer_rt.model.network import Network
-from observer_rt.model.right_hand_side import fault, injection_rate
 from observer_rt.model.sensor import lagged, recorded
-from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
-from observer_rt.observer.paper_scheme.systems import PaperSetting, balanced_rate, observe
 from observer_rt.observer.stream.front_end import known
+from observer_rt.observer.stream.phi import advance_x_hat, read_phi
 from observer_rt.observer.stream.state import RING, Observer
 
 _MASK = RING - 1
@@ -34,13 +32,6 @@ def coefficients_in_force(observer: Observer) -> Coefficients:
         LineTerms(memory.friction, memory.leakage, memory.stiffness, memory.air),
     )
     return c
-
-
-@njit(cache=True, nogil=True)
-def free_rows_in_force(observer: Observer) -> FreeNetwork:
-    """The paper's network in the observer's memory."""
-    memory = observer.memory[0]
-    return FreeNetwork(memory.free_hidden, memory.free_output, memory.free_bias, memory.free_unit)
 
 
 @njit(cache=True, nogil=True)
@@ -111,11 +102,8 @@ def step_pair(observer: Observer, position: int) -> bool:
 
     if not row.resting:
         x = (before.x_hat[0], before.x_hat[1], before.x_hat[2])
-        if memory.has_free_rows:
-            setting = PaperSetting(constants.interval, constants.substeps, c, network, memory.free_unit)
-            x = observe(x, u_start, u_end, setting, free_rows_in_force(observer))
-        else:
-            x = advance_over(x, u_start, knot, u_end, constants.interval, constants.substeps, c, network)
+        interval, substeps = constants.interval, constants.substeps
+        x = advance_x_hat(observer.phi, x, u_start, knot, u_end, interval, substeps, c, network)
     row.x_hat[0], row.x_hat[1], row.x_hat[2] = x
     return math.isfinite(x[0] + x[1] + x[2] + row.x_tilde[0] + row.x_tilde[1] + row.x_tilde[2])
 
@@ -128,10 +116,5 @@ def read_out(observer: Observer, position: int) -> None:
     network = network_in_force(observer)
     x = (row.x_hat[0], row.x_hat[1], row.x_hat[2])
     u = (row.rail_pressure, max(row.seat_area, 0.0))
-    if observer.memory[0].has_free_rows:
-        phi = (0.0, 0.0, 0.0) if row.resting else free_fault(x, u, free_rows_in_force(observer))
-        row.injection_rate = 0.0 if row.resting else balanced_rate(x[2], u[1], phi[0], c)
-    else:
-        phi = fault(x, u, c, network)
-        row.injection_rate = injection_rate(x, u, c, network)
+    phi, row.injection_rate = read_phi(observer.phi, x, u, row.resting, c, network)
     row.phi[0], row.phi[1], row.phi[2] = phi

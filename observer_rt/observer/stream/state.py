@@ -12,7 +12,7 @@ from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
 from observer_rt.model.sensor import Sensor
-from observer_rt.observer.paper_scheme.network import ROWS
+from observer_rt.observer.stream.phi import Phi
 
 RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
@@ -149,12 +149,6 @@ OBSERVER = np.dtype(
         ("stiffness", np.float64),
         ("air", np.float64),
         ("back_pressure", np.float64, (2,)),
-        # the paper's network, which x^ carries instead of the one above where `training = "paper"`
-        ("has_free_rows", np.bool_),
-        ("free_hidden", np.float64, (HIDDEN, ARGUMENTS)),
-        ("free_output", np.float64, (ROWS, HIDDEN)),
-        ("free_bias", np.float64, (ROWS,)),
-        ("free_unit", np.float64),  # 1/s
         ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
         ("doubted", np.int8),  # Reason all that comes now is not to be trusted, 0 when it is
         ("lift_on", np.float64),  # m
@@ -235,3 +229,4 @@ class Observer(NamedTuple):
     memory: NDArray[np.void]  # (1,) OBSERVER
     ring: NDArray[np.void]  # (RING,) SAMPLE
     gains: NDArray[np.float64]  # (n, 3) gain schedule in force
+    phi: Phi  # of x^

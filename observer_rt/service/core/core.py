@@ -24,7 +24,6 @@ from observer_rt.observer.observer import (
     judge,
     make_observer,
 )
-from observer_rt.observer.paper_scheme.network import FreeNetwork
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import INJECTIONS, RING, Reason, State
@@ -107,7 +106,6 @@ class Core:
         self._known = start
         self._events_submitted = 0
         self._rejected = 0
-        self._free_rows: FreeNetwork | None = None
         self._first_version = start.phi_version
         self._frames: list[OutputFrame] = []
 
@@ -256,7 +254,6 @@ class Core:
         judge(self._observer, outcome)
         if outcome is not None:
             self._rejected += outcome.verdict is not Verdict.ADOPTED
-            self._free_rows = outcome.free_rows
             version = int(self._observer.memory["phi_version"][0])
             self._known = replace(outcome.knowledge, phi_version=version)
         self._report_injections(event, outcome, self._fuel_of_events.popleft())
@@ -268,7 +265,7 @@ class Core:
             if injection["event"] > event["number"]:
                 break
             memory["injections_reported"] += 1
-            carried = in_force(self._observer), self._free_rows
+            carried = in_force(self._observer), self._observer.phi
             commanded = self._optional.opening_of(injection)
             report = report_of(injection, event, outcome, *carried, fuel, commanded)
             values = summary_values(report, self._injector_id, self.learning, self._pressure_scale)

@@ -1,14 +1,14 @@
 """What the service says of one injection, in SI units."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.observer.learning.indicators import Indicators, indicators_of, with_free_rows
+from observer_rt.observer.learning.indicators import Estimate, Indicators, indicators_of
 from observer_rt.observer.learning.interval import is_revised, rate_sigma, volume_interval
 from observer_rt.observer.learning.knowledge import Outcome
-from observer_rt.observer.paper_scheme.network import FreeNetwork
+from observer_rt.observer.stream.phi import Phi
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.inputs.energizing import CommandedOpening
 from observer_rt.service.inputs.fuel import Fuel
@@ -53,14 +53,14 @@ def report_of(
     event: np.void,
     outcome: Outcome | None,
     in_force: NDArray[np.float64],
-    free_rows: FreeNetwork | None,
+    phi: Phi,
     fuel: Fuel,
     commanded: CommandedOpening | None,
 ) -> InjectionReport:
     """What to say of an injection (row of dtype `stream.state.INJECTION`) once its event (`EVENT`) is judged.
 
     outcome: what was learned from the event, None when nothing was; in_force: theta (m,) the observer carries,
-    free_rows: the paper's network where that is what it carries; fuel: during the event; commanded: by which command
+    phi: what its x^ carries; fuel: during the event; commanded: by which command
     it opened.
     """
     c = fuel.constants.coefficients
@@ -72,9 +72,9 @@ def report_of(
         injection["middle_x"],
         injection["middle_u"],
     )
-    if free_rows is not None:
-        middle = injection["middle_x"], injection["middle_u"]
-        indicators = with_free_rows(indicators, free_rows, *middle, c)
+    wear = phi.nozzle_wear(injection["middle_x"], injection["middle_u"], c)
+    if wear is not None:
+        indicators = replace(indicators, nozzle=Estimate(wear))
     volume = float(injection["volume"])
     interval, sigma = None, None
     belongs = injection["event"] == event["number"]

@@ -1,0 +1,102 @@
+"""What x^ carries as phi: chosen once, when the observer is made, and compiled for by its type."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numba import njit
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.integrator import advance_over
+from observer_rt.model.network import Network
+from observer_rt.model.right_hand_side import fault, injection_rate
+
+
+class Phi(Protocol):
+    """A named tuple whose arrays compiled code reads; what is learned is put into them in place."""
+
+    def nozzle_wear(self, x: NDArray[np.float64], u: NDArray[np.float64], c: Coefficients) -> float | None:
+        """v_H of (27) at state x (3,) and inputs u (2,); None where theta says it."""
+
+
+class StructuredPhi(NamedTuple):
+    """phi = G(x, u) N of theta: the network that x~ carries as well, in the observer's memory."""
+
+    def nozzle_wear(self, x: NDArray[np.float64], u: NDArray[np.float64], c: Coefficients) -> None:
+        """Theta says it."""
+
+
+def advance_x_hat(
+    phi: Any,
+    x: tuple[float, float, float],
+    u_start: tuple[float, float],
+    knot: tuple[float, float],
+    u_end: tuple[float, float],
+    interval: float,
+    substeps: int,
+    c: Coefficients,
+    network: Network,
+) -> tuple[float, float, float]:
+    """x^ a sample interval later, under phi; other arguments as of `integrator.advance_over`. For compiled code."""
+    raise NotImplementedError
+
+
+def read_phi(
+    phi: Any,
+    x: tuple[float, float, float],
+    u: tuple[float, float],
+    resting: bool,
+    c: Coefficients,
+    network: Network,
+) -> tuple[tuple[float, float, float], float]:
+    """The three rows of phi [1/s] and the injection rate [m3/s] at a state. For compiled code."""
+    raise NotImplementedError
+
+
+def put_into(held: Any, new: Any) -> None:
+    """Replace what an observer's phi holds, in place: compiled code keeps reading the same arrays."""
+    for array, values in zip(held, new, strict=True):
+        array[...] = values
+
+
+def carry(kind: type, advance: Callable[..., Any], read: Callable[..., Any]) -> None:
+    """Make `advance_x_hat` and `read_phi` of this kind of phi; compiled functions with the same arguments."""
+
+    def chosen(compiled: Any) -> Callable[..., Any]:
+        return lambda phi, *_: compiled.py_func if getattr(phi, "instance_class", None) is kind else None
+
+    overload(advance_x_hat, strict=False)(chosen(advance))
+    overload(read_phi, strict=False)(chosen(read))
+
+
+@njit(cache=True, nogil=True)
+def _advance_structured(
+    phi: StructuredPhi,
+    x: tuple[float, float, float],
+    u_start: tuple[float, float],
+    knot: tuple[float, float],
+    u_end: tuple[float, float],
+    interval: float,
+    substeps: int,
+    c: Coefficients,
+    network: Network,
+) -> tuple[float, float, float]:
+    after: tuple[float, float, float] = advance_over(x, u_start, knot, u_end, interval, substeps, c, network)
+    return after
+
+
+@njit(cache=True, nogil=True)
+def _read_structured(
+    phi: StructuredPhi,
+    x: tuple[float, float, float],
+    u: tuple[float, float],
+    resting: bool,
+    c: Coefficients,
+    network: Network,
+) -> tuple[tuple[float, float, float], float]:
+    return fault(x, u, c, network), injection_rate(x, u, c, network)
+
+
+carry(StructuredPhi, _advance_structured, _read_structured)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import map_bus
@@ -80,6 +81,7 @@ def published(heard: Heard, true_rate: NDArray[np.float64]) -> Published:
     )
 
 
+@pytest.mark.slow
 def test_lift_offset_found_and_the_rate_is_right_and_valid(tmp_path: Path) -> None:
     """20 um: without the amended model nothing is valid and masses are percents off."""
     before = on_the_bus(tmp_path, None, LIFT_OFFSET)

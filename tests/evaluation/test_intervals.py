@@ -65,6 +65,7 @@ def population() -> tuple[Run, ...]:
     return tuple(run(seed, random.uniform(-0.4, 0.4), random.uniform(-0.3, 0.3)) for seed in range(16))
 
 
+@pytest.mark.slow
 def test_masses_lie_in_their_intervals() -> None:
     """Of the injections from the third event on 95 % do; those of one injector are nearly one draw."""
     inside = []

@@ -11,6 +11,7 @@ from observer_rt.cli.app import app
 from observer_rt.foundation.errors import UserError
 
 RATE = "25000"
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

@@ -67,6 +67,7 @@ def over_vcan(
     return Run(heard, history, rate, count, simulation.truth.injection_rate / 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.vcan
 def test_healthy_noise_free_recording_comes_back_as_the_true_rate(tmp_path: Path, vcan: str) -> None:
     run = over_vcan(tmp_path, vcan, 100e3, 0.05, 0.0, 3, None)
@@ -77,6 +78,7 @@ def test_healthy_noise_free_recording_comes_back_as_the_true_rate(tmp_path: Path
     assert np.sqrt(np.mean((run.rate - run.true_rate)[known] ** 2)) <= 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.vcan
 def test_worn_nozzle_is_learned_on_the_bus(tmp_path: Path, vcan: str) -> None:
     """Over events 4-10 of 10; other wear gives the same frames as `evaluate`, which is judged by its own tests."""

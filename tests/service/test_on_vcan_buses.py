@@ -36,6 +36,7 @@ def interfaces(vcan: str) -> Iterator[list[OwnInterface]]:
                 interface.remove()
 
 
+@pytest.mark.slow
 @pytest.mark.vcan
 def test_results_over_four_interfaces_equal_those_of_one_bus(
     tmp_path: Path, vcan: str, interfaces: list[OwnInterface]

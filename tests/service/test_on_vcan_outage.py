@@ -34,6 +34,7 @@ def unplugged(interface: OwnInterface, until_noticed: Callable[[], None]) -> Non
     interface.add()
 
 
+@pytest.mark.slow
 @pytest.mark.vcan
 @pytest.mark.parametrize(
     ("outage", "said"), [(taken_down, "vcan9 is down"), (unplugged, "there is no interface vcan9")]

@@ -27,6 +27,7 @@ from tests.service.time_scenarios import (
 # An injection is wrong by the design's definition from 3 % of mass or 3 mm3/ms on; the scenarios allow less.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
 def test_nothing_wrong_is_marked_valid(scenario: Scenario, tmp_path: Path) -> None:
     outcome = run(scenario, tmp_path)

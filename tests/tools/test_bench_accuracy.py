@@ -95,6 +95,7 @@ def test_figures_are_written_for_what_was_scored(worn: CaseScore, tmp_path: Path
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
 
 
+@pytest.mark.slow
 def test_a_run_resumes_and_prints_the_figures(tmp_path: Path) -> None:
     arguments = ("accuracy", "--cases", "1", "--classes", "healthy", "--workers", "1", "--no-peers", "--json")
     first = bench(*arguments, "--out", str(tmp_path))

@@ -247,6 +247,7 @@ with open(LOG, "a") as log:
 """
 
 
+@pytest.mark.slow
 def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
     log, stub, out = tmp_path / "log.txt", tmp_path / "stub.py", tmp_path / "out"
     stub.write_text(STUB.replace("LOG", repr(str(log))))
@@ -278,6 +279,7 @@ def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path)
     assert f"missed: {outflow.label} with rate: seat_outflow: none" in shown.get()
 
 
+@pytest.mark.slow
 def test_a_case_that_fails_is_said_and_the_others_go_on(tmp_path: Path) -> None:
     stub, log, failed = tmp_path / "stub.py", tmp_path / "log.txt", tmp_path / "failed"
     fails_once = """

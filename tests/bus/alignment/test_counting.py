@@ -92,6 +92,7 @@ def test_nothing_lost_slips_no_cycle(modulus: int, drift: float, delays: str) ->
     assert counter.sure[-1] == expected
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(
     st.integers(0, 1000),

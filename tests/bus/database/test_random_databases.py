@@ -66,6 +66,7 @@ def bits_of(one: Field, raw: float) -> int:
     return int(raw) & (1 << one.length) - 1
 
 
+@pytest.mark.slow
 @many
 @given(all_messages, st.data())
 def test_decode(random: RandomMessage, data: st.DataObject) -> None:
@@ -106,6 +107,7 @@ def values(draw: st.DrawFn, one: Field) -> float:
     return draw(st.sampled_from([1.0, 1.0, 1.0, 1e3, math.inf])) * float(raw * one.scale + one.offset)
 
 
+@pytest.mark.slow
 @many
 @given(all_messages, st.data())
 def test_encode(random: RandomMessage, data: st.DataObject) -> None:

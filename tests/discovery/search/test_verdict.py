@@ -109,6 +109,7 @@ def test_two_effects_are_named_together() -> None:
     assert all(one.gain > found.threshold for one in found.effects)
 
 
+@pytest.mark.slow
 def test_what_is_not_in_the_vocabulary_is_unknown() -> None:
     larger_sac = NOMINAL.model_copy(
         update={"nozzle": NOMINAL.nozzle.model_copy(update={"sac_volume": 2.5 * NOMINAL.nozzle.sac_volume})}

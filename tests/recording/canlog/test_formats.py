@@ -118,6 +118,7 @@ def test_a_file_cut_anywhere_gives_the_frames_before_and_says_so(
             assert data[len(data[:size].rstrip()) :].lstrip(b" ").startswith((b"\n", b"\r\n"))
 
 
+@pytest.mark.slow
 def test_mdf4_cut_anywhere_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "bus.mf4"
     write_log(path, mixture(".mf4", 30))

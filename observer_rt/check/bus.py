@@ -14,8 +14,9 @@ from observer_rt.check.buses import buses_findings
 from observer_rt.check.energizing import energizing_findings
 from observer_rt.check.findings import Finding, Level, graded
 from observer_rt.check.optional_inputs import slow_findings
-from observer_rt.config.bench import PACKAGE_DATA, Bench, Role
+from observer_rt.config.bench import PACKAGE_DATA, Bench
 from observer_rt.config.links import LinkConfig
+from observer_rt.config.signals import Role
 from observer_rt.foundation.units import LENGTH_UNITS, MEGAPASCAL, MICROMETRE, MILLISECOND, PRESSURE_UNITS
 from observer_rt.recording.replay.framing import message_timing
 from observer_rt.service.core.constants import configured_noise
@@ -41,7 +42,7 @@ def bus_findings(bench: Bench, bus: BusMap) -> list[Finding]:
     """All findings about the bus of a bench."""
     findings = buses_findings(bench, bus)
     findings += [_mapping(bench, bus, role) for role in ROLES] + slow_findings(bus)
-    findings += energizing_findings(bench, bus)
+    findings += energizing_findings(bench.injector, bus)
     findings += _sample_periods(bench, bus)
     findings += _identifiers(bus) + _databases(bus)
     links = bench.config.buses
@@ -64,7 +65,7 @@ def expected_load(bench: Bench, bus: BusMap, number: int = 0) -> BusLoad:
         ValueError: a message does not fit its kind of frame.
     """
     link = bench.config.buses[number].config
-    rate = bench.config.sampling.rate_hz
+    rate = bench.injector.config.sampling.rate_hz
 
     def time_of(layout: MessageLayout) -> float:
         if layout.bus != number:
@@ -82,7 +83,7 @@ def expected_load(bench: Bench, bus: BusMap, number: int = 0) -> BusLoad:
     if bus.rate is not None:
         blocks.append((time_of(bus.rate.layout), bus.rate.samples, rate))
     other = INJECTIONS_PER_SECOND * len(bus.summary.pages) * time_of(bus.summary.layout)
-    status_period = bench.config.outputs.status_period_ms * MILLISECOND
+    status_period = bench.injector.config.outputs.status_period_ms * MILLISECOND
     other += len(bus.status.pages) * time_of(bus.status.layout) / status_period
     other += sum(
         time_of(slow.layout)
@@ -108,11 +109,11 @@ def _mapping(bench: Bench, bus: BusMap, role: Role) -> Finding:
     number = message_of(bus, role)
     layout, message = bus.input_layouts[number], bus.inputs.messages[number]
     is_lift = role is Role.NEEDLE_LIFT
-    needed = bench.injector.seat.max_lift if is_lift else HIGHEST_PRESSURE
+    needed = bench.injector.parameters.seat.max_lift if is_lift else HIGHEST_PRESSURE
     unit, factor = ("um", MICROMETRE) if is_lift else ("MPa", MEGAPASCAL)
     limits = role_range(bus, role)
     resolution = role_resolution(bus, role, needed)
-    noise: float = getattr(configured_noise(bench), role.value)
+    noise: float = getattr(configured_noise(bench.injector), role.value)
     text = (
         f"{role}: {bus.name_of(layout)} 0x{layout.frame_id:X}, {_division(message)} in "
         f"{_unit(role, role_factor(bus, role))}, {limits.lowest / factor:.6g} to "
@@ -137,7 +138,7 @@ def _unit(role: Role, factor: float) -> str:
 
 
 def _sample_periods(bench: Bench, bus: BusMap) -> list[Finding]:
-    rate = bench.config.sampling.rate_hz
+    rate = bench.injector.config.sampling.rate_hz
     findings = [Finding("sampling", Level.OK, f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns")]
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]

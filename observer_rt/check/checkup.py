@@ -12,7 +12,7 @@ from observer_rt.check.interface import interface_findings, read_controller
 from observer_rt.check.model import plausibility_findings
 from observer_rt.check.optional_inputs import fuel_findings
 from observer_rt.check.time import time_findings
-from observer_rt.config.bench import Bench
+from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.estimation.gain import gain_schedule
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
@@ -41,16 +41,16 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     """
     findings = _files(bench)
     if state is not None:
-        findings.append(_state(bench, state))
-    findings += plausibility_findings(bench.injector)
+        findings.append(_state(bench.injector, state))
+    findings += plausibility_findings(bench.injector.parameters)
     try:
         bus = map_bus(bench)
         findings += bus_findings(bench, bus)
         findings += time_findings(bus)
     except UserError as error:
         findings.append(failed("mapping", error))
-    findings += _integration(bench)
-    findings += _observer(bench)
+    findings += _integration(bench.injector)
+    findings += _observer(bench.injector)
     findings += real_time_findings(this_host())
     for link in bench.config.buses:
         if link.config.interface == "socketcan":
@@ -62,8 +62,12 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
 def _files(bench: Bench) -> list[Finding]:
     findings = [
         Finding("files", Level.OK, f"bench {bench.path}"),
-        Finding("files", Level.OK, f"injector {bench.injector_path}, SHA-256 {model_hash(bench.injector)}"),
-        *_effects(bench),
+        Finding(
+            "files",
+            Level.OK,
+            f"injector {bench.injector.parameters_path}, SHA-256 {model_hash(bench.injector.parameters)}",
+        ),
+        *_effects(bench.injector),
     ]
     names = ", ".join(str(path) for path in bench.databases)
     try:
@@ -75,13 +79,13 @@ def _files(bench: Bench) -> list[Finding]:
     return findings
 
 
-def _state(bench: Bench, path: Path) -> Finding:
+def _state(fitted: BenchInjector, path: Path) -> Finding:
     """What `run` would make of a learned state."""
     topic = "learned state"
     try:
-        refuse_state(bench, "--state")
-        scale = bench.injector.scaling.pressure
-        knowledge = load_knowledge(path, model_hash(bench.injector), scale, set_aside=False).knowledge
+        refuse_state(fitted, "--state")
+        scale = fitted.parameters.scaling.pressure
+        knowledge = load_knowledge(path, model_hash(fitted.parameters), scale, set_aside=False).knowledge
     except StateDoesNotFitError as error:
         remedy = (
             "`run` would set it aside and begin anew: name the model file it belongs to, or another state"
@@ -95,11 +99,11 @@ def _state(bench: Bench, path: Path) -> Finding:
     return graded(topic, knowledge.events > 0, learned, "`run` will trust its results no sooner for it")
 
 
-def _effects(bench: Bench) -> list[Finding]:
+def _effects(fitted: BenchInjector) -> list[Finding]:
     """The effects that the injector file adds to the nominal model."""
     return [
         Finding("effects", Level.OK, " ".join([effect.id, *map(_size, effect.parameters.items())]))
-        for effect in bench.injector.effects
+        for effect in fitted.parameters.effects
     ]
 
 
@@ -108,27 +112,27 @@ def _size(parameter: tuple[str, EffectValue]) -> str:
     return f"{name} = {size.value:g}" + ("" if size.unit == "-" else f" {size.unit}")
 
 
-def _integration(bench: Bench) -> list[Finding]:
+def _integration(fitted: BenchInjector) -> list[Finding]:
     try:
-        substeps = bench_constants(bench).substeps
+        substeps = bench_constants(fitted).substeps
     except UserError as error:
         return [failed("integration", error)]
-    model = effective_model(bench.injector)
+    model = effective_model(fitted.parameters)
     return [
         Finding(
             "integration",
             Level.OK,
-            f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {bench.config.sampling.rate_hz:g} Hz, "
+            f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {fitted.config.sampling.rate_hz:g} Hz, "
             f"for a fastest rate of {fastest_rate(model.injector, model.departures):.3g} 1/s",
         ),
-        *fuel_findings(bench),
+        *fuel_findings(fitted),
     ]
 
 
-def _observer(bench: Bench) -> list[Finding]:
-    rate = bench.config.sampling.rate_hz
-    noise = configured_noise(bench)
-    constants = constants_for(bench.injector, rate, Durations(), events_required=0)
+def _observer(fitted: BenchInjector) -> list[Finding]:
+    rate = fitted.config.sampling.rate_hz
+    noise = configured_noise(fitted)
+    constants = constants_for(fitted.parameters, rate, Durations(), events_required=0)
     sensor, lookahead = constants.sensor, constants.timing.lookahead
     schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction)
     c = constants.coefficients
@@ -149,20 +153,20 @@ def _observer(bench: Bench) -> list[Finding]:
         ),
         graded(
             "dead band",
-            opens <= LARGEST_DEAD_BAND * bench.injector.seat.max_lift,
+            opens <= LARGEST_DEAD_BAND * fitted.parameters.seat.max_lift,
             f"opens above {opens / MICROMETRE:.3g} um of lift, shuts below {shuts / MICROMETRE:.3g} um",
             f"above {LARGEST_DEAD_BAND:.0%} of the full lift short injections are missed: "
             "lower the noise of the needle lift",
         ),
         Finding("look-ahead", Level.OK, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us"),
-        _event_timing(bench),
-        *_paper_training(bench),
+        _event_timing(fitted),
+        *_paper_training(fitted),
     ]
 
 
-def _event_timing(bench: Bench) -> Finding:
-    learning = bench.config.learning
-    longest = MAX_EVENT / bench.config.sampling.rate_hz / MILLISECOND
+def _event_timing(fitted: BenchInjector) -> Finding:
+    learning = fitted.config.learning
+    longest = MAX_EVENT / fitted.config.sampling.rate_hz / MILLISECOND
     return graded(
         "events",
         longest >= 2 * learning.event_gap_ms,
@@ -173,17 +177,19 @@ def _event_timing(bench: Bench) -> Finding:
     )
 
 
-def _paper_training(bench: Bench) -> list[Finding]:
+def _paper_training(fitted: BenchInjector) -> list[Finding]:
     """What is to be said of `training = "paper"`, nothing where it is not used."""
-    gain = bench.config.learning.identification_gain
+    gain = fitted.config.learning.identification_gain
     if gain is None:
         return []
-    c = effective_model(bench.injector).coefficients
+    c = effective_model(fitted.parameters).coefficients
     try:
-        make_learner(bench, bench_constants(bench), no_knowledge(configured_noise(bench), c.pressure_scale))
+        make_learner(
+            fitted, bench_constants(fitted), no_knowledge(configured_noise(fitted), c.pressure_scale)
+        )
     except UserError as error:
         return [failed("training", error)]
-    doubts = doubts_about_gain(gain, c, configured_noise(bench))
+    doubts = doubts_about_gain(gain, c, configured_noise(fitted))
     return [
         Finding("training", Level.WARNING, "paper: for comparison only, its results never count as valid"),
         graded("identification gain", doubts is None, f"{gain:g} 1/s", doubts or ""),

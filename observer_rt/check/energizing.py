@@ -3,13 +3,13 @@
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.energizing import Energizing
 from observer_rt.check.findings import Finding, Level, graded
-from observer_rt.config.bench import Bench
+from observer_rt.config.bench import BenchInjector
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
 COARSE = 1 * MILLISECOND  # s from frame to frame of a level, between which a whole pilot may come and go
 
 
-def energizing_findings(bench: Bench, bus: BusMap) -> list[Finding]:
+def energizing_findings(fitted: BenchInjector, bus: BusMap) -> list[Finding]:
     """Findings about the energizing of a bench, none where it is no input."""
     energizing = bus.energizing
     if energizing is None:
@@ -20,7 +20,7 @@ def energizing_findings(bench: Bench, bus: BusMap) -> list[Finding]:
     kind = "energized while it is not 0" if energizing.is_level else "energizing time"
     text = f"energizing: {layout.name} 0x{layout.frame_id:X}, {signals}, {kind}"
     window = f"an injection is missing {energizing.window / MILLISECOND:g} ms after its command"
-    findings = [Finding("mapping", Level.OK, f"{text}; {window}"), _accuracy(bench, energizing)]
+    findings = [Finding("mapping", Level.OK, f"{text}; {window}"), _accuracy(fitted, energizing)]
     is_coarse = energizing.is_level and len(names) == 1 and (energizing.cycle or 0.0) >= COARSE
     if is_coarse and energizing.cycle is not None:
         findings.append(
@@ -34,8 +34,8 @@ def energizing_findings(bench: Bench, bus: BusMap) -> list[Finding]:
     return findings
 
 
-def _accuracy(bench: Bench, energizing: Energizing) -> Finding:
-    sample = 1.0 / bench.config.sampling.rate_hz
+def _accuracy(fitted: BenchInjector, energizing: Energizing) -> Finding:
+    sample = 1.0 / fitted.config.sampling.rate_hz
     name = f"{energizing.layout.name}: opening delays"
     between = 0.0
     if energizing.is_level and len(energizing.names) == 1 and energizing.cycle is not None:

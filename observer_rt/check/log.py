@@ -64,7 +64,7 @@ def _noise(bench: Bench, standstill: Standstill) -> list[Finding]:
     """Beside what the bench file says of it, which counts until as much was seen."""
     if standstill.noise is None:
         return []
-    noise, stated = standstill.noise, bench.config.noise
+    noise, stated = standstill.noise, bench.injector.config.noise
     return [
         Finding(
             _TOPIC,

@@ -5,7 +5,8 @@ import math
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.slow_inputs import SlowSignal, value_range
 from observer_rt.check.findings import Finding, Level, graded
-from observer_rt.config.bench import Bench, OptionalRole
+from observer_rt.config.bench import BenchInjector
+from observer_rt.config.signals import OptionalRole
 from observer_rt.foundation.units import MILLIGRAM, ZERO_CELSIUS
 from observer_rt.model.fuel import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, at_temperature
 
@@ -47,13 +48,13 @@ def _counts(signal: SlowSignal) -> str:
     return f"a value counts for {signal.timeout:g} s"
 
 
-def fuel_findings(bench: Bench) -> list[Finding]:
+def fuel_findings(fitted: BenchInjector) -> list[Finding]:
     """How the fuel changes with its temperature, where a bench measures that."""
-    if bench.config.signals.fuel_temperature is None:
+    if fitted.config.signals.fuel_temperature is None:
         return []
     shown = []
     for celsius in SHOWN_TEMPERATURES:
-        fluid = at_temperature(bench.injector, celsius + ZERO_CELSIUS).fluid
+        fluid = at_temperature(fitted.parameters, celsius + ZERO_CELSIUS).fluid
         shown.append(
             f"{celsius:.0f} degC: {fluid.density_nozzle:.0f} kg/m3, {fluid.bulk_modulus_line / 1e9:.2f} GPa"
         )

@@ -7,7 +7,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -114,9 +114,9 @@ class Demo:
         self.bench = _on_link(load_bench(), self.link)
         schedule = make_schedule(RAIL_PRESSURES, injections, PERIOD, [ENERGIZING_TIME])
         simulation = simulate(
-            self.bench.injector,
+            self.bench.injector.parameters,
             schedule,
-            self.bench.config.sampling.rate_hz,
+            self.bench.injector.config.sampling.rate_hz,
             (sized("orifice_area", v_H=wear),),
             NoiseLevels(),
             seed=seed,
@@ -126,7 +126,7 @@ class Demo:
         self._nominal_rate = (
             evaluate(self.bench, [self.recording], learning=False).evaluations[0].trace.nominal_rate
         )
-        self._density = effective_model(self.bench.injector).coefficients.density
+        self._density = effective_model(self.bench.injector.parameters).coefficients.density
         self.reports: list[InjectionReport] = []
 
     def references(self, report: InjectionReport) -> Sequence[Reference]:
@@ -145,7 +145,7 @@ class Demo:
         bus = map_bus(self.bench)
         view = View(
             f"observer_rt demo: {self.link.interface} {self.link.channel}",
-            self.bench.config.sampling.rate_hz,
+            self.bench.injector.config.sampling.rate_hz,
             self.references,
         )
 
@@ -265,9 +265,9 @@ def _open(config: LinkConfig, receive: Sequence[tuple[int, bool]]):  # type: ign
 
 def _on_link(bench: Bench, link: LinkConfig) -> Bench:
     """The bench on another link, learning in lockstep so that every demonstration is the same."""
-    learning = bench.config.learning.model_copy(update={"lockstep": True})
-    config = bench.config.model_copy(update={"link": link, "learning": learning})
-    return bench.model_copy(update={"config": config})
+    learning = bench.injector.config.learning.model_copy(update={"lockstep": True})
+    config = bench.config.model_copy(update={"link": link})
+    return replace(bench, config=config).with_sections(learning=learning)
 
 
 def _wait_until_quiet(daemon: Daemon, interrupted: threading.Event) -> None:

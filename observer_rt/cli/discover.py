@@ -60,6 +60,6 @@ def discover(
     def read(path: Path) -> Recording:
         return signals_of(read_source(path, decoder, from_channel or (), messages))
 
-    injector = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector_path)
+    injector = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
     options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json)
     discover_files(recordings, options, second_opinion, messages, read)

@@ -1,6 +1,7 @@
 """Commands between files and buses: `replay`, `record` and `convert`."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -160,4 +161,4 @@ def _with_links(bench: "Bench", interfaces: list[str] | None, channels: list[str
     }
     config = config.model_copy(update={"link": link, "links": links})
     refuse_shared_channels("--channel: ", config.buses)
-    return bench.model_copy(update={"config": config})
+    return replace(bench, config=config)

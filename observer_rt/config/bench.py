@@ -1,206 +1,54 @@
-"""The user's files `bench.toml` and `injector.toml`: read, validated, refused with file, key and remedy."""
+"""The user's bench file: buses with their databases, and the injectors on them. Read, validated, refused with remedy.
+
+The sections of an injector (`InjectorConfig`) stand at the top of the file where there is one injector. Several are
+`[injectors.<name>]`, with the same sections below: `[injectors.left.signals.needle_lift]`, `[injectors.left.model]`.
+What one of them leaves out is as at the top of the file, key by key, of the signals role by role: a rail pressure
+stated once as `[signals.rail_pressure]` is that of all.
+"""
 
 from collections.abc import Mapping
-from enum import StrEnum
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field
 
 from observer_rt.config.effects import check_effects
+from observer_rt.config.injector import InjectorConfig
 from observer_rt.config.links import (
     FurtherLinkConfig,
     LinkConfig,
     LinkName,
     NamedLink,
-    Positive,
     named_links,
     refuse_shared_channels,
     require_link,
 )
-from observer_rt.config.toml_file import read_validated
+from observer_rt.config.toml_file import Section, place_in, read_toml, unknown_key, validated
+from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import InjectorParameters
 
 PACKAGE_DATA = Path(str(files("observer_rt.data")))
 NOMINAL_INJECTOR = PACKAGE_DATA / "crin3_nominal.toml"
 EXAMPLE_BENCH = PACKAGE_DATA / "example_bench.toml"
 
-
-class Role(StrEnum):
-    """The signals the observer lives on."""
-
-    RAIL_PRESSURE = "rail_pressure"
-    NEEDLE_LIFT = "needle_lift"
-    LINE_PRESSURE = "line_pressure"
+# Keys of files that earlier versions printed, which could have one value only: with it they are passed over.
+ONLY_VALUES: dict[str, dict[str, Any]] = {"sampling": {"meaning": "instant"}, "learning": {"lookahead": 4}}
 
 
-class OptionalRole(StrEnum):
-    """Slow signals the observer makes use of where a bench has them."""
-
-    LEARNING_ENABLE = "learning_enable"
-    MEASURED_MASS = "measured_mass"
-    FUEL_TEMPERATURE = "fuel_temperature"
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class DatabaseConfig(_Section):
+class DatabaseConfig(Section):
     file: str  # relative to the bench file; or the name of a database shipped with the package
     lenient: bool = False  # read it although signals overlap or do not fit
     link: str | None = None  # the bus its messages are on; None: the first
 
 
-class SampledConfig(_Section):
-    """Which signals of which message carry samples, and which: one of `signal`, `signals`, `pattern`."""
-
-    message: str
-    signal: str | None = None
-    signals: tuple[str, ...] | None = None
-    pattern: str | None = None
-    time_base: str = "device"
-    index: str | None = None  # signal with the index of the frame's first sample; "": none
-    delay_us: Annotated[float, Field(ge=0, le=1e6)] | None = None  # from a frame's last sample to its stamp
-    unit: str | None = None  # replaces the unit of the bus database
-    link: str | None = None  # the bus the message is on, instead of its database's
-
-    @model_validator(mode="after")
-    def _one_way_to_name_signals(self) -> Self:
-        if sum(value is not None for value in (self.signal, self.signals, self.pattern)) != 1:
-            raise ValueError("name the samples by exactly one of 'signal', 'signals' or 'pattern'")
-        return self
-
-    @property
-    def names(self) -> str | tuple[str, ...]:
-        """The signals, as `lookup.signal_names` takes them."""
-        return self.signal or self.pattern or self.signals or ()
-
-
-class SignalConfig(SampledConfig):
-    """The same of a role."""
-
-    counter: str | None = None  # signal that counts the frames of a message without index
-    rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
-    max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
-
-
-class EnergizingConfig(SampledConfig):
-    """The same of the energizing of the injector: with a unit of time its duration, else a level."""
-
-    # from the start of energizing, within which the needle opens
-    missing_after_ms: Annotated[float, Field(ge=0.1, le=50)] = 3.0
-
-
-class SlowSignalConfig(_Section):
-    """Which signal of which message carries an optional role: one value a frame."""
-
-    message: str
-    signal: str
-    link: str | None = None  # the bus the message is on, instead of its database's
-
-
-class SlowQuantityConfig(SlowSignalConfig):
-    """The same of a signal with a unit."""
-
-    unit: str | None = None  # replaces the unit of the bus database
-
-
-class LearningEnableConfig(SlowSignalConfig):
-    timeout_ms: Positive | None = None  # None: ten cycle times of the message
-
-
-class FuelTemperatureConfig(SlowQuantityConfig):
-    timeout_ms: Positive | None = None  # None: ten cycle times of the message
-
-
-class SignalsConfig(_Section):
-    rail_pressure: SignalConfig
-    needle_lift: SignalConfig
-    line_pressure: SignalConfig
-    learning_enable: LearningEnableConfig | None = None
-    measured_mass: SlowQuantityConfig | None = None  # of an injection
-    fuel_temperature: FuelTemperatureConfig | None = None  # in the feed line
-    energizing: EnergizingConfig | None = None
-
-    def of(self, role: Role) -> SignalConfig:
-        """The mapping of a role."""
-        mapping: SignalConfig = getattr(self, role.value)
-        return mapping
-
-    @property
-    def optional(self) -> tuple[tuple[OptionalRole, SlowSignalConfig], ...]:
-        """The optional roles the bench has, with their mappings."""
-        mappings = ((role, getattr(self, role.value)) for role in OptionalRole)
-        return tuple((role, mapping) for role, mapping in mappings if mapping is not None)
-
-
-class SamplingConfig(_Section):
-    rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] = 100e3
-    meaning: Literal["instant"] = "instant"
-
-
-class ModelConfig(_Section):
-    file: str | None = None  # relative to the bench file; None: the nominal injector of the package
-
-
-class NoiseConfig(_Section):
-    """Noise of one sample (standard deviation), used until enough standstill was seen."""
-
-    rail_pressure_MPa: Positive = 0.10  # noqa: N815 - units as on screens
-    line_pressure_MPa: Positive = 0.15  # noqa: N815
-    needle_lift_um: Positive = 0.4
-
-
-class OutputsConfig(_Section):
-    """Messages the results go out in; signals are found in them by their names in observer_fd.dbc."""
-
-    injection_rate: str | Literal[False] = "InjectionRate"  # false: not published
-    injection_summary: str = "InjectionSummary"
-    status: str = "ObserverStatus"
-    injector_id: Annotated[int, Field(ge=0, le=255)] = 1
-    status_period_ms: Annotated[float, Field(ge=10, le=10_000)] = 100.0
-    link: str | None = None  # the bus they are sent on, instead of their database's
-
-
-class Training(StrEnum):
-    """How phi is trained: ours, or the paper's scheme for comparison."""
-
-    PREDICTION_ERROR = "prediction_error"
-    PAPER = "paper"
-
-
-class LearningConfig(_Section):
-    enabled: bool = True
-    training: Training = Training.PREDICTION_ERROR
-    identification_gain: Positive | None = None  # 1/s, l of (5)
-    event_gap_ms: Annotated[float, Field(ge=2, le=50)] = 10.0
-    learning_delay_ms: Annotated[float, Field(ge=0, le=1000)] = 20.0
-    lockstep: bool = False
-    lookahead: Annotated[int, Field(ge=4, le=4)] = 4  # samples
-
-    @model_validator(mode="after")
-    def _gain_of_the_paper(self) -> Self:
-        if self.training is Training.PAPER and self.identification_gain is None:
-            raise ValueError("training = 'paper' needs 'identification_gain' [1/s], such as 1e5")
-        if self.training is not Training.PAPER and self.identification_gain is not None:
-            raise ValueError(f"'identification_gain' has no effect with training = '{self.training}'")
-        return self
-
-
-class BenchConfig(_Section):
-    """All of `bench.toml`."""
+class BusesConfig(Section):
+    """The sections of a bench file that all injectors share."""
 
     link: LinkConfig = LinkConfig()
     links: Mapping[LinkName, FurtherLinkConfig] = {}
     dbc: tuple[DatabaseConfig, ...] = Field(min_length=1)
-    signals: SignalsConfig
-    sampling: SamplingConfig = SamplingConfig()
-    model: ModelConfig = ModelConfig()
-    noise: NoiseConfig = NoiseConfig()
-    outputs: OutputsConfig = OutputsConfig()
-    learning: LearningConfig = LearningConfig()
 
     @property
     def buses(self) -> tuple[NamedLink, ...]:
@@ -212,57 +60,142 @@ class BenchConfig(_Section):
         return 0 if link is None else 1 + list(self.links).index(link)
 
 
-class Bench(_Section):
-    """A bench file with the files it names: what every command starts from."""
+class BenchConfig(InjectorConfig, BusesConfig):
+    """All of a bench file with one injector, or of one with several as the file is for one of them."""
+
+
+@dataclass(frozen=True)
+class BenchFile:
+    """A bench file as it is for one injector: `own` sections of `[injectors.<name>]` before the shared ones."""
 
     path: Path
-    config: BenchConfig
+    name: str
+    shared: Mapping[str, Any]
+    own: Mapping[str, Any]
+
+    def read(self) -> BenchConfig:
+        """Both together. Raises `UserError` at the place that says it."""
+        for key in self.own:
+            if key not in InjectorConfig.model_fields:
+                raise unknown_key(
+                    f"{self.path}: injectors.{self.name}.{key}", key, InjectorConfig.model_fields
+                )
+        together = {**self.shared}
+        for section, content in self.own.items():
+            before = self.shared.get(section, {})
+            is_both = isinstance(before, dict) and isinstance(content, dict)
+            together[section] = {**before, **content} if is_both else content
+        for section, only in ONLY_VALUES.items():
+            if isinstance(content := together.get(section), dict):
+                together[section] = {key: value for key, value in content.items() if only.get(key) != value}
+        return validated(BenchConfig, together, self.place, "bench")
+
+    def place(self, *location: str | int) -> str:
+        """Where the file says something, by the keys that lead to it."""
+        here: Any = self.own
+        for key in location[:2]:
+            here = here.get(key) if isinstance(here, Mapping) else None
+        prefix = f"injectors.{self.name}." if here is not None else ""
+        return f"{self.path}: {prefix}{'.'.join(map(str, location)) or 'file'}"
+
+
+@dataclass(frozen=True)
+class BenchInjector:
+    """One injector of a bench: what the bench file says of it, and the parameters in the file it names."""
+
+    file: BenchFile
+    config: InjectorConfig
+    parameters_path: Path
+    parameters: InjectorParameters
+
+    @property
+    def name(self) -> str:
+        """Of `[injectors.<name>]`; empty where the file has one injector, which its own sections describe."""
+        return self.file.name
+
+    def place(self, key: str) -> str:
+        """Where the bench file says `key` of this injector, such as `signals.rail_pressure.unit`, for messages."""
+        return self.file.place(*key.split("."))
+
+    @property
+    def state(self) -> Path | None:
+        """The file of the learned state, if the bench file names one."""
+        file = self.config.state.file
+        return self.file.path.parent / file if file else None
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A bench file with the files it names: what every command starts from. `config`: its buses."""
+
+    path: Path
+    config: BusesConfig
     databases: tuple[Path, ...]
-    injector_path: Path
-    injector: InjectorParameters
+    injectors: tuple[BenchInjector, ...]
+
+    @property
+    def injector(self) -> BenchInjector:
+        """The injector of a bench with one. Raises `UserError` for a bench with several."""
+        if len(self.injectors) > 1:
+            names = ", ".join(injector.name for injector in self.injectors)
+            raise UserError(
+                f"{self.path}: injectors",
+                f"this version runs one injector, the file has {len(self.injectors)}: {names}",
+                "keep one of them in each bench file; only `check` takes them together",
+            )
+        return self.injectors[0]
+
+    def with_sections(self, **sections: Section) -> "Bench":
+        """The same with other sections of its one injector."""
+        config = self.injector.config.model_copy(update=sections)
+        return replace(self, injectors=(replace(self.injector, config=config),))
+
+    def with_parameters(self, parameters: InjectorParameters) -> "Bench":
+        """The same with other parameters of its one injector."""
+        return replace(self, injectors=(replace(self.injector, parameters=parameters),))
 
 
 def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     """Read `injector.toml`. Raises `UserError` naming file, key, problem and remedy."""
-    parameters = read_validated(InjectorParameters, path, "injector")
+    parameters = validated(InjectorParameters, read_toml(path), place_in(path), "injector")
     check_effects(f"{path}: ", parameters.effects)
     return parameters
 
 
 def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: bool = False) -> Bench:
-    """Read `bench.toml` and the injector it names, or `model` instead of that.
+    """Read `bench.toml` and the injectors it names, or `model` instead of that of each.
 
     lenient: read every bus database as with its `lenient = true`.
     Raises `UserError` naming file, key, problem and remedy.
     """
-    config = read_validated(BenchConfig, path, "bench")
-    _check_links(path, config)
-    if lenient:
-        read_so = tuple(entry.model_copy(update={"lenient": True}) for entry in config.dbc)
-        config = config.model_copy(update={"dbc": read_so})
-    injector_path = model
-    if injector_path is None:
-        injector_path = path.parent / config.model.file if config.model.file else NOMINAL_INJECTOR
+    shared = read_toml(path)
+    stated = validated(_Named, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
+    files = {name: BenchFile(path, name, shared, own) for name, own in (stated or {"": {}}).items()}
+    configs = {name: file.read() for name, file in files.items()}
+    buses = next(iter(configs.values()))
+    refuse_shared_channels(f"{path}: ", buses.buses)
+    for number, entry in enumerate(buses.dbc):
+        require_link(f"{path}: dbc.{number}.link", entry.link, buses.links)
+    for name, config in configs.items():
+        for key, link in config.stated_links:
+            require_link(files[name].place(*key.split("."), "link"), link, buses.links)
+    databases = tuple(entry.model_copy(update={"lenient": entry.lenient or lenient}) for entry in buses.dbc)
     return Bench(
         path=path,
-        config=config,
-        databases=tuple(_database_path(path, entry.file) for entry in config.dbc),
-        injector_path=injector_path,
-        injector=load_injector(injector_path),
+        config=buses.model_copy(update={"dbc": databases}),
+        databases=tuple(_database_path(path, entry.file) for entry in databases),
+        injectors=tuple(_fitted(files[name], config, model) for name, config in configs.items()),
     )
 
 
-def _check_links(path: Path, config: BenchConfig) -> None:
-    refuse_shared_channels(f"{path}: ", config.buses)
-    signals = config.signals
-    stated = [(f"dbc.{number}", entry.link) for number, entry in enumerate(config.dbc)]
-    stated += [(f"signals.{role}", signals.of(role).link) for role in Role]
-    stated += [(f"signals.{role}", mapping.link) for role, mapping in signals.optional]
-    if signals.energizing is not None:
-        stated.append(("signals.energizing", signals.energizing.link))
-    stated.append(("outputs", config.outputs.link))
-    for key, link in stated:
-        require_link(f"{path}: {key}.link", link, config.links)
+class _Named(Section):
+    injectors: Mapping[LinkName, Mapping[str, Any]]
+
+
+def _fitted(file: BenchFile, config: InjectorConfig, model: Path | None) -> BenchInjector:
+    if model is None:
+        model = file.path.parent / config.model.file if config.model.file else NOMINAL_INJECTOR
+    return BenchInjector(file, config, model, load_injector(model))
 
 
 def _database_path(bench: Path, name: str) -> Path:

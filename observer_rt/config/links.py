@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from observer_rt.config.toml_file import Section
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import did_you_mean
 
@@ -13,11 +14,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 LinkName = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class LinkConfig(_Section):
+class LinkConfig(Section):
     """Where the frames come from and go to: one CAN bus."""
 
     interface: str = "socketcan"
@@ -27,7 +24,7 @@ class LinkConfig(_Section):
     data_bit_rate: Positive = 5e6
 
 
-class FurtherLinkConfig(_Section):
+class FurtherLinkConfig(Section):
     """A further bus; what is left out is as in `[link]`."""
 
     channel: str

@@ -1,12 +1,12 @@
 """TOML files of the user: read, validated, refused with file, key and remedy."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import did_you_mean
@@ -14,23 +14,45 @@ from observer_rt.foundation.misspelt import did_you_mean
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
-def read_validated(model: type[_Model], path: Path, kind: str) -> _Model:
-    """The file as a model. kind: of the complete example that `run --print-example-<kind>` prints.
+class Section(BaseModel):
+    """A section of a file, of which unknown keys are refused."""
 
-    Raises `UserError` naming file, key, problem and remedy.
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def validated(
+    model: type[_Model], document: Mapping[str, Any], place: Callable[..., str], kind: str
+) -> _Model:
+    """A document as a model. kind: of the complete example that `run --print-example-<kind>` prints.
+
+    place: of what the keys that are its arguments lead to. Raises `UserError` naming place, problem and remedy.
     """
     try:
-        return model.model_validate(_read_toml(path))
+        return model.model_validate(document)
     except ValidationError as error:
         errors = error.errors()
         # a misspelt key also shows as a missing one: name the cause
         first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
         location = first["loc"]
-        place = f"{path}: {'.'.join(str(part) for part in location) or 'file'}"
-        raise UserError(place, *_explanation(model, location, first, kind)) from None
+        if first["type"] == "extra_forbidden":
+            known = _keys_at(model, location[:-1])
+            raise unknown_key(place(*location), str(location[-1]), known) from None
+        raise UserError(place(*location), *_explanation(first, kind)) from None
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
+def place_in(path: Path) -> Callable[..., str]:
+    """What `validated` calls the places of a file."""
+    return lambda *location: f"{path}: {'.'.join(map(str, location)) or 'file'}"
+
+
+def unknown_key(place: str, key: str, known: Iterable[str]) -> UserError:
+    """The error of a key that is none of the known ones."""
+    names = list(known)
+    return UserError(place, "unknown key", f"{did_you_mean(key, names)}known keys: {', '.join(names)}")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The content of a file. Raises `UserError`."""
     try:
         with path.open("rb") as file:
             return tomllib.load(file)
@@ -44,11 +66,8 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
 
 
-def _explanation(model: type[BaseModel], location: tuple[Any, ...], error: Any, kind: str) -> tuple[str, str]:
+def _explanation(error: Any, kind: str) -> tuple[str, str]:
     """Problem and remedy for one pydantic error."""
-    if error["type"] == "extra_forbidden":
-        known = _keys_at(model, location[:-1])
-        return "unknown key", f"{did_you_mean(str(location[-1]), known)}known keys: {', '.join(known)}"
     if error["type"] == "missing":
         return "is missing", f"add it; `observer-rt run --print-example-{kind}` shows a complete file"
     message = str(error["msg"]).removeprefix("Value error, ")

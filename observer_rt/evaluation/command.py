@@ -52,19 +52,19 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
     _refuse_ambiguous(paths, options)
     for option, path in (("--state", options.state), ("--save-state", options.save_state)):
         if path is not None:
-            refuse_state(bench, option)
+            refuse_state(bench.injector, option)
     _check_destinations(paths, options)
     recordings = [read_source(path, bench, options.from_channel, console) for path in paths]
     say_if_compiling(console)
-    model = model_hash(bench.injector)
+    model = model_hash(bench.injector.parameters)
     bench = _with_fuel(bench, recordings, options)
-    pressure_scale = bench.injector.scaling.pressure
+    pressure_scale = bench.injector.parameters.scaling.pressure
     if options.state is not None and not options.state.exists():
         raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
     knowledge = restored_knowledge(options.state, model, pressure_scale, console, set_aside=False)
     histories = _histories(bench, recordings, knowledge, options, console)
     evaluations = [evaluation for history in histories for evaluation in history.evaluations]
-    c = effective_model(bench.injector).coefficients
+    c = effective_model(bench.injector.parameters).coefficients
     if options.save_state is not None:
         save_knowledge(options.save_state, histories[-1].knowledge, model, pressure_scale)
     if options.output is not None:
@@ -88,7 +88,7 @@ def _with_fuel(bench: Bench, sources: Sequence[Source], options: EvaluateOptions
     """The bench with its fuel as warm as the options say."""
     if options.fuel_temperature is None:
         return bench
-    is_told = bench.config.signals.fuel_temperature is not None
+    is_told = bench.injector.config.signals.fuel_temperature is not None
     if is_told and any(isinstance(source, LoggedRecording) for source in sources):
         raise UserError(
             "--fuel-temperature",
@@ -96,7 +96,7 @@ def _with_fuel(bench: Bench, sources: Sequence[Source], options: EvaluateOptions
             "leave it out",
         )
     temperature = temperature_of("--fuel-temperature", options.fuel_temperature)
-    return bench.model_copy(update={"injector": injector_at(bench, temperature)})
+    return bench.with_parameters(injector_at(bench.injector, temperature))
 
 
 def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
@@ -167,7 +167,7 @@ def _histories(
     recordings = [signals_of(source) for source in sources]
     for recording in recordings:
         bench_for(bench, recording)  # refuse before the first one is evaluated
-    learning = options.learning and bench.config.learning.enabled
+    learning = options.learning and bench.injector.config.learning.enabled
     runs = in_runs(sources) if options.chain else [[source] for source in sources]
     done = 0
     histories: list[History] = []

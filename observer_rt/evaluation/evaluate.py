@@ -89,14 +89,14 @@ def evaluate(
     """
     bench = bench_for(bench, recordings[0])
     for recording in recordings[1:]:
-        if bench_for(bench, recording).config.sampling != bench.config.sampling:
+        if bench_for(bench, recording).injector.config.sampling != bench.injector.config.sampling:
             raise UserError(
                 str(recording.path),
                 f"is sampled at {recording.sample_rate:g} Hz, {recordings[0].path} before it at "
                 f"{recordings[0].sample_rate:g} Hz",
                 "recordings of one history must have one sample rate",
             )
-    fuel_temperature = bench.injector.fluid.reference_temperature  # a recording knows none
+    fuel_temperature = bench.injector.parameters.fluid.reference_temperature  # a recording knows none
     run = _Run(bench, map_bus(bench), knowledge, learning, progress, learner_of, fuel_temperature)
     for recording in recordings:
         run.take(recording)
@@ -183,7 +183,7 @@ class _Run:
         self._measured: list[MeasuredMass] = []
         self._frames: list[OutputFrame] = []
         self._core = Core(
-            bench,
+            bench.injector,
             bus,
             knowledge,
             learning=learning,
@@ -192,7 +192,7 @@ class _Run:
             learner_of=learner_of,
             fuel_temperature=fuel_temperature,
         )
-        self._nominal = Core(bench, bus, learning=False, fuel_temperature=fuel_temperature)
+        self._nominal = Core(bench.injector, bus, learning=False, fuel_temperature=fuel_temperature)
         self._framer = Framer(bus)
         self._delays = {
             frame_key(layout.frame_id, layout.is_extended, layout.bus): round(

@@ -60,7 +60,7 @@ def read_logged(
     needed = {layout.bus for layout in bus.input_layouts}
     channels = chosen_channels(path, bench.config.buses, needed, from_channels)
     frames = InputFrames(path, bus, channels)
-    core = Core(bench, bus, learning=False)
+    core = Core(bench.injector, bus, learning=False)
     pieces: list[NDArray[np.void]] = []
     seen = 0
     stamps = _Stamps()
@@ -82,7 +82,7 @@ def read_logged(
             f"{counted.length_errors} of wrong length)",
             "give --bench with the file the log was recorded by",
         )
-    rate = bench.config.sampling.rate_hz
+    rate = bench.injector.config.sampling.rate_hz
     recording = _recording(bench, rows, path)
     notes = [*frames.notes(), *stamps.notes(path, rate, int(rows["index"][-1] - rows["index"][0]))]
     found = core.counters, core.standstill, core.timing
@@ -105,7 +105,7 @@ def _recording(bench: Bench, rows: NDArray[np.void], path: Path) -> Recording:
             f"its sample index spans {samples} samples, {len(rows)} of them in the log",
             "split the log where the index jumps",
         )
-    c = bench_constants(bench).coefficients
+    c = bench_constants(bench.injector).coefficients
     received = ~rows["interpolated"]
     place = (index - index[0])[received]
 
@@ -118,7 +118,7 @@ def _recording(bench: Bench, rows: NDArray[np.void], path: Path) -> Recording:
         return signal(rows[name] * c.pressure_scale + c.chamber_pressure)
 
     return Recording(
-        time=np.arange(samples) / bench.config.sampling.rate_hz,
+        time=np.arange(samples) / bench.injector.config.sampling.rate_hz,
         rail_pressure=pressure("rail_pressure"),
         needle_lift=signal(np.interp(index, index + rows["lift_after"], rows["needle_lift"])),
         line_pressure=pressure("line_pressure"),

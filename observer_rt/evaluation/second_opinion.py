@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.discovery.opinion import Indicator, Opinion
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.coefficients import Coefficients
@@ -21,7 +21,7 @@ def second_opinion(parameters: InjectorParameters, recordings: Sequence[Recordin
 
     Raises `UserError` for recordings that do not fit on its bus, such as a pressure beyond its range.
     """
-    bench: Bench = load_bench(EXAMPLE_BENCH).model_copy(update={"injector": parameters})
+    bench = load_bench(EXAMPLE_BENCH).with_parameters(parameters)
     history = evaluate(bench, recordings)
     reports = [report for one in history.evaluations for report in one.reports]
     if not reports:

@@ -55,13 +55,13 @@ def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:
 
     Raises `UserError` for a sample rate [Hz] at which the paper's scheme cannot identify anything.
     """
-    c = effective_model(bench.injector).coefficients
+    c = effective_model(bench.injector.parameters).coefficients
     gain = min(LARGEST_GAIN, sample_rate)
     check_gain("--sample-rate", gain, c, sample_rate)
     healthy = []
     for pressure in RAIL_PRESSURES:
         schedule = make_schedule([pressure], 1, PERIOD, [ENERGIZING_TIME])
-        healthy.append(simulate(bench.injector, schedule, sample_rate).truth)
+        healthy.append(simulate(bench.injector.parameters, schedule, sample_rate).truth)
     cases = []
     for number, wear in enumerate(SWEEP):
         cases.append(_wear_case(bench, sample_rate, gain, wear))
@@ -72,11 +72,11 @@ def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:
 
 def _simulated(bench: Bench, sample_rate: float, wear: float, events: int) -> Simulation:
     schedule = make_schedule([RAIL_PRESSURE], events, PERIOD, [ENERGIZING_TIME])
-    return simulate(bench.injector, schedule, sample_rate, (sized("orifice_area", v_H=wear),))
+    return simulate(bench.injector.parameters, schedule, sample_rate, (sized("orifice_area", v_H=wear),))
 
 
 def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> WearCase:
-    c = effective_model(bench.injector).coefficients
+    c = effective_model(bench.injector.parameters).coefficients
     single = _simulated(bench, sample_rate, wear, 1)
     several = _simulated(bench, sample_rate, wear, TRAININGS)
     (injection,) = injection_windows(single.truth.needle_lift, sample_rate)
@@ -114,7 +114,9 @@ def _gain_case(bench: Bench, sample_rate: float, gain: float) -> GainCase:
     simulation = _simulated(bench, sample_rate, NOZZLE_WEAR, 1)
     (injection,) = injection_windows(simulation.truth.needle_lift, sample_rate)
     scheme = _Scheme(bench, simulation, injection, gain)
-    true_x_3 = true_states(simulation.truth, effective_model(bench.injector).coefficients)[injection.span, 2]
+    true_x_3 = true_states(simulation.truth, effective_model(bench.injector.parameters).coefficients)[
+        injection.span, 2
+    ]
     model, paper = scheme.estimate(scheme.trained(0)), scheme.estimate(scheme.trained(1))
     true_volume = np.trapezoid(simulation.truth.injection_rate[injection.span])
     return GainCase(
@@ -130,7 +132,7 @@ class _Scheme:
     def __init__(self, bench: Bench, simulation: Simulation, injection: InjectionWindow, gain: float) -> None:
         self._bench = bench_for(bench, simulation.recording)
         self._gain = gain
-        self._constants = bench_constants(self._bench)
+        self._constants = bench_constants(self._bench.injector)
         c, interval = self._constants.coefficients, self._constants.interval
         self._setting = paper_setting(c, interval, self._constants.substeps, gain)
         self._window, start = learning_window(
@@ -148,7 +150,9 @@ class _Scheme:
 
     def tested(self, trainings: int) -> tuple[FreeNetwork, int]:
         """The network in force after so many trainings behind the adoption test, and how many it refused."""
-        knowledge = no_knowledge(configured_noise(self._bench), self._constants.coefficients.pressure_scale)
+        knowledge = no_knowledge(
+            configured_noise(self._bench.injector), self._constants.coefficients.pressure_scale
+        )
         learner = PaperLearner(self._constants, knowledge, self._gain)
         rejected = 0
         for _ in range(trainings):

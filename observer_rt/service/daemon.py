@@ -61,12 +61,12 @@ class Daemon:
         )
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning")
         self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
-        self._bench = bench
+        self._injector = bench.injector
         listeners = on_report, on_measured, on_mismatch
-        self.core = Core(bench, bus, knowledge, self._executor, None, *listeners)
+        self.core = Core(bench.injector, bus, knowledge, self._executor, None, *listeners)
         self._status_writer = FrameWriter(bus.status)
-        self._status_period = round(bench.config.outputs.status_period_ms * 1e6)
-        self._hashes = (int(model_hash(bench.injector)[:8], 16), database_hash(bench.databases))
+        self._status_period = round(bench.injector.config.outputs.status_period_ms * 1e6)
+        self._hashes = (int(model_hash(bench.injector.parameters)[:8], 16), database_hash(bench.databases))
         self._is_waiting = False  # whether results wait for room on some bus
         self._down: list[int] = []  # buses
         self._frames_seen = 0
@@ -179,7 +179,7 @@ class Daemon:
         state, reason = self.state(now)
         troubled = next((n for n, port in enumerate(self.ports, 1) if port.is_in_trouble), 0)
         figures = LinkFigures(self.dropped, self.troubles, troubled)
-        injector_id = self._bench.config.outputs.injector_id
+        injector_id = self._injector.config.outputs.injector_id
         return self._status_writer.write(
             status_values(self.core, state, reason, injector_id, self._hashes, figures)
         )

@@ -38,15 +38,16 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
     if view and not console.is_terminal:
         say(console, "no terminal for the view: one line an injection instead")
         view = False
-    bus = map_bus(bench)
+    bus, injector = map_bus(bench), bench.injector
+    state = state or injector.state
     if state is not None:
-        refuse_state(bench, "--state")
+        refuse_state(injector, "--state")
         check_folder("--state", state.absolute().parent)
-    model = model_hash(bench.injector)
-    pressure_scale = bench.injector.scaling.pressure
+    model = model_hash(injector.parameters)
+    pressure_scale = injector.parameters.scaling.pressure
     knowledge = restored_knowledge(state, model, pressure_scale, console)
     _announce(bench, bus, console)
-    screen = View(f"observer_rt: {_buses(bench)}", bench.config.sampling.rate_hz)
+    screen = View(f"observer_rt: {_buses(bench)}", injector.config.sampling.rate_hz)
 
     def on_report(report: InjectionReport) -> None:
         if view:
@@ -122,10 +123,10 @@ def _buses(bench: Bench) -> str:
 
 
 def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
-    constants = bench_constants(bench)
+    constants = bench_constants(bench.injector)
     inputs = ", ".join(map(bus.name_of, bus.received))
     outputs = ", ".join(map(bus.name_of, bus.sent))
-    rate = bench.config.sampling.rate_hz
+    rate = bench.injector.config.sampling.rate_hz
     lookahead = constants.timing.lookahead
     say(
         console,

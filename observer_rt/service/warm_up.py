@@ -20,10 +20,10 @@ _SAMPLES = 100
 
 def warm_up(bench: Bench, bus: BusMap) -> None:
     """Run a few samples at rest through a core of its own, and one training."""
-    time = np.arange(_SAMPLES) / bench.config.sampling.rate_hz
+    time = np.arange(_SAMPLES) / bench.injector.config.sampling.rate_hz
     pressure = np.full(_SAMPLES, 50e6)
     recording = Recording(time, pressure, np.zeros(_SAMPLES), pressure)
-    core = Core(bench, bus)
+    core = Core(bench.injector, bus)
     for frame in Framer(bus).frames(recording, whole(recording)):
         core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, frame.bus)
     for layout, frame in ((slow.layout, slow.frame[0]) for slow in bus.slow):
@@ -31,9 +31,9 @@ def warm_up(bench: Bench, bus: BusMap) -> None:
         protect(payload, layout.length, int(frame["e2e_profile"]), int(frame["data_id"]), 0)
         core.handle(layout.frame_id, layout.is_extended, payload.tobytes(), 0, layout.bus)
     core.finish()
-    constants = bench_constants(bench)
+    constants = bench_constants(bench.injector)
     scale = constants.coefficients.pressure_scale
-    learner = make_learner(bench, constants, no_knowledge(configured_noise(bench), scale))
+    learner = make_learner(bench.injector, constants, no_knowledge(configured_noise(bench.injector), scale))
     window = Window(
         np.full((_SAMPLES, 2), 0.5), np.full(_SAMPLES, 0.5), np.zeros(_SAMPLES, np.bool_), np.zeros(4), 1
     )

@@ -43,7 +43,7 @@ def test_a_state_that_is_not_there_yet(tmp_path: Path) -> None:
 
 def test_a_state_learned_from_nothing(tmp_path: Path) -> None:
     path = tmp_path / "state.json"
-    save_knowledge(path, no_knowledge(configured_noise(load_bench()), PRESSURE_SCALE), MODEL)
+    save_knowledge(path, no_knowledge(configured_noise(load_bench().injector), PRESSURE_SCALE), MODEL)
     assert of_state(path).level is Level.WARNING
 
 

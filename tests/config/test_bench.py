@@ -14,11 +14,10 @@ from observer_rt.config.bench import (
     PACKAGE_DATA,
     BenchConfig,
     DatabaseConfig,
-    Role,
-    SignalConfig,
     load_bench,
     load_injector,
 )
+from observer_rt.config.signals import Role, SignalConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import InjectorParameters, LineModel, LineOutflow
 
@@ -64,8 +63,8 @@ def injector_refusal(folder: Path, old: str, new: str) -> UserError:
 
 def test_smallest_bench_file_has_the_defaults(tmp_path: Path) -> None:
     bench = load_bench(bench_file(tmp_path, BENCH))
-    assert bench.config == load_bench().config
-    assert bench.injector == load_injector()
+    assert (bench.config, bench.injector.config) == (load_bench().config, load_bench().injector.config)
+    assert bench.injector.parameters == load_injector()
     assert bench.databases == (PACKAGE_DATA / "observer_fd.dbc",)
 
 
@@ -91,7 +90,8 @@ def test_example_bench_shows_every_key_with_its_default(tmp_path: Path) -> None:
             assert re.search(rf"\b{key}\b", text), f"{section}.{key} is not shown"
     shown = tomllib.loads(text)
     defaults = BenchConfig.model_validate({"dbc": shown["dbc"], "signals": shown["signals"]})
-    assert load_bench(EXAMPLE_BENCH).config == defaults
+    example = load_bench(EXAMPLE_BENCH)
+    assert {**dict(example.config), **dict(example.injector.config)} == dict(defaults)
     for section in ("link", "sampling", "noise", "outputs", "learning"):
         model = type(getattr(defaults, section))
         assert set(shown[section]) == {n for n, f in model.model_fields.items() if f.default is not None}
@@ -110,9 +110,9 @@ def test_files_are_found_beside_the_bench_file(tmp_path: Path) -> None:
     (tmp_path / "mine.dbc").write_bytes((PACKAGE_DATA / "observer_fd.dbc").read_bytes())
     text = BENCH.replace("observer_fd.dbc", "mine.dbc") + '[model]\nfile = "mine.toml"\n'
     bench = load_bench(bench_file(tmp_path, text))
-    assert bench.injector.nozzle.holes == 7
+    assert bench.injector.parameters.nozzle.holes == 7
     assert bench.databases == (tmp_path / "mine.dbc",)
-    assert load_bench(bench.path, model=NOMINAL_INJECTOR).injector.nozzle.holes == 8
+    assert load_bench(bench.path, model=NOMINAL_INJECTOR).injector.parameters.nozzle.holes == 8
 
 
 def test_database_beside_the_bench_file_wins_over_the_shipped_one(tmp_path: Path) -> None:
@@ -135,6 +135,20 @@ def test_unknown_key_names_the_nearest(tmp_path: Path, section: str, key: str, n
     assert error.place.endswith(f": {section}.{key}")
     assert error.problem == "unknown key"
     assert f"did you mean '{nearest}'?" in error.remedy
+
+
+@pytest.mark.parametrize(
+    ("section", "only", "other"),
+    [("sampling.meaning", '"instant"', '"mean"'), ("learning.lookahead", "4", "2")],
+)
+def test_keys_of_earlier_versions_are_passed_over_with_the_one_value_they_could_have(
+    tmp_path: Path, section: str, only: str, other: str
+) -> None:
+    name, key = section.split(".")
+    bench = load_bench(bench_file(tmp_path, f"{BENCH}[{name}]\n{key} = {only}\n"))
+    assert bench.injector.config == load_bench().injector.config
+    error = bench_refusal(tmp_path, f"{BENCH}[{name}]\n{key} = {other}\n")
+    assert (error.place.endswith(f": {section}"), error.problem) == (True, "unknown key")
 
 
 def test_unknown_key_in_a_list_and_deep_down(tmp_path: Path) -> None:
@@ -174,11 +188,9 @@ def test_missing_keys(tmp_path: Path, text: str, place: str) -> None:
         ("[sampling]\nrate_hz = 10\n", "sampling.rate_hz"),
         ("[sampling]\nrate_hz = nan\n", "sampling.rate_hz"),
         ('[sampling]\nrate_hz = "fast"\n', "sampling.rate_hz"),
-        ('[sampling]\nmeaning = "mean"\n', "sampling.meaning"),
         ("[noise]\nneedle_lift_um = -0.4\n", "noise.needle_lift_um"),
         ("[noise]\nline_pressure_MPa = inf\n", "noise.line_pressure_MPa"),
         ("[learning]\nevent_gap_ms = 0\n", "learning.event_gap_ms"),
-        ("[learning]\nlookahead = 2\n", "learning.lookahead"),
         ('[learning]\ntraining = "none"\n', "learning.training"),
         ("[outputs]\ninjector_id = 256\n", "outputs.injector_id"),
         ("[link]\nbit_rate = -1\n", "link.bit_rate"),
@@ -209,7 +221,7 @@ def test_identification_gain_belongs_to_the_training_of_the_paper(
     bench = load_bench(
         bench_file(tmp_path, BENCH + '[learning]\ntraining = "paper"\nidentification_gain = 5e4\n')
     )
-    assert bench.config.learning.identification_gain == 5e4
+    assert bench.injector.config.learning.identification_gain == 5e4
 
 
 def test_one_way_to_name_the_samples(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.config.bench import BenchConfig, load_bench
+from observer_rt.config.bench import BusesConfig, load_bench
 from observer_rt.config.links import of_links
 from observer_rt.foundation.errors import UserError
 
@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 THREE = (ROOT / "bus" / "databases" / "three_buses.toml").read_text()
 
 
-def buses_of(folder: Path, text: str) -> BenchConfig:
+def buses_of(folder: Path, text: str) -> BusesConfig:
     path = folder / "bench.toml"
     path.write_text(text)
     return load_bench(path).config
@@ -71,13 +71,7 @@ def test_a_link_where_there_are_none(tmp_path: Path) -> None:
 
 
 def test_an_option_for_each_bus() -> None:
-    buses = BenchConfig.model_validate(
-        {
-            "links": {"lift": {"channel": "can1"}},
-            "dbc": [{"file": "x"}],
-            "signals": load_bench().config.signals,
-        }
-    ).buses
+    buses = BusesConfig.model_validate({"links": {"lift": {"channel": "can1"}}, "dbc": [{"file": "x"}]}).buses
     assert of_links("--channel", ["vcan0", "lift=vcan1", "vcan7"], buses) == {0: "vcan7", 1: "vcan1"}
     with pytest.raises(UserError, match=r"--channel lfit=vcan1: there is no link 'lfit'(.|\n)*'lift'"):
         of_links("--channel", ["lfit=vcan1"], buses)

@@ -50,9 +50,9 @@ def run(seed: int, v_h: float, v_s: float = 0.0, twice: bool = False, learning: 
     noise, bench = NoiseLevels(), BENCH
     if twice:
         noise = NoiseLevels(**{name: 2 * sigma for name, sigma in vars(noise).items()})
-        expected = {name: 2 * sigma for name, sigma in BENCH.config.noise.model_dump().items()}
-        config = BENCH.config.model_copy(update={"noise": BENCH.config.noise.model_copy(update=expected)})
-        bench = BENCH.model_copy(update={"config": config})
+        stated = BENCH.injector.config.noise
+        expected = {name: 2 * sigma for name, sigma in stated.model_dump().items()}
+        bench = BENCH.with_sections(noise=stated.model_copy(update=expected))
     made = simulate(NOMINAL, schedule, SAMPLE_RATE, effects, noise, seed=seed)
     (found,) = evaluate(bench, [made.recording], learning=learning).evaluations
     return Run(found, made.truth)

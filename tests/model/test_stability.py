@@ -5,7 +5,8 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.config.bench import EXAMPLE_BENCH, Bench, SamplingConfig, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.config.injector import SamplingConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients, full_lift_area
 from observer_rt.model.network import constant_network, zero_network
@@ -87,24 +88,22 @@ def test_steps_are_the_stable_ones(injector: InjectorParameters) -> None:
 
 
 def _bench_at(sample_rate: float) -> Bench:
-    bench = load_bench(EXAMPLE_BENCH)
-    config = bench.config.model_copy(update={"sampling": SamplingConfig(rate_hz=sample_rate)})
-    return bench.model_copy(update={"config": config})
+    return load_bench(EXAMPLE_BENCH).with_sections(sampling=SamplingConfig(rate_hz=sample_rate))
 
 
 @pytest.mark.parametrize("sample_rate", [1e3, 2500.0, 5123.4])
 def test_too_slow_a_sample_rate_is_refused_with_one_that_works(sample_rate: float) -> None:
     with pytest.raises(UserError, match="integration steps a sample") as refusal:
-        bench_constants(_bench_at(sample_rate))
+        bench_constants(_bench_at(sample_rate).injector)
     assert "sampling.rate_hz" in refusal.value.place
     enough = float(refusal.value.remedy.split("sample at ")[1].split(" Hz")[0])
     assert enough > sample_rate
-    assert bench_constants(_bench_at(enough)).interval == pytest.approx(1 / enough)
+    assert bench_constants(_bench_at(enough).injector).interval == pytest.approx(1 / enough)
 
 
 def test_sac_too_small_for_explicit_steps_is_refused() -> None:
     bench = _bench_at(100e3)
-    nozzle = bench.injector.nozzle.model_copy(update={"sac_volume": 0.5e-9})
-    tiny = bench.injector.model_copy(update={"nozzle": nozzle})
+    nozzle = bench.injector.parameters.nozzle.model_copy(update={"sac_volume": 0.5e-9})
+    tiny = bench.injector.parameters.model_copy(update={"nozzle": nozzle})
     with pytest.raises(UserError, match="relaxes at up to"):
-        bench_constants(bench.model_copy(update={"injector": tiny}))
+        bench_constants(bench.with_parameters(tiny).injector)

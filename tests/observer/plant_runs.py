@@ -77,7 +77,7 @@ def run_plant(
     observer = bench_at(bench.sample_rate)
     if known is not None:
         changes = {"effects": (in_force(known),)}
-        observer = observer.model_copy(update={"injector": observer.injector.model_copy(update=changes)})
+        observer = observer.with_parameters(observer.injector.parameters.model_copy(update=changes))
     evaluation = evaluate(observer, [recording_of(outcome)]).evaluations[0]
     assert len(evaluation.reports) == events
     windows = windows_of(outcome, bench.sample_rate)

@@ -114,7 +114,7 @@ def shuffled(frames: Sequence[TimedFrame], seconds: float, seed: int) -> list[Ti
 def through_core(bench: Path, frames: Sequence[TimedFrame]) -> tuple[list[OutputFrame], Core]:
     """The frames through a fresh core, to the end; what it answers."""
     loaded = load_bench(bench)
-    core = Core(loaded, map_bus(loaded))
+    core = Core(loaded.injector, map_bus(loaded))
     out: list[OutputFrame] = []
     for frame in frames:
         out += core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, frame.bus)

@@ -148,7 +148,7 @@ def run(bench: Path, frames: Iterable[Frame], knowledge: Knowledge | None = None
     """Frames through a fresh core in lockstep, to the end."""
     loaded = load_bench(bench)
     reports: list[InjectionReport] = []
-    core = Core(loaded, map_bus(loaded), knowledge, on_report=reports.append)
+    core = Core(loaded.injector, map_bus(loaded), knowledge, on_report=reports.append)
     out: list[OutputFrame] = []
     for frame in frames:
         out += core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)

@@ -262,7 +262,7 @@ def watch(
     reports: list[InjectionReport] = []
     mismatches: list[Mismatch] = []
     core = Core(
-        loaded,
+        loaded.injector,
         map_bus(loaded),
         learning=learning,
         on_report=reports.append,

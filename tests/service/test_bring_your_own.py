@@ -60,7 +60,7 @@ class Outcome:
 def through(bench: Path, frames: Sent) -> Outcome:
     loaded = load_bench(bench)
     reports: list[InjectionReport] = []
-    core = Core(loaded, map_bus(loaded), on_report=reports.append)
+    core = Core(loaded.injector, map_bus(loaded), on_report=reports.append)
     out: list[OutputFrame] = []
     for frame_id, is_extended, payload, stamp in frames:
         out += core.handle(frame_id, is_extended, payload, stamp)

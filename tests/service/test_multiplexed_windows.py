@@ -64,7 +64,7 @@ def standstill_frames(bus: BusMap) -> list[TimedFrame]:
 
 
 def counted(bench: Bench, bus: BusMap, frames: list[TimedFrame]) -> Counters:
-    core = Core(bench, bus)
+    core = Core(bench.injector, bus)
     for frame in frames:
         core.handle(frame.frame_id, frame.is_extended, frame.payload, 0)
     core.finish()

@@ -279,7 +279,7 @@ def observe(
     """Frames through a core; `grid` is the clock of the line pressure, which began anew at `restart` [s]."""
     loaded = load_bench(bench)
     reports: list[InjectionReport] = []
-    core = Core(loaded, map_bus(loaded), learning=learning, on_report=reports.append)
+    core = Core(loaded.injector, map_bus(loaded), learning=learning, on_report=reports.append)
     rows, sent, seen = [], [], 0
     for frame in [*frames, None]:
         out = core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns) if frame else core.finish()

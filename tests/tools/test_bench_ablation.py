@@ -21,7 +21,7 @@ from tools.benchmarks.scoring import bench_at
 from tools.benchmarks.windows import windows_of
 
 BENCH = bench_at(100e3)
-CONSTANTS = bench_constants(BENCH)
+CONSTANTS = bench_constants(BENCH.injector)
 SCALE = CONSTANTS.coefficients.pressure_scale
 GAIN = np.array([0.05, 0.06, 0.03])
 SETTING = Setting(CONSTANTS.interval, CONSTANTS.substeps, CONSTANTS.coefficients, GAIN)
@@ -61,7 +61,12 @@ def test_batches_learn_wear_within_two_events(
     outcome, shipped, events = worn
     model_of, search = BATCHES[name]
     found = learn_events(
-        model_of(SCALE), search, events, outcome.measured.time.size, CONSTANTS, configured_noise(BENCH)
+        model_of(SCALE),
+        search,
+        events,
+        outcome.measured.time.size,
+        CONSTANTS,
+        configured_noise(BENCH.injector),
     )
     masses = windows_of(outcome, 100e3).event_masses_mg(found.rate, 830.0)
     errors = 100.0 * np.abs(np.array(masses) / np.array(shipped.true_mass_mg) - 1.0)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from rich.console import Console
 
-from observer_rt.config.bench import Bench
+from observer_rt.config.bench import BenchInjector
 from observer_rt.estimation.gating import Gate
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.learning.knowledge import Knowledge, LearningRules, Scales, no_knowledge
@@ -163,7 +163,7 @@ def _of_observer(name: str, score: CaseScore) -> VariantScore:
 
 
 def _learner_by(rules: LearningRules) -> LearnerFactory:
-    def learner_of(_: Bench, constants: Constants, knowledge: Knowledge) -> Learner:
+    def learner_of(_: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
         scale = constants.coefficients.pressure_scale
         return Learner(constants, no_knowledge(knowledge.noise, scale, rules), rules)
 
@@ -174,14 +174,14 @@ def listened(case: Case, outcome: Outcome) -> tuple[CaseScore, tuple[SeenEvent, 
     """The observer as shipped, and the events its learner was given."""
     listeners = []
 
-    def learner_of(bench: Bench, constants: Constants, knowledge: Knowledge) -> Listener:
-        listeners.append(Listener(make_learner(bench, constants, knowledge)))
+    def learner_of(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> Listener:
+        listeners.append(Listener(make_learner(fitted, constants, knowledge)))
         return listeners[-1]
 
     bench = bench_at(case.bench.sample_rate)
     with timed_training() as training:
         evaluation = evaluate(bench, [recording_of(outcome)], learner_of=learner_of).evaluations[0]
-    lead = bench_constants(bench).timing.window_lead
+    lead = bench_constants(bench.injector).timing.window_lead
     openings = {r.event: r.start + lead for r in reversed(evaluation.reports)}
     heard = listeners[0].heard  # the second one is the nominal model's
     events = tuple(
@@ -193,7 +193,9 @@ def listened(case: Case, outcome: Outcome) -> tuple[CaseScore, tuple[SeenEvent, 
 
 def _learned(name: str, outcome: Outcome, events: Sequence[SeenEvent]) -> BatchResult:
     bench = bench_at(1.0 / float(outcome.measured.time[1] - outcome.measured.time[0]))
-    constants = bench_constants(bench)
+    constants = bench_constants(bench.injector)
     model_of, search = BATCHES[name]
     model = model_of(constants.coefficients.pressure_scale)
-    return learn_events(model, search, events, outcome.measured.time.size, constants, configured_noise(bench))
+    return learn_events(
+        model, search, events, outcome.measured.time.size, constants, configured_noise(bench.injector)
+    )

@@ -6,7 +6,8 @@ the one with which its target is nearest the fault.
 
 import numpy as np
 
-from observer_rt.config.bench import Bench, LearningConfig, Training
+from observer_rt.config.bench import Bench
+from observer_rt.config.injector import LearningConfig, Training
 from observer_rt.evaluation.evaluate import evaluate
 from tools.benchmarks.cases import CLASSES, Case, Group
 from tools.benchmarks.peers import PeerScore
@@ -26,9 +27,8 @@ def has_paper(class_name: str) -> bool:
 
 def paper_bench(sample_rate: float) -> Bench:
     """The example bench at a sample rate [Hz], with the paper's training."""
-    bench = bench_at(sample_rate)
     learning = LearningConfig(training=Training.PAPER, identification_gain=IDENTIFICATION_GAIN)
-    return bench.model_copy(update={"config": bench.config.model_copy(update={"learning": learning})})
+    return bench_at(sample_rate).with_sections(learning=learning)
 
 
 def score_paper(case: Case) -> PeerScore:

@@ -51,8 +51,8 @@ def run_samples(observer: Observer, inputs: NDArray[np.float64], first_index: in
 def loaded_observer() -> Observer:
     """An observer at 100 kHz that carries everything it can have learned."""
     bench = bench_at(SAMPLE_RATE)
-    constants = bench_constants(bench)
-    knowledge = no_knowledge(configured_noise(bench), constants.coefficients.pressure_scale)
+    constants = bench_constants(bench.injector)
+    knowledge = no_knowledge(configured_noise(bench.injector), constants.coefficients.pressure_scale)
     for parameter, value in LEARNED.items():
         knowledge.in_force[parameter] = value
     return make_observer(constants, knowledge, Learner(constants, knowledge))

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import Bench, SamplingConfig, load_bench
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.config.injector import SamplingConfig
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.recording.signals.recording import Recording
@@ -106,14 +107,12 @@ def recording_of(outcome: Outcome) -> Recording:
 
 def bench_at(sample_rate: float) -> Bench:
     """The example bench at a sample rate [Hz]."""
-    bench = load_bench()
-    sampling = SamplingConfig(rate_hz=sample_rate)
-    return bench.model_copy(update={"config": bench.config.model_copy(update={"sampling": sampling})})
+    return load_bench().with_sections(sampling=SamplingConfig(rate_hz=sample_rate))
 
 
 def x3_of_rate(rate: NDArray[np.float64], bench: Bench) -> NDArray[np.float64]:
     """x3 at which the nominal nozzle passes a rate [m3/s]: (23) solved for p_S."""
-    part = bench.injector
+    part = bench.injector.parameters
     at_scale = (
         part.nozzle.flow_coefficient
         * part.nozzle.area

@@ -12,7 +12,7 @@ from numba import njit
 from observer_rt.bus.alignment.memory import Alignment
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import MAX_INTERPOLATED, SLOTS
-from observer_rt.config.bench import Role
+from observer_rt.config.signals import Role
 from observer_rt.foundation.continuity import Break
 
 # What no sensor of an injector can mean [Pa, m, Pa]: a value beyond it, or none at all, is missing.

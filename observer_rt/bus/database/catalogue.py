@@ -24,27 +24,28 @@ class BenchDatabases:
     """The databases a bench file names, read. Raises `UserError` for one that cannot be."""
 
     def __init__(self, bench: Bench) -> None:
-        self._bench = bench
+        self._config = bench.config
+        self.links = tuple(link.config for link in bench.config.buses)
+        self.labels = tuple(link.label for link in bench.config.buses)
         self._databases = [
             (path, entry.lenient, load_database(path, entry.lenient), bench.config.bus_number(entry.link))
             for path, entry in zip(bench.databases, bench.config.dbc, strict=True)
         ]
 
-    def find(self, key: str, name: str, link: str | None) -> BusMessage:
+    def find(self, place: str, name: str, link: str | None) -> BusMessage:
         """The first message of this name; `link` names its bus, of whose databases it is taken if one has it.
 
-        Raises `UserError` naming bench file, `key` of it and what the database has instead.
+        Raises `UserError` at `place`, a key of the bench file, with what the database has instead.
         """
-        config = self._bench.config
         in_order = [(database, bus) for _, _, database, bus in self._databases]
         if link is not None:
-            wanted = config.bus_number(link)
+            wanted = self._config.bus_number(link)
             in_order.sort(key=lambda known: known[1] != wanted)
             in_order = [(database, wanted) for database, _ in in_order]
         for database, bus in in_order:
             if any(message.name == name for message in database.messages):
                 return BusMessage(find_message(database, name), bus)
-        with named(f"{self._bench.path}: {key}"):
+        with named(place):
             return BusMessage(find_message(in_order[0][0], name), in_order[0][1])
 
     def __iter__(self) -> Iterator[tuple[Path, BusMessage]]:

@@ -32,7 +32,8 @@ from observer_rt.bus.mapping.sample_groups import (
 from observer_rt.bus.mapping.slow_inputs import SlowMessage
 from observer_rt.bus.mapping.slow_mapping import map_optional
 from observer_rt.bus.mapping.timing import INDEX_BITS, Following, following, map_timing, number_signal
-from observer_rt.config.bench import Bench, Role
+from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
@@ -55,7 +56,7 @@ class KnownMessage:
 
 @dataclass(frozen=True)
 class BusMap:
-    """Everything the bench file says of the bus, compiled."""
+    """Everything the bench file says of one injector on the buses, compiled."""
 
     inputs: Inputs
     input_layouts: tuple[MessageLayout, ...]
@@ -113,24 +114,28 @@ def layout_of(bus: BusMap, stream: int) -> MessageLayout:
 
 
 def map_bus(bench: Bench) -> BusMap:
-    """Compile the mapping of a bench file.
+    """Compile the mapping of a bench with one injector.
 
     Raises `UserError` naming bench file, key and what the database has instead.
     """
-    databases = BenchDatabases(bench)
-    inputs, layouts = _map_inputs(bench, databases)
-    slow, energizing = map_optional(bench, databases, inputs, layouts)
-    outputs = bench.config.outputs
+    return map_injector(bench.injector, BenchDatabases(bench))
+
+
+def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
+    """Compile the mapping of one injector of a bench, whose `databases` are all injectors'; raises as `map_bus`."""
+    inputs, layouts = _map_inputs(fitted, databases)
+    slow, energizing = map_optional(fitted, databases, inputs, layouts)
+    outputs = fitted.config.outputs
 
     def output(key: str, name: str) -> BusMessage:
-        return databases.find(f"outputs.{key}", name, outputs.link)
+        return databases.find(fitted.place(f"outputs.{key}"), name, outputs.link)
 
     return BusMap(
         inputs=inputs,
         input_layouts=layouts,
         slow=slow,
         energizing=energizing,
-        following=tuple(following(bench, inputs.timing, inputs.streams["roles"].tolist())),
+        following=tuple(following(fitted, inputs.timing, inputs.streams["roles"].tolist())),
         rate=rate_message(*output("injection_rate", outputs.injection_rate))
         if outputs.injection_rate
         else None,
@@ -141,7 +146,7 @@ def map_bus(bench: Bench) -> BusMap:
             for path, (message, bus) in databases
         ),
         overlooked=databases.overlooked(),
-        labels=tuple(link.label for link in bench.config.buses),
+        labels=databases.labels,
     )
 
 
@@ -149,11 +154,11 @@ def _output(on_bus: BusMessage, known: Sequence[str]) -> OutputMessage:
     return output_message(on_bus.message, known, on_bus.bus)
 
 
-def _map_inputs(bench: Bench, databases: BenchDatabases) -> tuple[Inputs, tuple[MessageLayout, ...]]:
+def _map_inputs(fitted: BenchInjector, databases: BenchDatabases) -> tuple[Inputs, tuple[MessageLayout, ...]]:
     by_message: dict[tuple[str, int], tuple[BusMessage, list[Role]]] = {}
     for role in ROLES:
-        config = bench.config.signals.of(role)
-        found = databases.find(f"signals.{role}.message", config.message, config.link)
+        config = fitted.config.signals.of(role)
+        found = databases.find(fitted.place(f"signals.{role}.message"), config.message, config.link)
         by_message.setdefault((config.message, found.bus), (found, []))[1].append(role)
     tables = InputTables()
     layouts = []
@@ -162,43 +167,43 @@ def _map_inputs(bench: Bench, databases: BenchDatabases) -> tuple[Inputs, tuple[
         layout = protected_layout(*found)
         layouts.append(layout)
         row = frame_row(layout)
-        streams += [(found, together) for together in _map_message(bench, found.message, roles, row, tables)]
+        streams += [(found, together) for together in _map_message(fitted, found.message, roles, row, tables)]
     timing = map_timing(
-        bench,
+        fitted,
         [(found.message, roles) for found, roles in streams],
-        [bench.config.buses[found.bus].config for found, _ in streams],
+        [databases.links[found.bus] for found, _ in streams],
         tables.stream_samples,
     )
-    require_one_rate(bench, streams, timing["steps"].tolist())
+    require_one_rate(fitted, streams, timing["steps"].tolist())
     return tables.inputs(timing), tuple(layouts)
 
 
 def _map_message(
-    bench: Bench, message: Message, roles: Sequence[Role], row: NDArray[np.void], tables: InputTables
+    fitted: BenchInjector, message: Message, roles: Sequence[Role], row: NDArray[np.void], tables: InputTables
 ) -> list[list[Role]]:
     """Add a message to the tables; returns the roles of each of its streams."""
     samples: dict[Role, tuple[str, ...]] = {}
     streams: dict[tuple[SampleGroup, ...], list[Role]] = {}
     for role in roles:
-        with named(f"{bench.path}: signals.{role}"):
-            samples[role] = signal_names(message, bench.config.signals.of(role).names)
+        with named(fitted.place(f"signals.{role}")):
+            samples[role] = signal_names(message, fitted.config.signals.of(role).names)
             groups = sample_groups(message, samples[role])
         if row["samples"] not in (0, len(samples[role])):
             raise UserError(
-                f"{bench.path}: signals.{role}",
+                fitted.place(f"signals.{role}"),
                 f"has {len(samples[role])} samples a frame, other signals of {message.name} have {row['samples']}",
                 "name as many samples for every signal of a message",
             )
         row["samples"] = len(samples[role])
         streams.setdefault(groups, []).append(role)
     for groups, together in streams.items():
-        number = number_signal(bench, message, together)
+        number = number_signal(fitted, message, together)
         if number is not None:
-            with named(f"{bench.path}: signals.{together[0]}"):
+            with named(fitted.place(f"signals.{together[0]}")):
                 require_carried(message, number.name, groups)
         if any(group.conditions for group in groups) and (number is None or number.length != INDEX_BITS):
             raise UserError(
-                f"{bench.path}: signals.{together[0]}.index",
+                fitted.place(f"signals.{together[0]}.index"),
                 f"{message.name} sends samples in turns under a multiplexer, but no sample index with them",
                 "name the signal with the index of the frame's first sample",
             )
@@ -208,7 +213,7 @@ def _map_message(
             for role in together:
                 place = ROLES.index(role)
                 group_row["position"][place] = len(names)
-                group_row["factor"][place] = _factor(bench, message, role, samples[role])
+                group_row["factor"][place] = _factor(fitted, message, role, samples[role])
                 names.extend(samples[role][group.offset : group.offset + group.count])
             tables.add_group(group_row, message, names, group)
         tables.add_stream(int(row["samples"]), sum(1 << ROLES.index(role) for role in together))
@@ -216,6 +221,6 @@ def _map_message(
     return list(streams.values())
 
 
-def _factor(bench: Bench, message: Message, role: Role, samples: Sequence[str]) -> float:
-    place = f"{bench.path}: signals.{role}"
-    return from_unit(place, message, samples[0], bench.config.signals.of(role).unit, _UNITS[role])
+def _factor(fitted: BenchInjector, message: Message, role: Role, samples: Sequence[str]) -> float:
+    place = fitted.place(f"signals.{role}")
+    return from_unit(place, message, samples[0], fitted.config.signals.of(role).unit, _UNITS[role])

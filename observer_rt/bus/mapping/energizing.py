@@ -20,7 +20,9 @@ from observer_rt.bus.database.multiplexing import Selection, compile_conditions,
 from observer_rt.bus.mapping.sample_groups import require_carried, sample_groups
 from observer_rt.bus.mapping.slow_inputs import Receipt, SlowMessage, check_frame, read_value
 from observer_rt.bus.mapping.timing import USUAL_INDEX, Numbering, index_signal, time_on_bus
-from observer_rt.config.bench import Bench, EnergizingConfig, Role, SignalConfig
+from observer_rt.config.bench import BenchInjector
+from observer_rt.config.links import LinkConfig
+from observer_rt.config.signals import EnergizingConfig, Role, SignalConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND, TIME_UNITS
 
@@ -71,19 +73,21 @@ class Reading(NamedTuple):
     """Whether, by its protection, no frame was lost since the reading before; None: without one."""
 
 
-def map_energizing(bench: Bench, message: Message, slow: SlowMessage, grid: np.void) -> Energizing:
-    """Compile the mapping; grid: `timing.TIMING` of the line pressure's message.
+def map_energizing(
+    fitted: BenchInjector, link: LinkConfig, message: Message, slow: SlowMessage, grid: np.void
+) -> Energizing:
+    """Compile the mapping; link: its bus; grid: `timing.TIMING` of the line pressure's message.
 
     Raises `UserError` naming bench file and key.
     """
-    place = f"{bench.path}: signals.energizing"
-    config = bench.config.signals.energizing
+    place = fitted.place("signals.energizing")
+    config = fitted.config.signals.energizing
     assert config is not None
-    beside = _samples_beside(bench, message)
+    beside = _samples_beside(fitted, message)
     with named(place):
         names = signal_names(message, config.names)
         groups = sample_groups(message, names)
-    index = _index(bench, config, message, beside, grid)
+    index = _index(fitted, config, message, beside, grid)
     if index is not None:
         with named(place):
             require_carried(message, index, groups)
@@ -99,7 +103,7 @@ def map_energizing(bench: Bench, message: Message, slow: SlowMessage, grid: np.v
         problem = f"names {len(names)} levels a frame, {message.name} has {expected} samples of other signals"
         raise UserError(place, problem, "name as many, or one")
     delay = config.delay_us
-    on_bus = time_on_bus(slow.layout, bench.config.buses[slow.layout.bus].config)
+    on_bus = time_on_bus(slow.layout, link)
     return Energizing(
         layout=slow.layout,
         frame=slow.frame,
@@ -109,25 +113,29 @@ def map_energizing(bench: Bench, message: Message, slow: SlowMessage, grid: np.v
         index=index,
         factor=factor,
         delay=on_bus if delay is None else delay * MICROSECOND,
-        cycle=_cycle(bench, slow.layout, expected, bool(beside) or len(names) > 1),
+        cycle=_cycle(fitted, slow.layout, expected, bool(beside) or len(names) > 1),
         window=config.missing_after_ms * MILLISECOND,
     )
 
 
 def _index(
-    bench: Bench, config: EnergizingConfig, message: Message, beside: Sequence[SignalConfig], grid: np.void
+    fitted: BenchInjector,
+    config: EnergizingConfig,
+    message: Message,
+    beside: Sequence[SignalConfig],
+    grid: np.void,
 ) -> str | None:
     """The signal that places the frames on the grid, None where their stamps must."""
-    line = bench.config.signals.of(Role.LINE_PRESSURE)
+    line = fitted.config.signals.of(Role.LINE_PRESSURE)
     on_grid = config.time_base == line.time_base and grid["numbering"] == Numbering.INDEX
-    on_grid = on_grid and all(other.rate_hz in (None, bench.config.sampling.rate_hz) for other in beside)
+    on_grid = on_grid and all(other.rate_hz in (None, fitted.config.sampling.rate_hz) for other in beside)
     name = config.index
     if name is None and on_grid:
         usual = USUAL_INDEX if any(signal.name == USUAL_INDEX for signal in message.signals) else None
         name = next((other.index for other in beside if other.index is not None), usual)
     if not name:
         return None
-    place = f"{bench.path}: signals.energizing.index"
+    place = fitted.place("signals.energizing.index")
     if not on_grid:
         problem = f"{name} of {message.name} is not the index that the line pressure is numbered by"
         raise UserError(place, problem, 'set index = "", so that its stamps place it')
@@ -135,16 +143,16 @@ def _index(
     return name
 
 
-def _samples_beside(bench: Bench, message: Message) -> list[SignalConfig]:
+def _samples_beside(fitted: BenchInjector, message: Message) -> list[SignalConfig]:
     """The mappings of roles whose samples the message carries too."""
-    mappings = (bench.config.signals.of(role) for role in Role)
+    mappings = (fitted.config.signals.of(role) for role in Role)
     return [mapping for mapping in mappings if mapping.message == message.name]
 
 
-def _cycle(bench: Bench, layout: MessageLayout, samples: int, is_block: bool) -> float | None:
+def _cycle(fitted: BenchInjector, layout: MessageLayout, samples: int, is_block: bool) -> float | None:
     """Time [s] from frame to frame, as far as the samples of one or the database tell it."""
     if is_block:
-        return samples / bench.config.sampling.rate_hz
+        return samples / fitted.config.sampling.rate_hz
     return layout.cycle_time_ns / NANOSECONDS if layout.cycle_time_ns else None
 
 

@@ -17,7 +17,7 @@ from observer_rt.bus.database.multiplexing import (
     meets,
 )
 from observer_rt.bus.mapping.sample_groups import SampleGroup
-from observer_rt.config.bench import Role
+from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 
 ROLES = tuple(Role)

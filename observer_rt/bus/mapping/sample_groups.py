@@ -8,7 +8,8 @@ from cantools.database.can import Message
 
 from observer_rt.bus.database.catalogue import BusMessage
 from observer_rt.bus.database.multiplexing import Conditions, are_exclusive, conditions_of
-from observer_rt.config.bench import Bench, Role
+from observer_rt.config.bench import BenchInjector
+from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 
 
@@ -54,14 +55,14 @@ def require_carried(message: Message, index: str, groups: Sequence[SampleGroup])
 
 
 def require_one_rate(
-    bench: Bench, streams: Sequence[tuple[BusMessage, list[Role]]], steps: Sequence[int]
+    fitted: BenchInjector, streams: Sequence[tuple[BusMessage, list[Role]]], steps: Sequence[int]
 ) -> None:
     """Raise `UserError` where a stream is slower, by its step of the index, than others of its message."""
     names = [(found.message.name, found.bus) for found, _ in streams]
     for name, (_, roles), ratio in zip(names, streams, steps, strict=True):
         if ratio > 1 and names.count(name) > 1:
             raise UserError(
-                f"{bench.path}: signals.{roles[0]}.rate_hz",
+                fitted.place(f"signals.{roles[0]}.rate_hz"),
                 f"{name[0]} carries other signals under the same sample index",
                 "leave rate_hz out: all signals of one message are sampled alike",
             )

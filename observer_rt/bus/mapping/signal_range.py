@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.database.codec import FLOAT16, FLOAT32, FLOAT64, decode, encode
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.config.bench import Role
+from observer_rt.config.signals import Role
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE
 from observer_rt.recording.signals.recording import Recording
 

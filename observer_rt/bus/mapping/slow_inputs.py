@@ -14,7 +14,7 @@ from observer_rt.bus.database import e2e
 from observer_rt.bus.database.codec import decode, encode, signal_table
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.database.multiplexing import Selection, compile_conditions, conditions_of, is_selected
-from observer_rt.config.bench import OptionalRole
+from observer_rt.config.signals import OptionalRole
 from observer_rt.foundation.units import MILLISECOND
 
 CYCLES = 10  # of a message, after which its last value is too old

@@ -20,8 +20,8 @@ from observer_rt.bus.mapping.slow_inputs import (
     slow_timeout,
 )
 from observer_rt.bus.mapping.timing import Joining
-from observer_rt.config.bench import (
-    Bench,
+from observer_rt.config.bench import BenchInjector
+from observer_rt.config.signals import (
     FuelTemperatureConfig,
     LearningEnableConfig,
     OptionalRole,
@@ -34,7 +34,7 @@ _Mappings = list[tuple[OptionalRole, SlowSignalConfig]]
 
 
 def map_optional(
-    bench: Bench, databases: BenchDatabases, inputs: Inputs, layouts: Sequence[MessageLayout]
+    fitted: BenchInjector, databases: BenchDatabases, inputs: Inputs, layouts: Sequence[MessageLayout]
 ) -> tuple[tuple[SlowMessage, ...], Energizing | None]:
     """The messages with optional inputs, and the energizing among them.
 
@@ -42,42 +42,46 @@ def map_optional(
     nothing of what a recording does not know. Raises `UserError` naming bench file and key.
     """
     by_message: dict[tuple[str, int], tuple[BusMessage, _Mappings]] = {}
-    for role, config in bench.config.signals.optional:
-        found = databases.find(f"signals.{role}.message", config.message, config.link)
+    for role, config in fitted.config.signals.optional:
+        found = databases.find(fitted.place(f"signals.{role}.message"), config.message, config.link)
         by_message.setdefault((config.message, found.bus), (found, []))[1].append((role, config))
-    pulses = bench.config.signals.energizing
+    pulses = fitted.config.signals.energizing
     if pulses is not None:
-        carrier = databases.find("signals.energizing.message", pulses.message, pulses.link)
+        carrier = databases.find(fitted.place("signals.energizing.message"), pulses.message, pulses.link)
         by_message.setdefault((pulses.message, carrier.bus), (carrier, []))
-    by_key = {key: _slow_message(bench, *mapped, layouts) for key, mapped in by_message.items()}
+    by_key = {key: _slow_message(fitted, *mapped, layouts) for key, mapped in by_message.items()}
     slow = tuple(by_key.values())
     energizing = None
     if pulses is not None:
         leading = next(row for row in inputs.timing if row["joining"] == Joining.INDEX)
         sent_in = by_key[pulses.message, carrier.bus]
-        energizing = map_energizing(bench, carrier.message, sent_in, leading)
+        energizing = map_energizing(fitted, databases.links[carrier.bus], carrier.message, sent_in, leading)
     _say_nothing(inputs, slow, energizing)
     return slow, energizing
 
 
 def _slow_message(
-    bench: Bench, found: BusMessage, roles: _Mappings, layouts: Sequence[MessageLayout]
+    fitted: BenchInjector, found: BusMessage, roles: _Mappings, layouts: Sequence[MessageLayout]
 ) -> SlowMessage:
     layout = protected_layout(*found)
-    signals = tuple(_slow_signal(bench, found.message, layout, role, config) for role, config in roles)
+    signals = tuple(_slow_signal(fitted, found.message, layout, role, config) for role, config in roles)
     return SlowMessage(layout, frame_row(layout)[None], signals, layout in layouts)
 
 
 def _slow_signal(
-    bench: Bench, message: Message, layout: MessageLayout, role: OptionalRole, config: SlowSignalConfig
+    fitted: BenchInjector,
+    message: Message,
+    layout: MessageLayout,
+    role: OptionalRole,
+    config: SlowSignalConfig,
 ) -> SlowSignal:
-    place = f"{bench.path}: signals.{role}"
+    place = fitted.place(f"signals.{role}")
     with named(place):
         find_signal(message, config.signal)
     factor, origin, untold, timeout = 1.0, 0.0, math.nan, math.inf
     if isinstance(config, FuelTemperatureConfig):
         origin = from_unit(place, message, config.signal, config.unit, TEMPERATURE_ORIGINS)
-        untold = bench.injector.fluid.reference_temperature or math.nan
+        untold = fitted.parameters.fluid.reference_temperature or math.nan
     elif isinstance(config, SlowQuantityConfig):
         factor = from_unit(place, message, config.signal, config.unit, MASS_UNITS)
     with named(place):

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from observer_rt.bus.database.e2e import UNPROTECTED, counter_values
 from observer_rt.bus.database.lookup import MessageLayout, find_signal
 from observer_rt.bus.mapping.load import frame_time
-from observer_rt.config.bench import Bench, Role
+from observer_rt.config.bench import BenchInjector
 from observer_rt.config.links import LinkConfig
+from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
@@ -83,7 +84,7 @@ class Following(NamedTuple):
 
 
 def map_timing(
-    bench: Bench,
+    fitted: BenchInjector,
     messages: Sequence[tuple[Message, Sequence[Role]]],
     links: Sequence[LinkConfig],
     samples: Sequence[int],
@@ -95,21 +96,23 @@ def map_timing(
     rows = np.zeros(len(messages), TIMING)
     leading = next(n for n, (_, roles) in enumerate(messages) if Role.LINE_PRESSURE in roles)
     for row, (message, roles), link, size in zip(rows, messages, links, samples, strict=True):
-        _map_message(bench, message, roles, link, size, row)
-    grid = bench.config.signals.of(Role.LINE_PRESSURE)
+        _map_message(fitted, message, roles, link, size, row)
+    grid = fitted.config.signals.of(Role.LINE_PRESSURE)
     if rows[leading]["steps"] != 1:
         raise UserError(
-            f"{bench.path}: signals.line_pressure.rate_hz",
+            fitted.place("signals.line_pressure.rate_hz"),
             "the line pressure is the signal all others are joined to and cannot be slower than sampling.rate_hz",
             "set sampling.rate_hz to the line pressure's rate",
         )
     for number, (row, (message, roles)) in enumerate(zip(rows, messages, strict=True)):
-        same_base = _agreed(bench, message, roles, "time_base") == grid.time_base
+        same_base = _agreed(fitted, message, roles, "time_base") == grid.time_base
         row["joining"] = _joining(row, same_base, number == leading, rows[leading])
     return rows
 
 
-def following(bench: Bench, timing: NDArray[np.void], roles: Sequence[int]) -> list[Following | None]:
+def following(
+    fitted: BenchInjector, timing: NDArray[np.void], roles: Sequence[int]
+) -> list[Following | None]:
     """How each message follows the grid, None where it is on it; `roles` (bits) of each."""
     result: list[Following | None] = []
     for row, bits in zip(timing, roles, strict=True):
@@ -119,32 +122,32 @@ def following(bench: Bench, timing: NDArray[np.void], roles: Sequence[int]) -> l
         is_slow = bool(row["steps"] > 1)
         reach = MAX_INTERPOLATED + 1.0
         if is_slow:
-            reach = float(row["hold"]) * bench.config.sampling.rate_hz
+            reach = float(row["hold"]) * fitted.config.sampling.rate_hz
         result.append(Following(int(bits), float(row["steps"]), reach, is_slow))
     return result
 
 
-def number_signal(bench: Bench, message: Message, roles: Sequence[Role]) -> Signal | None:
+def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> Signal | None:
     """The signal that tells the message's frames apart: its index, or the counter of one without; None: neither.
 
     Raises `UserError` naming bench file and key when the message has no such signal, or one that cannot serve.
     """
-    index = _agreed(bench, message, roles, "index")
-    counter = _agreed(bench, message, roles, "counter")
+    index = _agreed(fitted, message, roles, "index")
+    counter = _agreed(fitted, message, roles, "counter")
     known = {signal.name for signal in message.signals}
     if index is None and counter is None and USUAL_INDEX in known:
         index = USUAL_INDEX
     if index:
         if counter is not None:
             raise UserError(
-                f"{bench.path}: signals.{roles[0]}.counter",
+                fitted.place(f"signals.{roles[0]}.counter"),
                 f"message {message.name} has an index, {index}, which tells its frames apart already",
                 "leave out 'counter', or set index = \"\"",
             )
-        return index_signal(f"{bench.path}: signals.{roles[0]}.index", message, index)
+        return index_signal(fitted.place(f"signals.{roles[0]}.index"), message, index)
     if not counter:
         return None
-    place = f"{bench.path}: signals.{roles[0]}.counter"
+    place = fitted.place(f"signals.{roles[0]}.counter")
     if counter not in known:
         raise UserError(
             place, f"message {message.name} has no signal {counter!r}", "name the one that counts"
@@ -183,10 +186,15 @@ def index_signal(place: str, message: Message, name: str) -> Signal:
 
 
 def _map_message(
-    bench: Bench, message: Message, roles: Sequence[Role], link: LinkConfig, samples: int, row: np.void
+    fitted: BenchInjector,
+    message: Message,
+    roles: Sequence[Role],
+    link: LinkConfig,
+    samples: int,
+    row: np.void,
 ) -> None:
     layout = MessageLayout.of(message)
-    signal = number_signal(bench, message, roles)
+    signal = number_signal(fitted, message, roles)
     if signal is not None and signal.length == INDEX_BITS:
         row["numbering"], row["modulus"] = Numbering.INDEX, 1
     elif signal is not None:
@@ -198,16 +206,16 @@ def _map_message(
         )
     else:
         row["numbering"], row["modulus"] = Numbering.STAMPS, 1
-    row["steps"] = steps = _steps(bench, message, roles)
-    row["interval"] = steps / bench.config.sampling.rate_hz
+    row["steps"] = steps = _steps(fitted, message, roles)
+    row["interval"] = steps / fitted.config.sampling.rate_hz
     row["tolerance"] = TOLERANCE
     if tuple(roles) == (Role.RAIL_PRESSURE,):
         row["tolerance"] = max(RAIL_TOLERANCE, SLOW_TOLERANCE * row["interval"])
-    delay = _agreed(bench, message, roles, "delay_us")
+    delay = _agreed(fitted, message, roles, "delay_us")
     on_bus = time_on_bus(layout, link)
     row["delay"] = on_bus if delay is None else delay * MICROSECOND
     row["shortest"] = SHORTEST * on_bus
-    _set_hold(bench, message, roles, samples, row)
+    _set_hold(fitted, message, roles, samples, row)
 
 
 def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
@@ -220,11 +228,11 @@ def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
     return frame_time(layout.length, is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
 
 
-def _steps(bench: Bench, message: Message, roles: Sequence[Role]) -> int:
+def _steps(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> int:
     """Samples of the grid from one sample of the message to its next."""
-    rate = bench.config.sampling.rate_hz
-    stated: float | None = _agreed(bench, message, roles, "rate_hz")
-    place = f"{bench.path}: signals.{roles[0]}.rate_hz"
+    rate = fitted.config.sampling.rate_hz
+    stated: float | None = _agreed(fitted, message, roles, "rate_hz")
+    place = fitted.place(f"signals.{roles[0]}.rate_hz")
     if stated is None:
         return 1
     ratio = rate / stated
@@ -244,17 +252,19 @@ def _steps(bench: Bench, message: Message, roles: Sequence[Role]) -> int:
     return round(ratio)
 
 
-def _set_hold(bench: Bench, message: Message, roles: Sequence[Role], samples: int, row: np.void) -> None:
-    stated = _agreed(bench, message, roles, "max_hold_ms")
+def _set_hold(
+    fitted: BenchInjector, message: Message, roles: Sequence[Role], samples: int, row: np.void
+) -> None:
+    stated = _agreed(fitted, message, roles, "max_hold_ms")
     cycle = samples * float(row["interval"])
-    place = f"{bench.path}: signals.{roles[0]}.max_hold_ms"
+    place = fitted.place(f"signals.{roles[0]}.max_hold_ms")
     if row["steps"] == 1:
         if stated is not None:
             problem = "is only for a signal slower than the others"
             raise UserError(place, problem, "leave it out, or state its rate_hz")
         return
     hold = HELD_CYCLES * cycle if stated is None else stated * MILLISECOND
-    longest = SLOTS // 2 / bench.config.sampling.rate_hz
+    longest = SLOTS // 2 / fitted.config.sampling.rate_hz
     if not cycle <= hold:
         raise UserError(
             place,
@@ -263,9 +273,9 @@ def _set_hold(bench: Bench, message: Message, roles: Sequence[Role], samples: in
         )
     if hold > longest:
         raise UserError(
-            place if stated is not None else f"{bench.path}: signals.{roles[0]}.rate_hz",
+            place if stated is not None else fitted.place(f"signals.{roles[0]}.rate_hz"),
             f"samples would have to wait {hold / MILLISECOND:g} ms for it, at most {longest / MILLISECOND:.3g} are "
-            f"possible at {bench.config.sampling.rate_hz:g} Hz",
+            f"possible at {fitted.config.sampling.rate_hz:g} Hz",
             "state a shorter max_hold_ms"
             if cycle <= longest
             else "a faster signal of the rail pressure is needed",
@@ -282,13 +292,13 @@ def _joining(row: np.void, same_base: bool, is_leading: bool, leading: np.void) 
     return Joining.NEAREST if same_base and row["steps"] == 1 else Joining.CLOCK
 
 
-def _agreed(bench: Bench, message: Message, roles: Sequence[Role], key: str) -> Any:
+def _agreed(fitted: BenchInjector, message: Message, roles: Sequence[Role], key: str) -> Any:
     """The value of a key that the roles of a message have in common, None where none of them states it."""
-    stated = [getattr(bench.config.signals.of(role), key) for role in roles]
+    stated = [getattr(fitted.config.signals.of(role), key) for role in roles]
     values = {value for value in stated if value is not None}
     if len(values) > 1:
         raise UserError(
-            f"{bench.path}: signals.{roles[-1]}.{key}",
+            fitted.place(f"signals.{roles[-1]}.{key}"),
             f"differs from that of signals.{roles[0]}, though message {message.name} carries both",
             "state it the same for all signals of a message",
         )

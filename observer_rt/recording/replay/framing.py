@@ -16,7 +16,8 @@ from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import Numbering
-from observer_rt.config.bench import EXAMPLE_BENCH, Bench, SamplingConfig
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench
+from observer_rt.config.injector import SamplingConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROMETRE, MILLISECOND
 from observer_rt.recording.signals.recording import Recording
@@ -35,17 +36,16 @@ def bench_for(bench: Bench, recording: Recording) -> Bench:
     The example bench takes any rate; a user's own must state the recording's. Raises `UserError` otherwise.
     """
     rate = recording.sample_rate
-    stated = bench.config.sampling.rate_hz
+    stated = bench.injector.config.sampling.rate_hz
     if abs(rate - stated) <= RATE_TOLERANCE * stated:
         return bench
     if bench.path != EXAMPLE_BENCH:
         raise UserError(
-            f"{bench.path}: sampling.rate_hz",
+            bench.injector.place("sampling.rate_hz"),
             f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz",
             "set rate_hz to the recording's rate, or leave out --bench",
         )
-    sampling = SamplingConfig(rate_hz=rate, meaning=bench.config.sampling.meaning)
-    return bench.model_copy(update={"config": bench.config.model_copy(update={"sampling": sampling})})
+    return bench.with_sections(sampling=SamplingConfig(rate_hz=rate))
 
 
 class TimedFrame(NamedTuple):

@@ -1,6 +1,6 @@
-"""The observer's constants for a bench: injector, sample rate, temperature of the fuel."""
+"""The observer's constants for an injector of a bench: parameters, sample rate, temperature of the fuel."""
 
-from observer_rt.config.bench import Bench
+from observer_rt.config.bench import BenchInjector
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
@@ -15,9 +15,9 @@ EVENTS_REQUIRED = 2  # judged, before a sample is valid
 EVENTS_REQUIRED_RESTORED = 1  # the same with a restored state
 
 
-def configured_noise(bench: Bench) -> NoiseLevels:
+def configured_noise(fitted: BenchInjector) -> NoiseLevels:
     """Noise levels of the bench file, SI."""
-    noise = bench.config.noise
+    noise = fitted.config.noise
     return NoiseLevels(
         rail_pressure=noise.rail_pressure_MPa * MEGAPASCAL,
         line_pressure=noise.line_pressure_MPa * MEGAPASCAL,
@@ -25,51 +25,53 @@ def configured_noise(bench: Bench) -> NoiseLevels:
     )
 
 
-def bench_constants(bench: Bench, restored: bool = False, fuel_temperature: float | None = None) -> Constants:
-    """Constants of the observer for a bench, with fuel at a temperature [K] or, None, as in the injector file.
+def bench_constants(
+    fitted: BenchInjector, restored: bool = False, fuel_temperature: float | None = None
+) -> Constants:
+    """Constants of the observer for an injector, with fuel at a temperature [K] or, None, as in its file.
 
-    Raises `UserError` when its sample rate is too low to integrate, or its injector file does not say how the fuel
-    changes with a temperature that the bench measures.
+    Raises `UserError` when its sample rate is too low to integrate, or its file does not say how the fuel changes
+    with a temperature that the bench measures.
     """
-    constants = _constants(bench, injector_at(bench, fuel_temperature), restored)
-    _require_integrable(bench, bench.injector, constants)
-    if bench.config.signals.fuel_temperature is not None and fuel_temperature is None:
-        injector_at(bench, HIGHEST_TEMPERATURE)
-        stiffest = injector_at(bench, LOWEST_TEMPERATURE)
-        _require_integrable(bench, stiffest, _constants(bench, stiffest, restored))
+    constants = _constants(fitted, injector_at(fitted, fuel_temperature), restored)
+    _require_integrable(fitted, fitted.parameters, constants)
+    if fitted.config.signals.fuel_temperature is not None and fuel_temperature is None:
+        injector_at(fitted, HIGHEST_TEMPERATURE)
+        stiffest = injector_at(fitted, LOWEST_TEMPERATURE)
+        _require_integrable(fitted, stiffest, _constants(fitted, stiffest, restored))
     return constants
 
 
-def injector_at(bench: Bench, fuel_temperature: float | None) -> InjectorParameters:
-    """The injector of a bench with fuel at a temperature [K]; None: as in its file.
+def injector_at(fitted: BenchInjector, fuel_temperature: float | None) -> InjectorParameters:
+    """The injector with fuel at a temperature [K]; None: as in its file.
 
     Raises `UserError` when the file does not say how the fuel changes.
     """
     if fuel_temperature is None:
-        return bench.injector
+        return fitted.parameters
     try:
-        return at_temperature(bench.injector, fuel_temperature)
+        return at_temperature(fitted.parameters, fuel_temperature)
     except UserError as error:
-        raise UserError(f"{bench.injector_path}: {error.place}", error.problem, error.remedy) from None
+        raise UserError(f"{fitted.parameters_path}: {error.place}", error.problem, error.remedy) from None
 
 
-def _constants(bench: Bench, injector: InjectorParameters, restored: bool) -> Constants:
-    learning = bench.config.learning
+def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bool) -> Constants:
+    learning = fitted.config.learning
     durations = Durations(learning.event_gap_ms * MILLISECOND, learning.learning_delay_ms * MILLISECOND)
     events_required = EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
-    return constants_for(injector, bench.config.sampling.rate_hz, durations, events_required)
+    return constants_for(injector, fitted.config.sampling.rate_hz, durations, events_required)
 
 
-def _require_integrable(bench: Bench, injector: InjectorParameters, constants: Constants) -> None:
+def _require_integrable(fitted: BenchInjector, injector: InjectorParameters, constants: Constants) -> None:
     substeps = constants.substeps
     if substeps <= MAX_SUBSTEPS:
         return
-    rate = bench.config.sampling.rate_hz
+    rate = fitted.config.sampling.rate_hz
     model = effective_model(injector)
     fastest = fastest_rate(model.injector, model.departures)
     raise UserError(
-        f"{bench.path}: sampling.rate_hz",
+        fitted.place("sampling.rate_hz"),
         f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS}), "
-        f"for the sac of {bench.injector_path.name} relaxes at up to {fastest:.3g} 1/s",
+        f"for the sac of {fitted.parameters_path.name} relaxes at up to {fastest:.3g} 1/s",
         f"sample at {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more",
     )

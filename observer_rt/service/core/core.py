@@ -15,7 +15,8 @@ from observer_rt.bus.alignment.message_timing import MessageTiming, timing_of
 from observer_rt.bus.alignment.timekeeping import make_timekeeping
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of, stream_of
-from observer_rt.config.bench import Bench, Role
+from observer_rt.config.bench import BenchInjector
+from observer_rt.config.signals import Role
 from observer_rt.observer.learning.knowledge import Knowledge, Outcome, Verdict, no_knowledge
 from observer_rt.observer.observer import (
     event_standstill,
@@ -50,7 +51,7 @@ class Core:
 
     def __init__(
         self,
-        bench: Bench,
+        fitted: BenchInjector,
         bus: BusMap,
         knowledge: Knowledge | None = None,
         executor: Executor | None = None,
@@ -67,21 +68,21 @@ class Core:
         on_mismatch with those that are missing after a command, or have none.
         fuel_temperature [K]: on a bench that measures it, what to take until it is measured; None: nothing is valid.
         """
-        config = bench.config
+        config = fitted.config
         self._bus = bus
         self._stream_buses = [layout_of(bus, n).bus for n in range(len(bus.inputs.streams))]
         is_restored = knowledge is not None
         is_measured = config.signals.fuel_temperature is not None
-        self._fuel = Fuel(fuel_temperature if is_measured else None, bench_constants(bench, is_restored))
+        self._fuel = Fuel(fuel_temperature if is_measured else None, bench_constants(fitted, is_restored))
         self._fuel_of_events: deque[Fuel] = deque()  # closed, not yet judged
         self._interval = self._fuel.constants.interval
         self._first_index: int | None = None
         self._pressure_scale = self._fuel.constants.coefficients.pressure_scale
-        noise = configured_noise(bench)
+        noise = configured_noise(fitted)
         start = knowledge or no_knowledge(noise, self._pressure_scale)
         learning = config.learning.enabled if learning is None else learning
         self._injector_id = config.outputs.injector_id
-        learner = learner_of(bench, self._fuel.constants, start)
+        learner = learner_of(fitted, self._fuel.constants, start)
         lockstep = executor is None or config.learning.lockstep
         self._training = Training(learner, executor or InlineExecutor(), lockstep)
         self._observer = make_observer(self._fuel.constants, start, learner)
@@ -96,7 +97,7 @@ class Core:
             make_publisher(bus.rate, learning),
         )
         watched = self._pipeline.keeping, self._observer
-        constants_at = partial(bench_constants, bench, is_restored)
+        constants_at = partial(bench_constants, fitted, is_restored)
         self._optional = OptionalInputs(
             bus, learning, *watched, on_measured, on_mismatch, self._fuel, constants_at
         )

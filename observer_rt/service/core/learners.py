@@ -1,8 +1,9 @@
-"""Which training a bench uses, and what that asks of bench and injector."""
+"""Which training an injector's observer uses, and what that asks of bench and injector."""
 
 from collections.abc import Callable
 
-from observer_rt.config.bench import Bench, Training
+from observer_rt.config.bench import BenchInjector
+from observer_rt.config.injector import Training
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import LineOutflow
@@ -12,25 +13,25 @@ from observer_rt.observer.paper_scheme.gain import check_gain
 from observer_rt.observer.paper_scheme.learner import PaperLearner
 from observer_rt.observer.stream.state import Constants
 
-LearnerFactory = Callable[[Bench, Constants, Knowledge], EventLearner]
+LearnerFactory = Callable[[BenchInjector, Constants, Knowledge], EventLearner]
 """What `Core` makes its learner by: `make_learner`, or another where learners are compared."""
 
 
-def make_learner(bench: Bench, constants: Constants, knowledge: Knowledge) -> EventLearner:
-    """The learner of a bench. Raises `UserError` when its training does not fit its sample rate or injector."""
-    learning = bench.config.learning
+def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> EventLearner:
+    """The learner of an injector. Raises `UserError` when its training does not fit its sample rate or injector."""
+    learning = fitted.config.learning
     if learning.training is Training.PREDICTION_ERROR or learning.identification_gain is None:
         return Learner(constants, knowledge)
-    line_outflow = effective_model(bench.injector).injector.line_outflow
+    line_outflow = effective_model(fitted.parameters).injector.line_outflow
     if line_outflow is not LineOutflow.NOZZLE:
         raise UserError(
-            f"{bench.path}: learning.training",
-            f"'paper' rests on a line drained by the nozzle flow (25), but {bench.injector_path} says "
+            fitted.place("learning.training"),
+            f"'paper' rests on a line drained by the nozzle flow (25), but {fitted.parameters_path} says "
             f"line_outflow = '{line_outflow}'",
             "use training = 'prediction_error'",
         )
     check_gain(
-        f"{bench.path}: learning.identification_gain",
+        fitted.place("learning.identification_gain"),
         learning.identification_gain,
         constants.coefficients,
         1.0 / constants.interval,
@@ -38,9 +39,9 @@ def make_learner(bench: Bench, constants: Constants, knowledge: Knowledge) -> Ev
     return PaperLearner(constants, knowledge, learning.identification_gain)
 
 
-def refuse_state(bench: Bench, option: str) -> None:
+def refuse_state(fitted: BenchInjector, option: str) -> None:
     """Raise `UserError` naming an option that keeps what was learned where the training keeps nothing."""
-    if bench.config.learning.training is Training.PAPER:
+    if fitted.config.learning.training is Training.PAPER:
         raise UserError(
             option,
             "training = 'paper' starts anew every time and keeps nothing",

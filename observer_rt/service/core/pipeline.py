@@ -27,7 +27,7 @@ from observer_rt.bus.database.e2e import E2EStatus
 from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, MAX_SIGNALS, ROLES, Inputs
 from observer_rt.bus.mapping.timing import Joining, Numbering
-from observer_rt.config.bench import Role
+from observer_rt.config.signals import Role
 from observer_rt.observer.stream.state import Observer
 from observer_rt.observer.stream.step import advance_stream, push
 from observer_rt.service.core.publisher import Publisher, publish

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.alignment.timekeeping import Timekeeping
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.slow_inputs import SlowReceiver
-from observer_rt.config.bench import OptionalRole
+from observer_rt.config.signals import OptionalRole
 from observer_rt.observer.observer import closed_injections
 from observer_rt.observer.stream.state import Constants, Observer
 from observer_rt.service.core.injection_report import InjectionReport

@@ -9,7 +9,7 @@ from observer_rt.bus.alignment.alignment import decide, store
 from observer_rt.bus.alignment.memory import make_alignment
 from observer_rt.bus.alignment.placing import Placing, place_block
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.config.bench import Role
+from observer_rt.config.signals import Role
 from observer_rt.foundation.continuity import Break
 
 CLOSED_LIFT = 2e-6  # m

@@ -16,7 +16,7 @@ from observer_rt.bus.alignment.memory import make_alignment
 from observer_rt.bus.alignment.placing import place_block
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import SLOTS, Following
-from observer_rt.config.bench import Role
+from observer_rt.config.signals import Role
 from observer_rt.foundation.continuity import Break
 from tests.bus.alignment.alignment_driver import CLOSED_LIFT, Row
 

@@ -15,7 +15,8 @@ from observer_rt.bus.mapping.output_messages import (
     output_message,
     rate_message,
 )
-from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, Role, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
+from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.observer.stream.state import Reason, State
 

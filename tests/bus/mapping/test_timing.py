@@ -6,7 +6,8 @@ import pytest
 
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus, stream_of
 from observer_rt.bus.mapping.timing import Joining, Numbering
-from observer_rt.config.bench import Role, load_bench
+from observer_rt.config.bench import load_bench
+from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from tests.service.time_frames import write_time_bench
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import Bench, load_bench
+from observer_rt.config.bench import BenchInjector, load_bench
 from observer_rt.estimation.gating import Gate
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.posterior import Belief, prior_belief
@@ -94,7 +94,7 @@ class Run:
 def run(name: str, rules: LearningRules = DEFAULT_RULES) -> Run:
     """Eight events at three pressures and two durations, 50 kHz, with noise; learning in lockstep."""
 
-    def learner_of(_: Bench, constants: Constants, knowledge: Knowledge) -> Learner:
+    def learner_of(_: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
         scale = constants.coefficients.pressure_scale
         return Learner(constants, no_knowledge(knowledge.noise, scale, rules), rules)
 

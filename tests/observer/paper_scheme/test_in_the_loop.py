@@ -9,7 +9,8 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
-from observer_rt.config.bench import Bench, LearningConfig, Training, load_bench
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.config.injector import LearningConfig, Training
 from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.foundation.errors import UserError
@@ -29,15 +30,17 @@ WEAR = 0.5
 
 
 def paper_bench(gain: float = 1e5) -> Bench:
-    bench = load_bench()
-    learning = LearningConfig(training=Training.PAPER, identification_gain=gain)
-    return bench.model_copy(update={"config": bench.config.model_copy(update={"learning": learning})})
+    return load_bench().with_sections(
+        learning=LearningConfig(training=Training.PAPER, identification_gain=gain)
+    )
 
 
 @cache
 def simulated() -> Simulation:
     schedule = make_schedule([100e6], EVENTS, 0.04, [1.9e-3])
-    return simulate(load_bench().injector, schedule, SAMPLE_RATE, (sized("orifice_area", v_H=WEAR),))
+    return simulate(
+        load_bench().injector.parameters, schedule, SAMPLE_RATE, (sized("orifice_area", v_H=WEAR),)
+    )
 
 
 @cache
@@ -131,16 +134,16 @@ def test_it_repeats_itself_bit_for_bit() -> None:
 def test_gain_that_does_not_fit_the_sample_rate_is_refused() -> None:
     bench = paper_bench(3e5)
     with pytest.raises(UserError, match="faster than the samples") as refused:
-        Core(bench, map_bus(bench))
+        Core(bench.injector, map_bus(bench))
     assert refused.value.place.endswith("learning.identification_gain")
 
 
 def test_line_drained_by_the_seat_is_refused() -> None:
     bench = paper_bench()
-    seat = bench.injector.model_copy(update={"line_outflow": LineOutflow.SEAT})
-    bench = bench.model_copy(update={"injector": seat})
+    seat = bench.injector.parameters.model_copy(update={"line_outflow": LineOutflow.SEAT})
+    bench = bench.with_parameters(seat)
     with pytest.raises(UserError, match="line_outflow = 'seat'"):
-        Core(bench, map_bus(bench))
+        Core(bench.injector, map_bus(bench))
 
 
 @pytest.mark.parametrize("option", ["--state", "--save-state"])

@@ -88,7 +88,7 @@ def test_stamps_change_nothing_where_messages_share_an_index(
 
 def test_frames_of_others_change_nothing(bench: Path, frames: list[Frame], result: Result) -> None:
     loaded = load_bench(bench)
-    core = Core(loaded, map_bus(loaded))
+    core = Core(loaded.injector, map_bus(loaded))
     out = []
     for frame in frames:
         out += core.handle(0x7FF, False, b"\x00" * 8, 0)
@@ -171,7 +171,7 @@ def test_header_tells_validity_and_state(result: Result) -> None:
 
 def test_learning_switched_off(bench: Path, frames: list[Frame]) -> None:
     loaded = load_bench(bench)
-    core = Core(loaded, map_bus(loaded), learning=False)
+    core = Core(loaded.injector, map_bus(loaded), learning=False)
     for frame in frames:
         core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
     core.finish()
@@ -189,7 +189,7 @@ class NeverDone(Executor):
 
 def test_learning_that_is_late_is_skipped_and_counted(bench: Path, frames: list[Frame]) -> None:
     loaded = load_bench(bench)
-    core = Core(loaded, map_bus(loaded), executor=NeverDone())
+    core = Core(loaded.injector, map_bus(loaded), executor=NeverDone())
     for frame in frames:
         core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
     assert core.counters.late_adoptions == 3

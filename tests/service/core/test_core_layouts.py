@@ -61,7 +61,7 @@ def _bench(folder: Path, database: str, roles: dict[str, str]) -> Path:
 
 def _through(bench: Path, frames: Iterator[tuple[int, bool, bytes]]) -> Result:
     loaded = load_bench(bench)
-    core = Core(loaded, map_bus(loaded))
+    core = Core(loaded.injector, map_bus(loaded))
     out = []
     for frame_id, is_extended, payload in frames:
         out += core.handle(frame_id, is_extended, payload, 0)

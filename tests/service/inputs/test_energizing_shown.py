@@ -133,7 +133,7 @@ def test_document_of_a_log(tmp_path: Path) -> None:
     log = tmp_path / "bus.log"
     write_log(log, [_logged(sent) for sent in traffic()])
     evaluation = evaluate_logs(bench, [read_logged(bench, log)], learning=False).evaluations[0]
-    c = effective_model(bench.injector).coefficients
+    c = effective_model(bench.injector.parameters).coefficients
     document = recording_json(evaluation, c)
     first, third = (one["energizing"] for one in document["injections"])
     assert third is None
@@ -162,7 +162,7 @@ def _logged(sent: Sent) -> LogFrame:
 def test_document_of_a_recording_which_has_no_energizing(tmp_path: Path) -> None:
     _, recording = injected(2)
     bench = load_bench(pulse_bench(tmp_path, TIME))
-    c = effective_model(bench.injector).coefficients
+    c = effective_model(bench.injector.parameters).coefficients
     document = recording_json(evaluate(bench, [recording], learning=False).evaluations[0], c)
     assert [one["energizing"] for one in document["injections"]] == [None, None]
     assert document["summary"]["energizing"]["missing_injections"] == 0
@@ -174,7 +174,7 @@ def test_document_of_a_bench_without_energizing(tmp_path: Path) -> None:
     path = pulse_bench(tmp_path, TIME)
     path.write_text(path.read_text().partition("[signals.energizing]")[0])
     bench = load_bench(path)
-    c = effective_model(bench.injector).coefficients
+    c = effective_model(bench.injector.parameters).coefficients
     document = recording_json(evaluate(bench, [recording], learning=False).evaluations[0], c)
     assert "energizing" not in document["summary"]
     assert not any("energizing" in one for one in document["injections"])

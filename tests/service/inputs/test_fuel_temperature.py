@@ -259,11 +259,11 @@ def test_check_shows_the_law(tmp_path: Path) -> None:
 
 def test_an_injector_without_a_reference_is_refused(tmp_path: Path) -> None:
     path = bench(tmp_path)
-    text = (Path(load_bench(path).injector_path)).read_text()
+    text = load_bench(path).injector.parameters_path.read_text()
     (tmp_path / "injector.toml").write_text(text.replace("reference_temperature", "# reference_temperature"))
     loaded = load_bench(path, model=tmp_path / "injector.toml")
     with pytest.raises(UserError, match=r"injector\.toml: fluid\.reference_temperature"):
-        Core(loaded, map_bus(loaded))
+        Core(loaded.injector, map_bus(loaded))
     assert any(f.level is Level.ERROR and "reference_temperature" in f.text for f in checkup(loaded))
 
 

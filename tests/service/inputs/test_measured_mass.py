@@ -67,7 +67,7 @@ def after(result: Result, injection: int, frames: int) -> int:
 def measured(bench: Path, frames: Iterable[Frame]) -> list[MeasuredMass]:
     loaded = load_bench(bench)
     found: list[MeasuredMass] = []
-    core = Core(loaded, map_bus(loaded), on_measured=found.append)
+    core = Core(loaded.injector, map_bus(loaded), on_measured=found.append)
     for frame in frames:
         core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
     core.finish()
@@ -180,7 +180,7 @@ def test_evaluating_a_log_compares_it(path: Path, frames: list[Frame], usual: Re
     log = tmp_path / "bus.log"
     write_log(log, [in_log(number, frame) for number, frame in enumerate(sent)])
     evaluation = evaluate_logs(bench, [read_logged(bench, log)]).evaluations[0]
-    c = effective_model(bench.injector).coefficients
+    c = effective_model(bench.injector.parameters).coefficients
     injections = recording_json(evaluation, c)["injections"]
     assert [one["measured_mass_mg"] for one in injections] == [None, pytest.approx(8.0), None]
     screen = io.StringIO()

@@ -1,0 +1,86 @@
+"""What a bench file says of one injector: its signals, its model, how it is observed, where its results go."""
+
+from enum import StrEnum
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from observer_rt.config.links import Positive
+from observer_rt.config.signals import Role, SignalsConfig
+from observer_rt.config.toml_file import Section
+
+
+class SamplingConfig(Section):
+    rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] = 100e3
+
+
+class ModelConfig(Section):
+    file: str | None = None  # relative to the bench file; None: the nominal injector of the package
+
+
+class NoiseConfig(Section):
+    """Noise of one sample (standard deviation), used until enough standstill was seen."""
+
+    rail_pressure_MPa: Positive = 0.10  # noqa: N815 - units as on screens
+    line_pressure_MPa: Positive = 0.15  # noqa: N815
+    needle_lift_um: Positive = 0.4
+
+
+class OutputsConfig(Section):
+    """Messages the results go out in; signals are found in them by their names in observer_fd.dbc."""
+
+    injection_rate: str | Literal[False] = "InjectionRate"  # false: not published
+    injection_summary: str = "InjectionSummary"
+    status: str = "ObserverStatus"
+    injector_id: Annotated[int, Field(ge=0, le=255)] = 1
+    status_period_ms: Annotated[float, Field(ge=10, le=10_000)] = 100.0
+    link: str | None = None  # the bus they are sent on, instead of their database's
+
+
+class Training(StrEnum):
+    """How phi is trained: ours, or the paper's scheme for comparison."""
+
+    PREDICTION_ERROR = "prediction_error"
+    PAPER = "paper"
+
+
+class LearningConfig(Section):
+    enabled: bool = True
+    training: Training = Training.PREDICTION_ERROR
+    identification_gain: Positive | None = None  # 1/s, l of (5)
+    event_gap_ms: Annotated[float, Field(ge=2, le=50)] = 10.0
+    learning_delay_ms: Annotated[float, Field(ge=0, le=1000)] = 20.0
+    lockstep: bool = False
+
+    @model_validator(mode="after")
+    def _gain_of_the_paper(self) -> Self:
+        if self.training is Training.PAPER and self.identification_gain is None:
+            raise ValueError("training = 'paper' needs 'identification_gain' [1/s], such as 1e5")
+        if self.training is not Training.PAPER and self.identification_gain is not None:
+            raise ValueError(f"'identification_gain' has no effect with training = '{self.training}'")
+        return self
+
+
+class StateConfig(Section):
+    file: str | None = None  # relative to the bench file; None: nothing is kept
+
+
+class InjectorConfig(Section):
+    """The sections of a bench file that are an injector's."""
+
+    signals: SignalsConfig
+    sampling: SamplingConfig = SamplingConfig()
+    model: ModelConfig = ModelConfig()
+    noise: NoiseConfig = NoiseConfig()
+    outputs: OutputsConfig = OutputsConfig()
+    learning: LearningConfig = LearningConfig()
+    state: StateConfig = StateConfig()
+
+    @property
+    def stated_links(self) -> list[tuple[str, str | None]]:
+        """The buses named, with the sections that name them."""
+        mappings = {f"signals.{role}": self.signals.of(role) for role in Role}
+        optional = {f"signals.{role}": mapping for role, mapping in self.signals.optional}
+        pulses = {} if self.signals.energizing is None else {"signals.energizing": self.signals.energizing}
+        sections = mappings | optional | pulses | {"outputs": self.outputs}
+        return [(key, section.link) for key, section in sections.items()]

@@ -1,0 +1,108 @@
+"""Which signals of which messages carry what the observer needs, as a bench file says it."""
+
+from enum import StrEnum
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from observer_rt.config.links import Positive
+from observer_rt.config.toml_file import Section
+
+
+class Role(StrEnum):
+    """The signals the observer lives on."""
+
+    RAIL_PRESSURE = "rail_pressure"
+    NEEDLE_LIFT = "needle_lift"
+    LINE_PRESSURE = "line_pressure"
+
+
+class OptionalRole(StrEnum):
+    """Slow signals the observer makes use of where a bench has them."""
+
+    LEARNING_ENABLE = "learning_enable"
+    MEASURED_MASS = "measured_mass"
+    FUEL_TEMPERATURE = "fuel_temperature"
+
+
+class SampledConfig(Section):
+    """Which signals of which message carry samples, and which: one of `signal`, `signals`, `pattern`."""
+
+    message: str
+    signal: str | None = None
+    signals: tuple[str, ...] | None = None
+    pattern: str | None = None
+    time_base: str = "device"
+    index: str | None = None  # signal with the index of the frame's first sample; "": none
+    delay_us: Annotated[float, Field(ge=0, le=1e6)] | None = None  # from a frame's last sample to its stamp
+    unit: str | None = None  # replaces the unit of the bus database
+    link: str | None = None  # the bus the message is on, instead of its database's
+
+    @model_validator(mode="after")
+    def _one_way_to_name_signals(self) -> Self:
+        if sum(value is not None for value in (self.signal, self.signals, self.pattern)) != 1:
+            raise ValueError("name the samples by exactly one of 'signal', 'signals' or 'pattern'")
+        return self
+
+    @property
+    def names(self) -> str | tuple[str, ...]:
+        """The signals, as `lookup.signal_names` takes them."""
+        return self.signal or self.pattern or self.signals or ()
+
+
+class SignalConfig(SampledConfig):
+    """The same of a role."""
+
+    counter: str | None = None  # signal that counts the frames of a message without index
+    rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
+    max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
+
+
+class EnergizingConfig(SampledConfig):
+    """The same of the energizing of the injector: with a unit of time its duration, else a level."""
+
+    # from the start of energizing, within which the needle opens
+    missing_after_ms: Annotated[float, Field(ge=0.1, le=50)] = 3.0
+
+
+class SlowSignalConfig(Section):
+    """Which signal of which message carries an optional role: one value a frame."""
+
+    message: str
+    signal: str
+    link: str | None = None  # the bus the message is on, instead of its database's
+
+
+class SlowQuantityConfig(SlowSignalConfig):
+    """The same of a signal with a unit."""
+
+    unit: str | None = None  # replaces the unit of the bus database
+
+
+class LearningEnableConfig(SlowSignalConfig):
+    timeout_ms: Positive | None = None  # None: ten cycle times of the message
+
+
+class FuelTemperatureConfig(SlowQuantityConfig):
+    timeout_ms: Positive | None = None  # None: ten cycle times of the message
+
+
+class SignalsConfig(Section):
+    rail_pressure: SignalConfig
+    needle_lift: SignalConfig
+    line_pressure: SignalConfig
+    learning_enable: LearningEnableConfig | None = None
+    measured_mass: SlowQuantityConfig | None = None  # of an injection
+    fuel_temperature: FuelTemperatureConfig | None = None  # in the feed line
+    energizing: EnergizingConfig | None = None
+
+    def of(self, role: Role) -> SignalConfig:
+        """The mapping of a role."""
+        mapping: SignalConfig = getattr(self, role.value)
+        return mapping
+
+    @property
+    def optional(self) -> tuple[tuple[OptionalRole, SlowSignalConfig], ...]:
+        """The optional roles the bench has, with their mappings."""
+        mappings = ((role, getattr(self, role.value)) for role in OptionalRole)
+        return tuple((role, mapping) for role, mapping in mappings if mapping is not None)

@@ -26,6 +26,7 @@ from tools.benchmarks.discovery.run import print_results as print_discovery
 from tools.benchmarks.discovery.run import run_discovery
 from tools.benchmarks.figures import save_figures
 from tools.benchmarks.formats import formats_document, formats_table, measure_formats
+from tools.benchmarks.frame_time import frame_lines, measure_frame_times
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.runs import Plan
@@ -117,6 +118,16 @@ def formats(
         print(json.dumps(formats_document(found), indent=2))
     else:
         _console().print(formats_table(found))
+
+
+@app.command(epilog="Example: tools/bench frame")
+def frame(as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False) -> None:
+    """What a frame of nine samples costs, and what of it the way into compiled code."""
+    times = measure_frame_times()
+    if as_json:
+        print(json.dumps({name: time._asdict() for name, time in times._asdict().items()}, indent=2))
+    else:
+        print(frame_lines(times))
 
 
 @app.command(epilog="Example: tools/bench peer-tuning --peer ekf")

@@ -28,12 +28,13 @@ from observer_rt.observer.observer import (
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import INJECTIONS, RING, Reason, State
+from observer_rt.service.core.compiled import CompiledPipeline
 from observer_rt.service.core.constants import bench_constants, configured_noise
 from observer_rt.service.core.counters import Counters, counted
 from observer_rt.service.core.injection_report import InjectionReport, report_of
 from observer_rt.service.core.learners import LearnerFactory, make_learner
 from observer_rt.service.core.messages import FrameWriter, OutputFrame, summary_values
-from observer_rt.service.core.pipeline import Pipeline, handle, make_receiver, proceed
+from observer_rt.service.core.pipeline import Pipeline, make_receiver
 from observer_rt.service.core.publisher import flush, make_publisher
 from observer_rt.service.core.worker import InlineExecutor, Training
 from observer_rt.service.inputs.energizing import EnergizingFigures, Mismatch
@@ -85,21 +86,22 @@ class Core:
         learner = learner_of(fitted, self._fuel.constants, start)
         lockstep = executor is None or config.learning.lockstep
         self._training = Training(learner, executor or InlineExecutor(), lockstep)
-        self._observer = make_observer(self._fuel.constants, start, learner)
-        self._pipeline = Pipeline(
-            bus.inputs,
-            make_receiver(),
-            make_timekeeping(
-                bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
-            ),
-            make_alignment(bus.following, dead_band(noise.needle_lift)[0]),
-            self._observer,
-            make_publisher(bus.rate, learning),
+        self.compiled = CompiledPipeline(
+            Pipeline(
+                bus.inputs,
+                make_receiver(),
+                make_timekeeping(
+                    bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
+                ),
+                make_alignment(bus.following, dead_band(noise.needle_lift)[0]),
+                make_observer(self._fuel.constants, start, learner),
+                make_publisher(bus.rate, learning),
+            )
         )
-        watched = self._pipeline.keeping, self._observer
+        """Everything compiled code works on."""
         constants_at = partial(bench_constants, fitted, is_restored)
         self._optional = OptionalInputs(
-            bus, learning, *watched, on_measured, on_mismatch, self._fuel, constants_at
+            bus, learning, self.compiled, on_measured, on_mismatch, self._fuel, constants_at
         )
         self._rate_layout = bus.rate.layout if bus.rate else None
         self._summary_writer = FrameWriter(bus.summary)
@@ -118,46 +120,47 @@ class Core:
         stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames of all
         buses. Where all messages of one time base carry an index, it changes no result.
         """
-        data = np.frombuffer(payload, np.uint8)
         key = frame_key(frame_id, is_extended, bus)
+        data = np.frombuffer(payload, np.uint8)
         if self._bus.slow:
             self._heed_optional(key, data, stamp_ns)
-        waiting = handle(self._pipeline, key, data, stamp_ns)
-        return self._go_on(waiting)
+        return self._go_on(self.compiled.handle(key, data, stamp_ns))
 
     def finish(self) -> list[OutputFrame]:
         """No frame will come: process what waits, judge every event, publish the last block."""
-        self._observer.memory["draining"] = True
-        frames = self._go_on(proceed(self._pipeline))
-        flush(self._pipeline.publisher)
+        self.compiled.observer.memory["draining"] = True
+        frames = self._go_on(self.compiled.proceed())
+        flush(self.compiled.pipeline.publisher)
         self._collect_rate_frames()
         return frames + self._taken_frames()
 
     def furthest_behind(self, buses: Sequence[int]) -> int:
         """Of some buses the one whose samples are behind those of the others; one without any comes first."""
-        sent: dict[int, int] = dict(zip(self._stream_buses, progress(self._pipeline.alignment), strict=True))
+        sent: dict[int, int] = dict(
+            zip(self._stream_buses, progress(self.compiled.pipeline.alignment), strict=True)
+        )
         return min(buses, key=lambda bus: sent.get(bus, -1))
 
     @property
     def processed(self) -> int:
         """Samples processed since the start: the position of the next one."""
-        return int(self._observer.memory["processed"][0])
+        return int(self.compiled.observer.memory["processed"][0])
 
     def rows(self, start: int, end: int) -> NDArray[np.void]:
         """Processed samples at positions [start, end) as a copy, dtype `stream.state.SAMPLE`.
 
         Only the last `RING` samples are remembered.
         """
-        return self._observer.ring[np.arange(max(start, end - RING), end) % RING]
+        return self.compiled.observer.ring[np.arange(max(start, end - RING), end) % RING]
 
     @property
     def state(self) -> tuple[State, Reason]:
         """State and reason of the last processed sample."""
         if self.processed == 0:
             return State.STARTING, Reason.STARTING
-        if is_stale(self._pipeline.alignment):
+        if is_stale(self.compiled.pipeline.alignment):
             return State.DEGRADED, Reason.INPUT_STALE
-        row = self._observer.ring[(self.processed - 1) % RING]
+        row = self.compiled.observer.ring[(self.processed - 1) % RING]
         return State(int(row["state"])), Reason(int(row["reason"]))
 
     @property
@@ -178,7 +181,7 @@ class Core:
     @property
     def last_index(self) -> int:
         """Device index of the last processed sample, 0 before the first."""
-        return int(self._observer.ring[(self.processed - 1) % RING]["index"]) if self.processed else 0
+        return int(self.compiled.observer.ring[(self.processed - 1) % RING]["index"]) if self.processed else 0
 
     @property
     def knowledge(self) -> Knowledge:
@@ -188,41 +191,40 @@ class Core:
     @property
     def standstill(self) -> Standstill:
         """Statistics of the closed needle since the start."""
-        return standstill_of(self._observer.memory[0], self._pressure_scale)
+        return standstill_of(self.compiled.observer.memory[0], self._pressure_scale)
 
     @property
     def timing(self) -> tuple[MessageTiming, ...]:
         """How regularly the input messages come, as far as their stamps show it."""
-        return timing_of(self._bus, self._pipeline.keeping)
+        return timing_of(self._bus, self.compiled.pipeline.keeping)
 
     @property
     def counters(self) -> Counters:
         """What was counted so far."""
         return counted(
-            self._pipeline, self._optional, self._first_version, self._rejected, self._training.late
+            self.compiled.pipeline, self._optional, self._first_version, self._rejected, self._training.late
         )
 
     def _heed_optional(self, key: int, payload: NDArray[np.uint8], stamp_ns: int) -> None:
         """What a frame brings by optional inputs, or that they stay away, takes effect before its samples do."""
-        memory = self._observer.memory[0]
+        memory = self.compiled.observer.memory[0]
         now = self._time_of_samples()
         self._optional.take(key, payload, stamp_ns, now)
-        self._pipeline.publisher.memory["learning"] = self.learning
+        self.compiled.pipeline.publisher.memory["learning"] = self.learning
         fuel = self._optional.fuel
         if fuel is None:
             return
         if not memory["in_event"] and fuel.follow(now):
             self._fuel = fuel.fuel
-            self._observer = self._observer._replace(constants=self._fuel.constants)
-            self._pipeline = self._pipeline._replace(observer=self._observer)
+            self.compiled.change_constants(self._fuel.constants)
         memory["doubted"] = Reason.NONE if fuel.is_known(now) else Reason.INPUT_STALE
 
     def _time_of_samples(self) -> float:
         """Of the newest received sample, since the first [s]; the index of a device may begin with any number."""
-        received = int(self._observer.memory["received"][0])
+        received = int(self.compiled.observer.memory["received"][0])
         if received == 0:
             return 0.0
-        index = int(self._observer.ring[(received - 1) % RING]["index"])
+        index = int(self.compiled.observer.ring[(received - 1) % RING]["index"])
         if self._first_index is None:
             self._first_index = index
         return (index - self._first_index) * self._interval
@@ -233,40 +235,40 @@ class Core:
         self._collect_rate_frames()
         while waiting:
             self._judge()
-            waiting = proceed(self._pipeline)
+            waiting = self.compiled.proceed()
             self._submit_events()
             self._collect_rate_frames()
         self._optional.look()
         return self._taken_frames()
 
     def _submit_events(self) -> None:
-        closed = int(self._observer.memory["events_closed"][0])
+        closed = int(self.compiled.observer.memory["events_closed"][0])
         while self._events_submitted < closed:
-            window = event_window(self._observer, self._events_submitted) if self.learning else None
-            standstill = event_standstill(self._observer, self._events_submitted)
-            self._training.submit(window, standstill, in_force(self._observer), self._fuel.constants)
+            window = event_window(self.compiled.observer, self._events_submitted) if self.learning else None
+            standstill = event_standstill(self.compiled.observer, self._events_submitted)
+            self._training.submit(window, standstill, in_force(self.compiled.observer), self._fuel.constants)
             self._fuel_of_events.append(self._fuel)
             self._events_submitted += 1
 
     def _judge(self) -> None:
         outcome = self._training.take()
-        memory = self._observer.memory[0]
+        memory = self.compiled.observer.memory[0]
         event = memory["events"][int(memory["events_taken"]) % len(memory["events"])].copy()
-        judge(self._observer, outcome)
+        judge(self.compiled.observer, outcome)
         if outcome is not None:
             self._rejected += outcome.verdict is not Verdict.ADOPTED
-            version = int(self._observer.memory["phi_version"][0])
+            version = int(self.compiled.observer.memory["phi_version"][0])
             self._known = replace(outcome.knowledge, phi_version=version)
         self._report_injections(event, outcome, self._fuel_of_events.popleft())
 
     def _report_injections(self, event: np.void, outcome: Outcome | None, fuel: Fuel) -> None:
-        memory = self._observer.memory[0]
+        memory = self.compiled.observer.memory[0]
         while memory["injections_reported"] < memory["injections_begun"]:
             injection = memory["injections"][int(memory["injections_reported"]) % INJECTIONS]
             if injection["event"] > event["number"]:
                 break
             memory["injections_reported"] += 1
-            carried = in_force(self._observer), self._observer.phi
+            carried = in_force(self.compiled.observer), self.compiled.observer.phi
             commanded = self._optional.opening_of(injection)
             report = report_of(injection, event, outcome, *carried, fuel, commanded)
             values = summary_values(report, self._injector_id, self.learning, self._pressure_scale)
@@ -275,7 +277,7 @@ class Core:
             self._optional.on_report(report)
 
     def _collect_rate_frames(self) -> None:
-        publisher = self._pipeline.publisher
+        publisher = self.compiled.pipeline.publisher
         count = int(publisher.memory["frames"][0])
         layout = self._rate_layout
         if layout is None:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.timekeeping import Timekeeping, is_prompt, place_at
+from observer_rt.bus.alignment.timekeeping import is_prompt, place_at
 from observer_rt.bus.mapping.energizing import Energizing, EnergizingReceiver
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.observer.observer import was_shut
-from observer_rt.observer.stream.state import INJECTIONS, RING, Observer
+from observer_rt.observer.stream.state import INJECTIONS, RING
+from observer_rt.service.core.compiled import CompiledPipeline
 from observer_rt.service.inputs.commands import Command, CommandReader, samples_between
 
 REMEMBERED = 64  # commands
@@ -100,19 +101,18 @@ class EnergizingWatch:
     def __init__(
         self,
         energizing: Energizing,
-        keeping: Timekeeping,
-        observer: Observer,
+        compiled: CompiledPipeline,
         on_mismatch: Callable[[Mismatch], None] | None,
     ) -> None:
         """on_mismatch: called with every missing injection and every one without a command."""
-        sample_rate = 1.0 / observer.constants.interval
+        sample_rate = 1.0 / compiled.observer.constants.interval
         self._receiver = EnergizingReceiver(energizing)
         self._reader = CommandReader(energizing, sample_rate)
         self._sample_rate = sample_rate
         self._window = energizing.window * sample_rate  # samples
         self._late = 0.0 if self._reader.by_index else LATE_STAMP * sample_rate
-        self._keeping = keeping
-        self._observer = observer
+        self._keeping = compiled.pipeline.keeping
+        self._compiled = compiled
         self._on_mismatch = on_mismatch or (lambda _: None)
         self._waiting: deque[_Waiting] = deque(maxlen=REMEMBERED)
         # indices of openings without a command, and samples processed when they were reported
@@ -121,7 +121,7 @@ class EnergizingWatch:
         self._doubtful_until: int | None = None  # index up to which stamps did not tell when commands came
         self._newest = 0  # index of the last processed sample
         self._commands = self._missing = self._uncommanded = 0
-        place_at(keeping, 0)  # compiled before the first command comes
+        place_at(self._keeping, 0)  # compiled before the first command comes
 
     def take(self, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
         """Take a received frame, `key` as by `frame_key.frame_key`; others than ours are passed over."""
@@ -184,10 +184,10 @@ class EnergizingWatch:
 
     @property
     def _processed(self) -> int:
-        return int(self._observer.memory["processed"][0])
+        return int(self._compiled.observer.memory["processed"][0])
 
     def _newest_index(self) -> int:
-        return int(self._observer.ring[(self._processed - 1) % RING]["index"])
+        return int(self._compiled.observer.ring[(self._processed - 1) % RING]["index"])
 
     def _number(self, command: Command) -> None:
         if command.number == 0:
@@ -235,7 +235,7 @@ class EnergizingWatch:
 
     def _undecided_openings(self) -> list[int]:
         """Indices of the openings whose injections are not reported yet."""
-        memory = self._observer.memory[0]
+        memory = self._compiled.observer.memory[0]
         first, end = int(memory["injections_reported"]), int(memory["injections_begun"])
         return [int(memory["injections"][n % INJECTIONS]["opening_index"]) for n in range(first, end)]
 
@@ -253,7 +253,7 @@ class EnergizingWatch:
     def _was_shut(self, command: Command) -> bool:
         """Whether the needle was shut as a command started, and samples tell what it did in its window."""
         begin = samples_between(self._newest, self._place(command.start)) + self._newest - command.margin
-        return was_shut(self._observer, begin, begin + 2 * command.margin + self._window)
+        return was_shut(self._compiled.observer, begin, begin + 2 * command.margin + self._window)
 
     def _judge(self, waiting: _Waiting) -> None:
         """The window of a command is over and its openings are decided."""

@@ -6,12 +6,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.timekeeping import Timekeeping
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.slow_inputs import SlowReceiver
 from observer_rt.config.signals import OptionalRole
 from observer_rt.observer.observer import closed_injections
-from observer_rt.observer.stream.state import Constants, Observer
+from observer_rt.observer.stream.state import Constants
+from observer_rt.service.core.compiled import CompiledPipeline
 from observer_rt.service.core.injection_report import InjectionReport
 from observer_rt.service.inputs.energizing import (
     CommandedOpening,
@@ -37,8 +37,7 @@ class OptionalInputs:
         self,
         bus: BusMap,
         learning: bool,
-        keeping: Timekeeping,
-        observer: Observer,
+        compiled: CompiledPipeline,
         on_measured: Callable[[MeasuredMass], None] | None,
         on_mismatch: Callable[[Mismatch], None] | None,
         fuel: Fuel,
@@ -51,7 +50,7 @@ class OptionalInputs:
         """
         timeouts = {signal.role: signal.timeout for message in bus.slow for signal in message.signals}
         self._receiver = SlowReceiver(bus.slow)
-        self._observer = observer
+        self._compiled = compiled
         self._configured = learning
         self._enable = HeldValue(timeouts.get(OptionalRole.LEARNING_ENABLE, math.inf))
         self._is_held = False
@@ -62,7 +61,7 @@ class OptionalInputs:
             self.fuel = FuelFollower(fuel, constants_at, timeouts[OptionalRole.FUEL_TEMPERATURE])
         self._watch = None
         if bus.energizing is not None:
-            self._watch = EnergizingWatch(bus.energizing, keeping, observer, on_mismatch)
+            self._watch = EnergizingWatch(bus.energizing, compiled, on_mismatch)
 
     def take(self, key: int, payload: NDArray[np.uint8], stamp: int, now: float) -> None:
         """Take a frame of any message, received at `stamp` [ns]; `key` as by `frame_key`."""
@@ -77,7 +76,7 @@ class OptionalInputs:
         if role is OptionalRole.LEARNING_ENABLE:
             self._enable.take(value, now)
         elif role is OptionalRole.MEASURED_MASS:
-            self._masses.on_value(value, closed_injections(self._observer))
+            self._masses.on_value(value, closed_injections(self._compiled.observer))
         elif self.fuel is not None:
             self.fuel.take(value, now)
 

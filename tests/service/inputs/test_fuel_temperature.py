@@ -1,5 +1,6 @@
 """The optional input `fuel_temperature`: the model follows it, and nothing is valid without it."""
 
+import gc
 import io
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,7 +21,7 @@ from observer_rt.evaluation.results import recording_json
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import sized
-from observer_rt.observer.stream.state import Reason, State
+from observer_rt.observer.stream.state import Observer, Reason, State
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
@@ -224,6 +225,18 @@ def test_the_same_frames_give_the_same_results(tmp_path: Path) -> None:
     frames = frames_of(simulation(HOT).recording)
     told = inserted(frames, [(100 * n, sensor(HOT + 0.1 * (n % 7))) for n in range(len(frames) // 100)])
     assert run(bench(tmp_path), told).frames == run(bench(tmp_path), told).frames
+
+
+def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
+    loaded = load_bench(bench(tmp_path))
+    core = Core(loaded.injector, map_bus(loaded))
+    before = core.compiled.observer.constants
+    for frame in [*frames_of(simulation(REFERENCE).recording)[:10], sensor(HOT)]:
+        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+    now = core.compiled.observer
+    assert now.constants != before
+    observers = [one for one in gc.get_objects() if isinstance(one, Observer) and one.memory is now.memory]
+    assert [one.constants for one in observers] == [now.constants] * len(observers)
 
 
 def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:

@@ -1,0 +1,83 @@
+"""The pipeline in the hands of compiled code: given once, then called by reference.
+
+A tuple of arrays given at every call would be taken apart at every call, leaf by leaf, which takes longer than the
+samples of a frame. Here it lies in a record of compiled code that is passed as one pointer, and the machine code is
+called without a look at the types of its arguments, which are always the same.
+"""
+
+import numpy as np
+from numba import njit, typeof, types
+from numba.experimental import structref
+from numpy.typing import NDArray
+
+from observer_rt.observer.stream.state import Constants, Observer
+from observer_rt.service.core.pipeline import Pipeline, handle, proceed
+
+
+@structref.register
+class _HeldType(types.StructRef):
+    def preprocess_fields(self, fields):  # type: ignore[no-untyped-def]
+        """Types of the fields, without the values of literals."""
+        return tuple((name, types.unliteral(field)) for name, field in fields)
+
+
+class _Held(structref.StructRefProxy):
+    """A record with one field, which compiled code reads and replaces."""
+
+
+structref.define_proxy(_Held, _HeldType, ["pipeline"])
+
+
+@njit(cache=True, nogil=True)
+def _hold(pipeline):  # type: ignore[no-untyped-def]
+    return _Held(pipeline)
+
+
+@njit(cache=True, nogil=True)
+def _put(held, pipeline):  # type: ignore[no-untyped-def]
+    held.pipeline = pipeline
+
+
+@njit(cache=True, nogil=True)
+def _handle(held, key, payload, stamp):  # type: ignore[no-untyped-def]
+    return handle(held.pipeline, key, payload, stamp)
+
+
+@njit(cache=True, nogil=True)
+def _proceed(held):  # type: ignore[no-untyped-def]
+    return proceed(held.pipeline)
+
+
+class CompiledPipeline:
+    """The one owner of a pipeline; what it holds by value, the observer's constants, is replaced here only."""
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        self._pipeline = pipeline
+        self._held = _hold(pipeline)
+        held = typeof(self._held)
+        payload = types.Array(types.uint8, 1, "C", readonly=True)
+        self._handle = _handle.compile((held, types.int64, payload, types.int64))
+        self._proceed = _proceed.compile((held,))
+
+    @property
+    def pipeline(self) -> Pipeline:
+        """What compiled code works on now; not to be kept."""
+        return self._pipeline
+
+    @property
+    def observer(self) -> Observer:
+        """The pipeline's observer now; not to be kept."""
+        return self._pipeline.observer
+
+    def handle(self, key: int, payload: NDArray[np.uint8], stamp: int) -> bool:
+        """Take one frame, its payload read-only as `np.frombuffer` makes it of bytes: see `pipeline.handle`."""
+        return bool(self._handle(self._held, key, payload, stamp))
+
+    def proceed(self) -> bool:
+        """Go on after a judgement: see `pipeline.proceed`."""
+        return bool(self._proceed(self._held))
+
+    def change_constants(self, constants: Constants) -> None:
+        """Observe with other constants from here on."""
+        self._pipeline = self._pipeline._replace(observer=self.observer._replace(constants=constants))
+        _put(self._held, self._pipeline)

@@ -12,14 +12,13 @@ from observer_rt.discovery.search.likelihood import Evidence
 from observer_rt.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effect import Apparent, Effect, Place
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.observer.stream.front_end import dead_band
 
 SETTLED = 15e-3  # s after a closing, from which the line is at rest but for some ringing
 SIGNIFICANT = 5.0  # standard deviations
-SETTLED_EFFECTS = ("line_pressure_sensor_offset", "guide_leakage")
-LATE_EFFECT = "line_pressure_sensor_lag"
 _FEWEST_BLOCKS = 4
 _TOLERATED = {"rail_line_offset": 0.02 * MEGAPASCAL, "line_pressure_slope": 2 * MEGAPASCAL}  # SI
 
@@ -50,9 +49,16 @@ def standstill_checks(
     result: list[Check] = []
     for number, measurement in enumerate(measured):
         result += _of_recording(number, measurement, nominal.coefficients)
-    for effect_id in SETTLED_EFFECTS:
-        result += _apparent(evidence, nominal, effect_id, settled=True)
-    return (*result, *_apparent(evidence, amended, LATE_EFFECT, settled=False))
+    for effect in apparent_effects():
+        settled = effect.apparent is Apparent.SETTLED
+        result += _apparent(evidence, nominal if settled else amended, effect, settled)
+    return tuple(result)
+
+
+def apparent_effects() -> list[Effect]:
+    """Effects whose apparent size is told: of the settled needle, sensors first; then of what is left."""
+    told = [effect for effect in VOCABULARY.values() if effect.apparent is not None]
+    return sorted(told, key=lambda e: (e.apparent is Apparent.LEFT, e.place is not Place.LINE_SENSOR))
 
 
 def _of_recording(number: int, measurement: Measurement, c: Coefficients) -> list[Check]:
@@ -137,12 +143,11 @@ def _check(name: str, number: int, value: float, sigma: float, si: float, unit: 
     return Check(name, number, value / si, sigma / si, unit, passed)
 
 
-def _apparent(evidence: Evidence, model: EffectiveModel, effect_id: str, settled: bool) -> list[Check]:
+def _apparent(evidence: Evidence, model: EffectiveModel, effect: Effect, settled: bool) -> list[Check]:
     """Size of an effect on top of a model by one Gauss-Newton step on the innovations, as if it were alone.
 
     settled: only of the settled needle, for right after a closing x~ still carries what happened while it was open.
     """
-    effect = VOCABULARY[effect_id]
     parameter = effect.parameters[0]
     step = parameter.dead_zone
     here, there = evidence.judge(model), evidence.judge(effect.apply(model, (step,)))
@@ -159,6 +164,6 @@ def _apparent(evidence: Evidence, model: EffectiveModel, effect_id: str, settled
     passed = abs(value) <= max(parameter.dead_zone, SIGNIFICANT * sigma)
     return [
         Check(
-            f"apparent_{effect_id}", None, value / parameter.si, sigma / parameter.si, parameter.unit, passed
+            f"apparent_{effect.id}", None, value / parameter.si, sigma / parameter.si, parameter.unit, passed
         )
     ]

@@ -4,13 +4,15 @@ import math
 from collections.abc import Sequence
 from html import escape
 
-from observer_rt.discovery.evidence.standstill import LATE_EFFECT, SETTLED_EFFECTS, Check
+from observer_rt.discovery.evidence.standstill import Check
 from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.report.html import code, paragraph, table
 from observer_rt.discovery.report.printed_units import UNIT_SIGNS, printed, shown, significant
 from observer_rt.discovery.result import Candidate, Discovery, FittedEffect
 from observer_rt.discovery.search.consequences import Consequence
+from observer_rt.discovery.search.search import indistinguishable
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.model.effect import Apparent
 from observer_rt.model.effects import VOCABULARY
 
 LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
@@ -139,17 +141,19 @@ def checks_table(checks: Sequence[Check], recordings: Sequence[str]) -> list[str
         [code(file), *(_figure(by_place.get((name, number))) for name, _ in columns)]
         for number, file in enumerate(recordings)
     ]
-    apparent = {
-        check.id.removeprefix("apparent_"): f"{_figure(check)} {UNIT_SIGNS.get(check.unit, check.unit)}"
-        for check in checks
-        if check.recording is None
-    }
-    settled = "; ".join(f"{code(name)} {size}" for name, size in apparent.items() if name in SETTLED_EFFECTS)
-    late = apparent.get(LATE_EFFECT)
+    settled, left = (
+        "; ".join(
+            f"{code(name)} {_figure(check)} {UNIT_SIGNS.get(check.unit, check.unit)}"
+            for check in checks
+            if check.recording is None
+            and VOCABULARY[name := check.id.removeprefix("apparent_")].apparent is how
+        )
+        for how in Apparent
+    )
     return [
         table(headings, rows, numbers=range(1, len(headings))),
         paragraph(f"While the needle is shut, each as if it were alone: {settled}.") if settled else "",
-        paragraph(f"{code(LATE_EFFECT)} left beside what was found: {late}.") if late else "",
+        paragraph(f"Left beside what was found: {left}.") if left else "",
         paragraph('What stands out is <span class="failed">red</span>; another effect may cause it.', "note"),
     ]
 
@@ -177,7 +181,7 @@ def undecided(found: Discovery) -> list[str]:
     if rows:
         parts.append(table(("to tell apart", "measure"), rows))
     for effect in found.effects:
-        same = VOCABULARY[effect.id].indistinguishable
+        same = indistinguishable(VOCABULARY[effect.id])
         if same:
             parts.append(
                 paragraph(

@@ -145,7 +145,7 @@ class Trial:
         """Standard deviation of measured minus modelled rate (m,): its own noise and the lift's."""
         noise = self.measurement.noise.needle_lift
         schedule = self._schedule(nominal)
-        shifted = nominal.with_inputs(lift_shift=nominal.inputs.lift_shift + noise)
+        shifted = nominal.with_terms("inputs", lift_shift=nominal.inputs.lift_shift + noise)
         late = math.floor(nominal.sensor.delay / self.measurement.interval)
         _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule)
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule)

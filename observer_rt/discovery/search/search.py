@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, pool_of, worst
 from observer_rt.discovery.search.candidates import Fitter, Sized
-from observer_rt.model.effect import Effect
+from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effects import VOCABULARY
 
 ACCEPT = 25.0  # of -2 log L that an effect must gain, times the variance of the innovations left
@@ -16,11 +17,6 @@ RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to a
 TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
 LEADERS = 3  # singles that a second effect is added to
 PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of two near-ties leads
-SOFT_CLASSES = (
-    frozenset({"line_pressure_sensor_lag", "channel_skew"}),
-    frozenset({"seat_area", "lift_offset", "lift_gain", "lift_dependent_seat_coefficient"}),
-)
-"""Effects so alike that two of them named together are one nobody can tell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,17 +43,23 @@ class Found:
 
     @property
     def soft(self) -> bool:
-        """Whether two effects of one soft class were named together."""
-        return any(len(soft.intersection(self.winner.hypothesis.ids)) > 1 for soft in SOFT_CLASSES)
+        """Whether two effects were named together that are so alike that they may be one."""
+        pairs = combinations(self.winner.hypothesis.effects, 2)
+        return any(one.is_like(other, Likeness.ALIKE) for one, other in pairs)
 
 
 def representatives(vocabulary: Mapping[str, Effect] = VOCABULARY) -> tuple[Effect, ...]:
     """The vocabulary with one effect of every class that no recording can tell apart."""
     chosen: list[Effect] = []
     for effect in vocabulary.values():
-        if not any(effect.id in other.indistinguishable for other in chosen):
+        if not any(effect.is_like(other, Likeness.SAME) for other in chosen):
             chosen.append(effect)
     return tuple(chosen)
+
+
+def indistinguishable(effect: Effect) -> tuple[str, ...]:
+    """Ids of the effects no recording can tell from this one."""
+    return tuple(other.id for other in VOCABULARY.values() if effect.is_like(other, Likeness.SAME))
 
 
 class Search:

@@ -30,7 +30,7 @@ from observer_rt.discovery.search.confidence import METHOD, WITH_A_WRONG_MODEL, 
 from observer_rt.discovery.search.decisive import decide_by
 from observer_rt.discovery.search.hypothesis import Sizing
 from observer_rt.discovery.search.likelihood import Evidence, evidence_of
-from observer_rt.discovery.search.search import Found, Search, representatives
+from observer_rt.discovery.search.search import Found, Search, indistinguishable, representatives
 from observer_rt.discovery.search.unexplained import unexplained
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import RunError
@@ -164,7 +164,7 @@ class _Verdict:
                 for one in ids
                 if one not in winner.hypothesis.ids
             ]
-            others = tuple(dict.fromkeys((*effect.indistinguishable, *instead)))
+            others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
             result.append(FittedEffect(effect.id, parameters, self._gain(effect.id), confidence, others))
         return tuple(result)
 

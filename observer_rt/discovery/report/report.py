@@ -1,13 +1,12 @@
 """report.html: the answer first, then what it rests on, in one self-contained page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from html import escape
 
 from observer_rt import __version__
 from observer_rt.discovery.findings import Findings, explained_share
-from observer_rt.discovery.report.figures import Overlay
 from observer_rt.discovery.report.gap_parts import held_out, maps, typical_injections
 from observer_rt.discovery.report.gaps import Gap
 from observer_rt.discovery.report.html import callout, code, document, paragraph, section, table
@@ -42,17 +41,17 @@ class Sources:
     made: datetime
 
 
-def report(findings: Findings, overlays: Sequence[Overlay], sources: Sources) -> str:
+def report(findings: Findings, sources: Sources) -> str:
     """The page."""
     found = findings.discovery
     parts = [
         _header(sources),
         *_answer(findings),
         section("Where model and measurement disagree", *maps(findings)),
-        section("A typical injection", *typical_injections(found, overlays)),
+        section("A typical injection", *typical_injections(found, findings.overlays)),
         section("On operating points the model was not fitted to", *held_out(findings)),
         section("The effects, and how sure they are", *effects_table(findings)),
-        section("Candidates and their evidence", *ranking_table(found, findings.candidates)),
+        section("Candidates and their evidence", *ranking_table(found)),
         section("What could not be told apart, and what would decide", *undecided(found)),
         section("Sensors and line at standstill", *checks_table(findings.checks, findings.files)),
         section(

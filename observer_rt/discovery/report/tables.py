@@ -4,12 +4,11 @@ import math
 from collections.abc import Sequence
 from html import escape
 
-from observer_rt.discovery.evidence.standstill import Check
+from observer_rt.discovery.evidence.standstill import StandstillFigure
 from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.report.html import code, paragraph, table
 from observer_rt.discovery.report.printed_units import UNIT_SIGNS, printed, shown, significant
-from observer_rt.discovery.result import Candidate, Discovery, FittedEffect
-from observer_rt.discovery.search.consequences import Consequence
+from observer_rt.discovery.result import Candidate, Consequence, Discovery, FittedEffect
 from observer_rt.discovery.search.search import indistinguishable
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.model.effect import Apparent
@@ -30,7 +29,7 @@ _CHECKS = (
 def effects_table(findings: Findings) -> list[str]:
     """The effects found: size, interval, confidence, what they do to pressure and mass."""
     found = findings.discovery
-    rows = [_row(effect, moved) for effect, moved in zip(found.effects, findings.effects, strict=True)]
+    rows = [_row(effect, found) for effect in found.effects]
     if not rows:
         return []
     headings = (
@@ -48,16 +47,16 @@ def effects_table(findings: Findings) -> list[str]:
     ]
 
 
-def _row(effect: FittedEffect, moved: Consequence) -> list[str]:
+def _row(effect: FittedEffect, found: Discovery) -> list[str]:
     definition = VOCABULARY[effect.id]
     sizes = [printed(effect.id, parameter) for parameter in effect.parameters]
     return [
         code(effect.id),
         "<br>".join(_whole(size.value_text) for size in sizes) or "in force",
         "<br>".join(_whole(size.interval_text) for size in sizes),
-        f"{effect.confidence:.2f}",
-        _whole(f"{moved_pressure(moved)} MPa"),
-        _whole(f"{moved_mass(moved)} mg"),
+        f"{found.confidence:.2f}",
+        _whole(f"{moved_pressure(effect.moves)} MPa"),
+        _whole(f"{moved_mass(effect.moves)} mg"),
         escape(definition.signature),
     ]
 
@@ -67,7 +66,7 @@ def _whole(text: str) -> str:
     return escape(text).replace(" ", "&nbsp;")
 
 
-def ranking_table(found: Discovery, moves: Sequence[Consequence]) -> list[str]:
+def ranking_table(found: Discovery) -> list[str]:
     """Candidates, best first, by what they explain."""
     nominal = next(candidate for candidate in found.ranking if not candidate.ids)
     best = found.ranking[0].statistic
@@ -75,7 +74,7 @@ def ranking_table(found: Discovery, moves: Sequence[Consequence]) -> list[str]:
     held_out = not math.isnan(nominal.held_out)
     winner = tuple(effect.id for effect in found.effects)
     rows = []
-    for candidate, moved in zip(found.ranking, moves, strict=True):
+    for candidate in found.ranking:
         gain = nominal.statistic - candidate.statistic
         width = max(1, round(_LONGEST_BAR * max(gain, 0.0) / most))
         row = [
@@ -84,8 +83,8 @@ def ranking_table(found: Discovery, moves: Sequence[Consequence]) -> list[str]:
             f"{gain:.0f}" if candidate.ids else "0",
             f'<span class="bar" style="width:{width}px"></span>' if candidate.ids else "",
             f"{candidate.statistic - best:.0f}",
-            moved_pressure(moved) if candidate.ids else "",
-            moved_mass(moved) if candidate.ids else "",
+            moved_pressure(candidate.moves) if candidate.ids else "",
+            moved_mass(candidate.moves) if candidate.ids else "",
         ]
         if held_out:
             gained = nominal.held_out - candidate.held_out
@@ -126,12 +125,12 @@ def moved_mass(moved: Consequence) -> str:
 def _sizes(candidate: Candidate) -> list[str]:
     return [
         printed(effect_id, parameter).value_text
-        for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=False)
+        for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=True)
         for parameter in parameters
     ]
 
 
-def checks_table(checks: Sequence[Check], recordings: Sequence[str]) -> list[str]:
+def checks_table(checks: Sequence[StandstillFigure], recordings: Sequence[str]) -> list[str]:
     """A row for each recording, and what the shut needle says of all together."""
     by_place = {(check.id, check.recording): check for check in checks}
     columns = [item for item in _CHECKS if any(check.id == item[0] for check in checks)]
@@ -158,7 +157,7 @@ def checks_table(checks: Sequence[Check], recordings: Sequence[str]) -> list[str
     ]
 
 
-def _figure(check: Check | None) -> str:
+def _figure(check: StandstillFigure | None) -> str:
     if check is None:
         return "–"
     if math.isnan(check.sigma):

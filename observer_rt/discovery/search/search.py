@@ -6,8 +6,9 @@ from itertools import combinations
 
 import numpy as np
 
+from observer_rt.discovery.result import Candidate
 from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, pool_of, worst
-from observer_rt.discovery.search.candidates import Fitter, Sized
+from observer_rt.discovery.search.candidates import Fitter
 from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effects import VOCABULARY
 
@@ -20,7 +21,7 @@ PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of 
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Outcome:
     """How the search ended. winner: the nominal model when nothing is accepted; rivals: as many effects, as good.
 
     ratio: of the winner's worst phase to its limit, above 1 when the winner does not explain the recordings;
@@ -28,10 +29,10 @@ class Found:
     explains what is left.
     """
 
-    nominal: Sized
-    winner: Sized
-    rivals: tuple[Sized, ...]
-    fitted: tuple[Sized, ...]
+    nominal: Candidate
+    winner: Candidate
+    rivals: tuple[Candidate, ...]
+    fitted: tuple[Candidate, ...]
     threshold: float
     ratio: float
     too_small: bool
@@ -72,8 +73,8 @@ class Search:
         self._effects = effects
         self._baseline = baseline
 
-    def run(self) -> Found:
-        """Fit candidates until nothing more is worth adding; see `Found`."""
+    def run(self) -> Outcome:
+        """Fit candidates until nothing more is worth adding; see `Outcome`."""
         nominal = self._fitter.nothing()
         singles = sorted(self._fitter.singles(self._effects, nominal), key=price)
         best, threshold, ratio = nominal, self._threshold(nominal), self._ratio(nominal)
@@ -88,33 +89,33 @@ class Search:
             threshold = self._threshold(best)
         fitted = (nominal, *singles, *pairs)
         too_small = ratio > 1.0 and best is nominal and self._is_too_small(singles[0])
-        return Found(nominal, best, self._rivals(best, fitted), fitted, threshold, ratio, too_small)
+        return Outcome(nominal, best, self._rivals(best, fitted), fitted, threshold, ratio, too_small)
 
-    def _is_too_small(self, single: Sized) -> bool:
+    def _is_too_small(self, single: Candidate) -> bool:
         """Whether a single explains the recordings by an effect within its dead zone."""
         return single.within_bounds and not single.plausible and self._ratio(single) <= 1.0
 
-    def _pairs(self, singles: Sequence[Sized], best: Sized, ratio: float) -> list[Sized]:
+    def _pairs(self, singles: Sequence[Candidate], best: Candidate, ratio: float) -> list[Candidate]:
         """Pairs worth fitting: with the best single, with more leaders when it does not explain the recordings."""
         if not best.hypothesis.effects and ratio <= 1.0:
             return []
         leaders = singles[: 1 if ratio <= 1.0 else LEADERS]
-        pairs: dict[frozenset[str], Sized] = {}
+        pairs: dict[frozenset[str], Candidate] = {}
         for leader in leaders:
             for pair in self._fitter.seconds(leader, self._effects):
-                key = frozenset(pair.hypothesis.ids)
+                key = frozenset(pair.ids)
                 if key not in pairs or pair.statistic < pairs[key].statistic:
                     pairs[key] = pair
         return sorted(pairs.values(), key=price)
 
     def _best(
         self,
-        candidates: Sequence[Sized],
-        nominal: Sized,
-        smaller: Sized,
+        candidates: Sequence[Candidate],
+        nominal: Candidate,
+        smaller: Candidate,
         ratio: float,
-        parts: Sequence[Sized] = (),
-    ) -> Sized | None:
+        parts: Sequence[Candidate] = (),
+    ) -> Candidate | None:
         """The best candidate whose every effect is plausible and pays for itself; None: no better one.
 
         parts: fitted singles, of which a pair must beat each of its own.
@@ -124,7 +125,7 @@ class Search:
             threshold = self._threshold(candidate)
             if ratio <= 1.0:
                 threshold = max(threshold, RELATIVE_GAIN * (nominal.statistic - smaller.statistic))
-            own = [part for part in parts if set(part.hypothesis.ids) < set(candidate.hypothesis.ids)]
+            own = [part for part in parts if set(part.ids) < set(candidate.ids)]
             gain = min(part.statistic for part in (smaller, *own)) - candidate.statistic
             if gain <= threshold or candidate.statistic > limit:
                 continue
@@ -135,7 +136,7 @@ class Search:
                 limit = min(limit, candidate.statistic + TIE)
         return None
 
-    def _rivals(self, winner: Sized, fitted: Sequence[Sized]) -> tuple[Sized, ...]:
+    def _rivals(self, winner: Candidate, fitted: Sequence[Candidate]) -> tuple[Candidate, ...]:
         size = len(winner.hypothesis.effects)
         return tuple(
             other
@@ -146,22 +147,22 @@ class Search:
             and other.plausible
         )
 
-    def _threshold(self, sized: Sized) -> float:
+    def _threshold(self, candidate: Candidate) -> float:
         """What an effect must gain beside what a candidate leaves unexplained, and what healthy recordings gain."""
-        residuals = self._fitter.evidence.residuals(sized.model(self._fitter.nominal))
+        residuals = self._fitter.evidence.residuals(candidate.model(self._fitter.nominal))
         if residuals is None:
             return np.inf
         variance = max(1.0, float(np.mean(residuals.z**2)))
         return max(ACCEPT * variance, HEALTHY_GAIN * self._baseline.gain * residuals.z.size)
 
-    def _ratio(self, sized: Sized) -> float:
+    def _ratio(self, candidate: Candidate) -> float:
         """Of a candidate's worst phase to its limit."""
-        judged = self._fitter.evidence.judge(sized.model(self._fitter.nominal))
+        judged = self._fitter.evidence.judge(candidate.model(self._fitter.nominal))
         if judged is None:
             return np.inf
         return worst(pool_of(self._fitter.evidence, judged), self._baseline).ratio
 
 
-def price(sized: Sized) -> float:
+def price(candidate: Candidate) -> float:
     """-2 log L with a price for every parameter."""
-    return sized.statistic + PARAMETER_PRICE * sized.theta.size
+    return candidate.statistic + PARAMETER_PRICE * len(candidate.sizes)

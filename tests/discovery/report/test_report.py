@@ -68,6 +68,19 @@ def test_the_page_stands_alone(worn: Worn) -> None:
     assert _page(worn).loaded == []
 
 
+def test_names_of_files_are_text(worn: Worn) -> None:
+    """Whatever the user called them, nothing of them is run."""
+    name = "<script>alert('1')</script>&amp;.toml"
+    sources = replace(_sources({name: "0" * 64}), model=name, healthy=(name,), in_force=(name,))
+    points = tuple(f"{name} {number}" for number in range(4))
+    findings = replace(
+        worn.findings, files=(name,) * 4, points=points, amended_model=name, healthy_warning=name
+    )
+    page = _Page(report(findings, sources))
+    assert page.loaded == []
+    assert page.text.count(name) > 10
+
+
 def test_the_answer_comes_first_with_size_confidence_and_consequences(worn: Worn) -> None:
     text = _page(worn).text
     (effect,) = worn.findings.discovery.effects

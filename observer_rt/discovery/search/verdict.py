@@ -196,8 +196,8 @@ class _Verdict:
     def _ranking(self) -> tuple[Candidate, ...]:
         """Leaders by -2 log L, the winner, its rivals and the nominal model among them."""
         found = self._found
-        chosen = sorted(found.fitted, key=lambda one: one.statistic)[:RANKED]
-        chosen += [one for one in (found.winner, *found.rivals, found.nominal) if one not in chosen]
+        leaders = sorted(found.fitted, key=lambda one: one.statistic)[:RANKED]
+        chosen = dict.fromkeys((*leaders, found.winner, *found.rivals, found.nominal))
         first, second = every_second_point([trial.measurement for trial in self._evidence.trials])
         fitted, held = (Evidence([self._evidence.trials[i] for i in part]) for part in (first, second))
         return tuple(

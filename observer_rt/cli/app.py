@@ -15,9 +15,11 @@ from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.cli.discover import discover
+from observer_rt.cli.effects import effects
 from observer_rt.cli.logs import convert, record, replay
 from observer_rt.cli.options import (
     BenchOption,
+    EffectsOption,
     FromChannelOption,
     FuelTemperatureOption,
     JsonOption,
@@ -123,6 +125,7 @@ def run(
     print_example_injector: Annotated[
         bool, typer.Option("--print-example-injector", help="Print a complete, commented injector file.")
     ] = False,
+    effects: EffectsOption = None,
 ) -> None:
     """Run the daemon: frames in, injection rate out, until SIGINT or SIGTERM."""
     for wanted, path in ((print_example_bench, EXAMPLE_BENCH), (print_example_injector, NOMINAL_INJECTOR)):
@@ -182,6 +185,7 @@ def simulate(
             show_default=False,
         ),
     ] = NOMINAL_INJECTOR,
+    effects: EffectsOption = None,
 ) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.simulation.command import simulate_to_file
@@ -237,6 +241,7 @@ def evaluate(
     fuel_temperature: FuelTemperatureOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
+    effects: EffectsOption = None,
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
@@ -271,6 +276,7 @@ def check(
     from_channel: FromChannelOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
+    effects: EffectsOption = None,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.check.checkup import Level, as_json_document, as_table, checkup
@@ -294,6 +300,7 @@ app.command(epilog="Example: observer-rt convert bus.blf recording.csv --bench b
 app.command(epilog="Example: observer-rt discover --model injector.toml --out found worn_1.csv worn_2.csv")(
     discover
 )
+app.command(epilog="Example: observer-rt effects --effects my_effects.py")(effects)
 app.command(epilog="Example: observer-rt reproduce --out reproduced")(reproduce)
 
 

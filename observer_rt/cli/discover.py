@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from observer_rt.cli.options import FromChannelOption, JsonOption, LenientOption
+from observer_rt.cli.options import EffectsOption, FromChannelOption, JsonOption, LenientOption
 from observer_rt.config.bench import NOMINAL_INJECTOR
 
 
@@ -46,6 +46,7 @@ def discover(
     from_channel: FromChannelOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
+    effects: EffectsOption = None,
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.config.bench import load_bench

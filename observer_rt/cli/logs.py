@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from observer_rt.cli.options import BenchOption, FromChannelOption, JsonOption, LenientOption
+from observer_rt.cli.options import BenchOption, EffectsOption, FromChannelOption, JsonOption, LenientOption
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.config.links import of_links, refuse_shared_channels
 
@@ -73,6 +73,7 @@ def replay(
     ] = False,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
+    effects: EffectsOption = None,
 ) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
     from observer_rt.config.bench import load_bench
@@ -104,6 +105,7 @@ def record(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace files that are there already.")] = False,
     as_json: JsonOption = False,
+    effects: EffectsOption = None,
 ) -> None:
     """Write every frame of the bench's buses into a log, until stopped; how many were lost is noted in it."""
     from observer_rt.config.bench import load_bench
@@ -138,6 +140,7 @@ def convert(
     from_channel: FromChannelOption = None,
     lenient: LenientOption = False,
     force: Annotated[bool, typer.Option("--force", help="Replace OUT if it is there already.")] = False,
+    effects: EffectsOption = None,
 ) -> None:
     """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""
     from observer_rt.config.bench import load_bench

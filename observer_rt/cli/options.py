@@ -5,6 +5,14 @@ from typing import Annotated
 
 import typer
 
+
+def _use_effects(paths: list[Path] | None) -> None:
+    """The vocabulary of this command: installed effects are in it without the option."""
+    from observer_rt.config.own_effects import use_effects
+
+    use_effects(paths or ())
+
+
 BenchOption = Annotated[
     Path,
     typer.Option(
@@ -12,6 +20,17 @@ BenchOption = Annotated[
         help="Bench file (default: the example bench of the package).",
         metavar="FILE",
         show_default=False,
+    ),
+]
+EffectsOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--effects",
+        help="Python file with effects of your own, as in docs/effects.md; repeatable.",
+        metavar="FILE",
+        callback=_use_effects,
+        is_eager=True,  # before any injector file is read
+        expose_value=False,
     ),
 ]
 FuelTemperatureOption = Annotated[

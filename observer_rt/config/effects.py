@@ -15,7 +15,8 @@ def effect_named(place: str, name: str) -> Effect:
         raise UserError(
             place,
             f"unknown effect '{name}'{hint(name, VOCABULARY)}",
-            f"known effects: {', '.join(_described(effect) for effect in VOCABULARY.values())}",
+            f"known effects: {', '.join(_described(effect) for effect in VOCABULARY.values())}; "
+            "of your own: name the file that defines it by --effects FILE",
         )
     return VOCABULARY[name]
 

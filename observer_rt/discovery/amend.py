@@ -1,60 +1,93 @@
 """Effects found on top of those in force, as one total for each: what the amended file must say."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import date
 
 import numpy as np
 
 from observer_rt.discovery.evidence.measurement import Measurement
-from observer_rt.discovery.report.gaps import winner_of
+from observer_rt.discovery.report.printed_units import printed
 from observer_rt.discovery.result import Discovery, FittedEffect, FittedParameter
 from observer_rt.discovery.search.bounded_fit import NORMAL_975
-from observer_rt.discovery.search.hypothesis import Sizing, sized_from
+from observer_rt.discovery.search.hypothesis import Sizing, minimum_from
 from observer_rt.discovery.search.likelihood import evidence_of
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.effects import effective_model, sized_in_force
-from observer_rt.model.parameters import EffectInForce, InjectorParameters
+from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
+
+ORIGIN = "observer-rt discover"
+_SHOWN_HASH = 12  # digits of a recording's hash
 
 
-@dataclass(frozen=True)
-class Amendment:
-    """Effects to be in force: those of the file that stay, and those found with their total sizes."""
+def amended_effects(
+    parameters: InjectorParameters,
+    found: Discovery,
+    measured: Sequence[Measurement],
+    recordings: Mapping[str, str],
+) -> tuple[EffectInForce, ...]:
+    """All that the amended file has in force, nothing when no effect was found. recordings: SHA-256 by file name.
 
-    kept: tuple[EffectInForce, ...]
-    found: tuple[FittedEffect, ...]
-
-
-def amendment(parameters: InjectorParameters, found: Discovery, measured: Sequence[Measurement]) -> Amendment:
-    """What the amended file says. Raises `RunError` when totals cannot be fitted.
-
-    An effect that is in force already and found again is fitted anew, from the model without it.
+    An effect that is in force already and found again is fitted anew, from the model without it. Raises `RunError`
+    when that fails.
     """
-    ids = {effect.id for effect in found.effects}
+    if not found.effects:
+        return ()
+    ids = found.named.ids
     kept = tuple(effect for effect in parameters.effects if effect.id not in ids)
     again = {effect.id: sized_in_force(effect).values for effect in parameters.effects if effect.id in ids}
-    if not again:
-        return Amendment(kept, found.effects)
-    base = effective_model(parameters.model_copy(update={"effects": kept}))
-    hypothesis, theta = winner_of(found)
+    sizes: Sequence[tuple[FittedParameter, ...]] = [effect.parameters for effect in found.effects]
+    if again:
+        sizes = _totals(parameters.model_copy(update={"effects": kept}), again, found, measured)
+    added = (
+        _in_force(effect, fitted, _reason(found, effect, recordings))
+        for effect, fitted in zip(found.effects, sizes, strict=True)
+    )
+    return (*kept, *added)
+
+
+def _totals(
+    rest: InjectorParameters,
+    again: Mapping[str, tuple[float, ...]],
+    found: Discovery,
+    measured: Sequence[Measurement],
+) -> Sequence[tuple[FittedParameter, ...]]:
+    """Parameters of the effects found, fitted to a model without them. again: those that were in force, SI."""
+    base, hypothesis = effective_model(rest), found.named.hypothesis
     start = np.concatenate(
         [
             values + np.array(again.get(effect.id, [0.0] * values.size))
-            for effect, values in zip(hypothesis.effects, hypothesis.split(theta), strict=True)
+            for effect, values in zip(hypothesis.effects, hypothesis.split(found.named.theta), strict=True)
         ]
     )
-    fitted = sized_from(Sizing(evidence_of(measured, base), base, hypothesis), [start])
+    fitted = minimum_from(Sizing(evidence_of(measured, base), base, hypothesis), [start])
     if fitted is None:
         raise RunError(f"{', '.join(again)}: the size in force and the one found make no model together")
     spread = math.sqrt(max(1.0, float(np.mean(fitted.at.residuals.z**2))))
-    halves = hypothesis.split(NORMAL_975 * spread * fitted.sigmas())
-    totals = []
-    for effect, values, half in zip(found.effects, hypothesis.split(fitted.at.theta), halves, strict=True):
-        parts = tuple(
-            FittedParameter(p.name, float(v), (float(v - h), float(v + h)))
-            for p, v, h in zip(effect.parameters, values, half, strict=True)
-        )
-        totals.append(
-            FittedEffect(effect.id, parts, effect.gain, effect.confidence, effect.indistinguishable_from)
-        )
-    return Amendment(kept, tuple(totals))
+    half = NORMAL_975 * spread * fitted.sigmas()
+    total = replace(found.named, sizes=tuple(fitted.at.theta.tolist()), half=tuple(half.tolist()))
+    return total.parameters
+
+
+def _in_force(effect: FittedEffect, fitted: Sequence[FittedParameter], evidence: str) -> EffectInForce:
+    """A fitted effect as the injector file has it."""
+    values = [printed(effect.id, parameter) for parameter in fitted]
+    return EffectInForce(
+        id=effect.id,
+        parameters={v.name: EffectValue(value=v.value, ci95=v.ci95, unit=v.unit) for v in values},
+        origin=ORIGIN,
+        evidence=evidence,
+        date=date.today().isoformat(),
+    )
+
+
+def _reason(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
+    """Why an effect is believed in, in a line."""
+    files = ", ".join(f"{name} sha256 {digest[:_SHOWN_HASH]}" for name, digest in recordings.items())
+    or_else = ", ".join(effect.indistinguishable_from)
+    doubt = f"; cannot be told from {or_else}" if or_else else ""
+    return (
+        f"verdict {found.verdict.value}, confidence {found.confidence:.2f}{doubt}; "
+        f"-2 log L falls by {effect.gain:.0f} (threshold {found.threshold:.0f}); {files}"
+    )

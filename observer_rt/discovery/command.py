@@ -11,8 +11,7 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config.bench import load_injector
-from observer_rt.discovery.add import InjectorText, write_amended
-from observer_rt.discovery.answer import Answer, AskObserver, Question, answer
+from observer_rt.discovery.answer import AskObserver, Question, answer
 from observer_rt.discovery.evidence.coverage import coverage
 from observer_rt.discovery.evidence.measurement import Measurement, measurements
 from observer_rt.discovery.evidence.plausible import (
@@ -20,7 +19,8 @@ from observer_rt.discovery.evidence.plausible import (
     refuse_rates_missing,
     refuse_sample_rates,
 )
-from observer_rt.discovery.findings import as_json
+from observer_rt.discovery.findings import Findings, as_json
+from observer_rt.discovery.injector_text import InjectorText, write_amended
 from observer_rt.discovery.report.report import Sources, report
 from observer_rt.discovery.report.text import as_text
 from observer_rt.discovery.search.fit_store import FitStore, file_hash, problem_key
@@ -78,13 +78,13 @@ def discover_files(
                 f"interrupted; {store.kept} fitted candidates are kept in {options.out / FITS}\n"
                 "  remedy: give the same command again to go on"
             ) from None
-    found = replace(found, findings=replace(found.findings, seconds=time.monotonic() - begin))
+    found = replace(found, seconds=time.monotonic() - begin)
     _write(options, found, question, source)
     if options.json:
-        print(json.dumps(as_json(found.findings), indent=2))
+        print(json.dumps(as_json(found), indent=2))
     else:
-        say(results(), as_text(found.findings))
-        say(console, f"{options.out}: {REPORT}, {FINDINGS}" + (f", {AMENDED}" if found.effects else ""))
+        say(results(), as_text(found))
+        say(console, f"{options.out}: {REPORT}, {FINDINGS}" + (f", {AMENDED}" if found.in_force else ""))
 
 
 def _measured(paths: Sequence[Path], read: Callable[[Path], Recording]) -> tuple[Measurement, ...]:
@@ -121,7 +121,7 @@ def _make_folder(options: DiscoverOptions) -> None:
     check_folder("--out", folder)
 
 
-def _write(options: DiscoverOptions, found: Answer, question: Question, source: InjectorText) -> None:
+def _write(options: DiscoverOptions, found: Findings, question: Question, source: InjectorText) -> None:
     """Everything into the folder; a model that an earlier run left there and this one does not make is removed."""
     folder = options.out
     healthy = tuple(path.name for path in options.healthy)
@@ -134,10 +134,10 @@ def _write(options: DiscoverOptions, found: Answer, question: Question, source: 
         made=datetime.now(),
     )
     with file_errors(folder):
-        document = json.dumps(as_json(found.findings), indent=2)
+        document = json.dumps(as_json(found), indent=2)
         (folder / FINDINGS).write_text(document + "\n", encoding="utf-8")
-        (folder / REPORT).write_text(report(found.findings, found.overlays, sources), encoding="utf-8")
-        if found.effects:
-            write_amended(folder / AMENDED, source, found.effects)
+        (folder / REPORT).write_text(report(found, sources), encoding="utf-8")
+        if found.in_force:
+            write_amended(folder / AMENDED, source, found.in_force)
         else:
             (folder / AMENDED).unlink(missing_ok=True)

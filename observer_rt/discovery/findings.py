@@ -4,15 +4,23 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from observer_rt.discovery.evidence.standstill import Check
+from observer_rt.discovery.evidence.standstill import StandstillFigure
 from observer_rt.discovery.opinion import Opinion, contradictions
+from observer_rt.discovery.report.figures import Overlay
 from observer_rt.discovery.report.gaps import Gap, Gaps
 from observer_rt.discovery.report.printed_units import printed
-from observer_rt.discovery.result import Candidate, Discovery, FittedEffect, FittedParameter, Signal
-from observer_rt.discovery.search.consequences import Consequence
+from observer_rt.discovery.result import (
+    Candidate,
+    Consequence,
+    Discovery,
+    FittedEffect,
+    FittedParameter,
+    Signal,
+)
 from observer_rt.discovery.search.disagreement import PHASE_NAMES, Disagreement
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.parameters import EffectInForce
 
 SCHEMA = 1
 
@@ -21,22 +29,22 @@ SCHEMA = 1
 class Findings:
     """The answer with what it rests on.
 
-    candidates, effects: what those of the ranking, and those found, do to pressure and mass; opinion: of the learning
-    observer, None where it could not be run; healthy_warning: what healthy recordings say against the model, empty
-    when nothing; amended_model: name of the file beside the document, None when no effect is added; files: names of
-    the recordings; points: of their operating points, each of which counts as a recording; fitted_on, held_out: of
-    these; seconds: it took.
+    opinion: of the learning observer, None where it could not be run; healthy_warning: what healthy recordings say
+    against the model, empty when nothing; amended_model: name of the file beside the document, None when no effect is
+    added; in_force: all effects that it has then; overlays: injections to be shown; files: names of the recordings;
+    points: of their operating points, each of which counts as a recording; fitted_on, held_out: of these; seconds: it
+    took.
     """
 
     discovery: Discovery
     where: tuple[Disagreement, ...]
     gaps: Gaps
-    candidates: tuple[Consequence, ...]
-    effects: tuple[Consequence, ...]
-    checks: tuple[Check, ...]
+    checks: tuple[StandstillFigure, ...]
     opinion: Opinion | None
     healthy_warning: str
     amended_model: str | None
+    in_force: tuple[EffectInForce, ...]
+    overlays: tuple[Overlay, ...]
     files: tuple[str, ...]
     points: tuple[str, ...]
     fitted_on: tuple[str, ...]
@@ -58,14 +66,8 @@ def as_json(findings: Findings) -> dict[str, Any]:
         "verdict": found.verdict.value,
         "confidence": found.confidence,
         "confidence_method": found.confidence_method,
-        "effects": [
-            _effect(effect, gap_share(found, effect), moves)
-            for effect, moves in zip(found.effects, findings.effects, strict=True)
-        ],
-        "ranking": [
-            _candidate(candidate, moves)
-            for candidate, moves in zip(found.ranking, findings.candidates, strict=True)
-        ],
+        "effects": [_effect(effect, found) for effect in found.effects],
+        "ranking": [_candidate(candidate, found) for candidate in found.ranking],
         "detection": {"gain": _finite(found.gain), "threshold": _finite(found.threshold)},
         "where": [_where(item, findings.points) for item in findings.where],
         "unknown": None
@@ -102,14 +104,14 @@ def gap_share(found: Discovery, effect: FittedEffect) -> float:
     return explained_share(found) * effect.gain / sum(one.gain for one in found.effects)
 
 
-def _effect(effect: FittedEffect, share: float, moves: Consequence) -> dict[str, Any]:
+def _effect(effect: FittedEffect, found: Discovery) -> dict[str, Any]:
     return {
         "id": effect.id,
         "parameters": _parameters(effect.id, effect.parameters),
-        "confidence": effect.confidence,
+        "confidence": found.confidence,
         "indistinguishable_from": list(effect.indistinguishable_from),
-        "gap_share": share,
-        "moves": _moves(moves),
+        "gap_share": gap_share(found, effect),
+        "moves": _moves(effect.moves),
     }
 
 
@@ -121,18 +123,18 @@ def _parameters(effect_id: str, parameters: tuple[FittedParameter, ...]) -> dict
     return result
 
 
-def _candidate(candidate: Candidate, moves: Consequence) -> dict[str, Any]:
+def _candidate(candidate: Candidate, found: Discovery) -> dict[str, Any]:
     return {
         "ids": list(candidate.ids),
         "held_out_chi2": _finite(candidate.held_out),
         "chi2": _finite(candidate.statistic),
-        "n_effective": candidate.samples,
+        "n_effective": found.samples,
         "parameters": [
             _parameters(effect_id, parameters)
-            for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=False)
+            for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=True)
         ],
         "plausible": candidate.plausible,
-        "moves": _moves(moves),
+        "moves": _moves(candidate.moves),
     }
 
 
@@ -167,7 +169,7 @@ def _where(item: Disagreement, points: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def _check(check: Check, files: tuple[str, ...]) -> dict[str, Any]:
+def _check(check: StandstillFigure, files: tuple[str, ...]) -> dict[str, Any]:
     return {
         "id": check.id,
         "recording": None if check.recording is None else files[check.recording],

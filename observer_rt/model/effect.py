@@ -7,6 +7,16 @@ from enum import StrEnum
 from observer_rt.model.effective import EffectiveModel
 
 
+class Equation(StrEnum):
+    """The equation that is violated while an effect is missing."""
+
+    LINE_PRESSURE = "line_pressure"  # (20)
+    LINE_FLOW = "line_flow"  # (19)
+    SAC_PRESSURE = "sac_pressure"  # (22)
+    INPUT = "input"
+    OUTPUT = "output"
+
+
 class Place(StrEnum):
     """Where an effect sits, however the line between the places is modelled."""
 
@@ -22,23 +32,45 @@ class Place(StrEnum):
     LINE_SENSOR = "line_sensor"
 
 
-class EffectClass(StrEnum):
-    """What kind of change an effect is."""
+_VIOLATED = {
+    Place.RAIL_INLET: Equation.LINE_FLOW,
+    Place.LINE_FLOW: Equation.LINE_FLOW,
+    Place.CLOSED_END: Equation.LINE_PRESSURE,
+    Place.SEAT: Equation.SAC_PRESSURE,
+    Place.SAC: Equation.SAC_PRESSURE,
+    Place.NOZZLE: Equation.LINE_PRESSURE,
+    Place.CHAMBER: Equation.INPUT,
+    Place.RAIL_SENSOR: Equation.INPUT,
+    Place.LIFT_SENSOR: Equation.INPUT,
+    Place.LINE_SENSOR: Equation.OUTPUT,
+}
 
-    DYNAMICS = "dynamics"
-    STRUCTURE = "structure"
-    INPUT = "input"
-    SENSOR = "sensor"
+
+class Likeness(StrEnum):
+    """How hard two effects are to tell apart by rail pressure, lift and line pressure."""
+
+    SAME = "same"  # nothing in these signals tells them apart
+    ALIKE = "alike"  # the two of them found together are one that nobody can tell
+    NEAR = "near"  # good recordings tell them apart
 
 
-class Equation(StrEnum):
-    """The equation that is violated while an effect is missing."""
+@dataclass(frozen=True)
+class Relation:
+    """Effects that may be taken for one another.
 
-    LINE_PRESSURE = "line_pressure"  # (20)
-    LINE_FLOW = "line_flow"  # (19)
-    SAC_PRESSURE = "sac_pressure"  # (22)
-    INPUT = "input"
-    OUTPUT = "output"
+    others: their ids; decided_by: the measurement that tells them apart. It is enough that one of two states it.
+    """
+
+    others: tuple[str, ...]
+    likeness: Likeness
+    decided_by: str
+
+
+class Apparent(StrEnum):
+    """From what an effect's apparent size, as if it were alone, is told beside every discovery."""
+
+    SETTLED = "settled"  # from the line at rest with the needle shut
+    LEFT = "left"  # from all that the amended model leaves
 
 
 @dataclass(frozen=True)
@@ -59,24 +91,58 @@ class EffectParameter:
     starts: tuple[float, ...]
 
 
+def parameter(
+    name: str,
+    lowest: float,
+    highest: float,
+    dead_zone: float,
+    starts: Sequence[float] = (0.0,),
+    unit: str = "-",
+    si: float = 1.0,
+) -> EffectParameter:
+    """A parameter that is off at 0, its numbers in the printed unit, of which one is `si` in SI."""
+    bounds, first = (lowest * si, highest * si), tuple(start * si for start in starts)
+    return EffectParameter(name, unit, si, 0.0, *bounds, dead_zone * si, first)
+
+
+Law = Callable[[EffectiveModel, Sequence[float]], EffectiveModel]
+"""The model with an effect at parameter values, in SI and in the order of its parameters."""
+
+
 @dataclass(frozen=True)
 class Effect:
     """An entry of the vocabulary.
 
-    sentence: what it is, for a reader of reports; signature: what it looks like in the signals; indistinguishable:
-    ids of effects no measurement of these signals can tell from it; apply: the model with the effect at parameter
-    values (SI, in the order of `parameters`), which leaves a model as it is at the `off` values.
+    apply: leaves a model as it is at the `off` values; sentence: what it is, for a reader of reports; signature: what
+    it looks like in the signals; relations: what it may be taken for; decided_by: a measurement that tells it from
+    all it has no relation to, empty when there is no such; apparent: None where its apparent size says nothing.
     """
 
     id: str
-    effect_class: EffectClass
     place: Place
-    equation: Equation
     parameters: tuple[EffectParameter, ...]
+    apply: Law
     sentence: str
     signature: str
-    apply: Callable[[EffectiveModel, Sequence[float]], EffectiveModel]
-    indistinguishable: tuple[str, ...] = ()
+    relations: tuple[Relation, ...] = ()
+    decided_by: str = ""
+    apparent: Apparent | None = None
+
+    @property
+    def equation(self) -> Equation:
+        """The equation that is violated while the effect is missing."""
+        return _VIOLATED[self.place]
+
+    def relation_to(self, other: "Effect") -> Relation | None:
+        """How it is related to another effect, whichever of the two says so."""
+        stated = [r for r in self.relations if other.id in r.others]
+        stated += [r for r in other.relations if self.id in r.others]
+        return stated[0] if stated else None
+
+    def is_like(self, other: "Effect", likeness: Likeness) -> bool:
+        """Whether it is related to another effect in this way."""
+        relation = self.relation_to(other)
+        return relation is not None and relation.likeness is likeness
 
 
 @dataclass(frozen=True)
@@ -85,3 +151,21 @@ class SizedEffect:
 
     effect: Effect
     values: tuple[float, ...]
+
+
+def scaled(section: str, *names: str) -> Law:
+    """The law of a share: parameters of a section of the injector file times 1 + value."""
+
+    def apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+        return model.with_section(section, **dict.fromkeys(names, 1.0 + values[0]))
+
+    return apply
+
+
+def added(terms: str, name: str) -> Law:
+    """The law of a sum: value added to one of the model's `departures`, `inputs` or `sensor` terms."""
+
+    def apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+        return model.with_terms(terms, **{name: getattr(getattr(model, terms), name) + values[0]})
+
+    return apply

@@ -53,14 +53,7 @@ class EffectiveModel:
         after = before.model_copy(update={k: getattr(before, k) * factor for k, factor in factors.items()})
         return replace(self, injector=self.injector.model_copy(update={section: after}))
 
-    def with_departures(self, **changes: float) -> "EffectiveModel":
-        """The model with other values of departures."""
-        return replace(self, departures=self.departures._replace(**changes))
-
-    def with_inputs(self, **changes: float) -> "EffectiveModel":
-        """The model with other input terms."""
-        return replace(self, inputs=self.inputs._replace(**changes))
-
-    def with_sensor(self, **changes: float) -> "EffectiveModel":
-        """The model with other sensor terms."""
-        return replace(self, sensor=self.sensor._replace(**changes))
+    def with_terms(self, terms: str, **changes: float) -> "EffectiveModel":
+        """The model with other values in its `departures`, `inputs` or `sensor`."""
+        changed = getattr(self, terms)._replace(**changes)
+        return replace(self, **{terms: changed})

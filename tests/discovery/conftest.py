@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import pytest
 
-from observer_rt.discovery.answer import Answer, Question, answer
+from observer_rt.discovery.answer import Question, answer
 from observer_rt.discovery.evidence.measurement import measurements
+from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.opinion import Indicator, Opinion
 from observer_rt.discovery.search.candidates import NoMemory
 from observer_rt.model.effects import sized
@@ -23,7 +24,7 @@ class Worn:
     """An injector with v_H = WEAR, measured rate and all, and the answer."""
 
     question: Question
-    answer: Answer
+    findings: Findings
 
 
 def agrees(_: InjectorParameters, __: Sequence[Recording]) -> Opinion:

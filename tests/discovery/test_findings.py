@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.discovery.evidence.measurement import measurements
 from observer_rt.discovery.findings import as_json, gap_share
-from observer_rt.discovery.search.verdict import Options, name_effects
+from observer_rt.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.model.effects import effective_model, sized
 from tests.discovery.conftest import WEAR, Worn
 from tests.discovery.hidden import NOMINAL, recordings
@@ -16,7 +16,7 @@ from tests.discovery.hidden import NOMINAL, recordings
 @pytest.fixture
 def document(worn: Worn) -> dict[str, Any]:
     """The document as a reader without NaN sees it."""
-    text = json.dumps(as_json(worn.answer.findings), allow_nan=False)
+    text = json.dumps(as_json(worn.findings), allow_nan=False)
     parsed: dict[str, Any] = json.loads(text)
     return parsed
 
@@ -92,7 +92,7 @@ def test_checks_and_the_observer_are_in_it(document: dict[str, Any]) -> None:
 
 def test_the_shares_of_two_effects_do_not_exceed_the_whole() -> None:
     hidden = (sized("orifice_area", v_H=-0.15), sized("line_friction", k=0.5))
-    found = name_effects(effective_model(NOMINAL), measurements(recordings(hidden)), Options(workers=2))
+    found = name_effects(effective_model(NOMINAL), measurements(recordings(hidden)), SearchOptions(workers=2))
     shares = {effect.id: gap_share(found, effect) for effect in found.effects}
     assert set(shares) == {"orifice_area", "line_friction"}
     assert 0.9 < sum(shares.values()) <= 1.0

@@ -9,34 +9,34 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import coefficients
-from observer_rt.model.effect import Effect, SizedEffect
+from observer_rt.model.effect import Effect, Likeness, SizedEffect
 from observer_rt.model.effective import EffectiveModel, InputTerms, SensorTerms
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.model.parameters import EffectInForce, EffectValue
 
 NOMINAL = load_injector()
-# ids, classes and parameters as the design fixes them
+# ids and parameters as the design fixes them
 DESIGNED = {
-    "orifice_area": ("dynamics", ("v_H",)),
-    "seat_area": ("dynamics", ("v_S",)),
-    "guide_leakage": ("dynamics", ("c",)),
-    "line_friction": ("dynamics", ("k",)),
-    "seat_outflow": ("structure", ()),
-    "bulk_modulus": ("dynamics", ("r",)),
-    "line_volume": ("dynamics", ("r",)),
-    "pressure_dependent_bulk_modulus": ("dynamics", ("n",)),
-    "entrained_air": ("dynamics", ("g",)),
-    "fuel_density": ("dynamics", ("r",)),
-    "orifice_cavitation": ("dynamics", ("n_crit_excess",)),
-    "lift_dependent_seat_coefficient": ("dynamics", ("a", "x_c")),
-    "chamber_pressure_rise": ("input", ("dp",)),
-    "lift_offset": ("input", ("x_0",)),
-    "lift_gain": ("input", ("g",)),
-    "rail_pressure_sensor_gain": ("input", ("g",)),
-    "rail_pressure_sensor_offset": ("input", ("o",)),
-    "line_pressure_sensor_lag": ("sensor", ("tau",)),
-    "line_pressure_sensor_offset": ("sensor", ("o",)),
-    "channel_skew": ("sensor", ("d",)),
+    "orifice_area": ("v_H",),
+    "seat_area": ("v_S",),
+    "guide_leakage": ("c",),
+    "line_friction": ("k",),
+    "seat_outflow": (),
+    "bulk_modulus": ("r",),
+    "line_volume": ("r",),
+    "pressure_dependent_bulk_modulus": ("n",),
+    "entrained_air": ("g",),
+    "fuel_density": ("r",),
+    "orifice_cavitation": ("n_crit_excess",),
+    "lift_dependent_seat_coefficient": ("a", "x_c"),
+    "chamber_pressure_rise": ("dp",),
+    "lift_offset": ("x_0",),
+    "lift_gain": ("g",),
+    "rail_pressure_sensor_gain": ("g",),
+    "rail_pressure_sensor_offset": ("o",),
+    "line_pressure_sensor_lag": ("tau",),
+    "line_pressure_sensor_offset": ("o",),
+    "channel_skew": ("d",),
 }
 effects = pytest.mark.parametrize("effect", VOCABULARY.values(), ids=VOCABULARY)
 
@@ -52,11 +52,7 @@ def numbers(model: EffectiveModel) -> list[float]:
 
 
 def test_vocabulary_is_the_one_of_the_design() -> None:
-    found = {
-        name: (effect.effect_class.value, tuple(p.name for p in effect.parameters))
-        for name, effect in VOCABULARY.items()
-    }
-    assert found == DESIGNED
+    assert {n: tuple(p.name for p in effect.parameters) for n, effect in VOCABULARY.items()} == DESIGNED
     assert all(name == effect.id for name, effect in VOCABULARY.items())
 
 
@@ -77,8 +73,17 @@ def test_texts_for_the_report(effect: Effect) -> None:
     for text in (effect.sentence, effect.signature):
         assert text[0].isupper()
         assert text.endswith(".")
-    assert all(other in VOCABULARY for other in effect.indistinguishable)
-    assert all(effect.id in VOCABULARY[other].indistinguishable for other in effect.indistinguishable)
+
+
+def test_relations_name_effects_once_and_hold_both_ways() -> None:
+    stated = [(e.id, other) for e in VOCABULARY.values() for r in e.relations for other in r.others]
+    assert len({frozenset(pair) for pair in stated}) == len(stated)
+    for one, other in stated:
+        relation = VOCABULARY[one].relation_to(VOCABULARY[other])
+        assert relation is not None
+        assert relation is VOCABULARY[other].relation_to(VOCABULARY[one])
+        assert relation.decided_by
+    assert VOCABULARY["bulk_modulus"].is_like(VOCABULARY["line_volume"], Likeness.SAME)
 
 
 @pytest.mark.parametrize("effect", [e for e in VOCABULARY.values() if e.parameters], ids=lambda e: e.id)

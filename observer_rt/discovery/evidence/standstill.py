@@ -12,20 +12,19 @@ from observer_rt.discovery.search.likelihood import Evidence
 from observer_rt.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effect import Apparent, Effect, Place
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.observer.stream.front_end import dead_band
 
 SETTLED = 15e-3  # s after a closing, from which the line is at rest but for some ringing
 SIGNIFICANT = 5.0  # standard deviations
-SETTLED_EFFECTS = ("line_pressure_sensor_offset", "guide_leakage")
-LATE_EFFECT = "line_pressure_sensor_lag"
 _FEWEST_BLOCKS = 4
 _TOLERATED = {"rail_line_offset": 0.02 * MEGAPASCAL, "line_pressure_slope": 2 * MEGAPASCAL}  # SI
 
 
 @dataclass(frozen=True)
-class Check:
+class StandstillFigure:
     """A figure of the standstill, in `unit`.
 
     recording: its number, None for all together; sigma: standard deviation, nan for a noise level.
@@ -41,21 +40,28 @@ class Check:
 
 def standstill_checks(
     measured: Sequence[Measurement], evidence: Evidence, nominal: EffectiveModel, amended: EffectiveModel
-) -> tuple[Check, ...]:
+) -> tuple[StandstillFigure, ...]:
     """Offset, slope and noise of every recording, and apparent sizes of sensor effects over all recordings.
 
     Apparent offset and leak come from the settled needle alone. A lag does not show there, a ringing recorded late
     being a ringing like any other: it is what is left of one beside the amended model, from opening to ringing.
     """
-    result: list[Check] = []
+    result: list[StandstillFigure] = []
     for number, measurement in enumerate(measured):
         result += _of_recording(number, measurement, nominal.coefficients)
-    for effect_id in SETTLED_EFFECTS:
-        result += _apparent(evidence, nominal, effect_id, settled=True)
-    return (*result, *_apparent(evidence, amended, LATE_EFFECT, settled=False))
+    for effect in apparent_effects():
+        settled = effect.apparent is Apparent.SETTLED
+        result += _apparent(evidence, nominal if settled else amended, effect, settled)
+    return tuple(result)
 
 
-def _of_recording(number: int, measurement: Measurement, c: Coefficients) -> list[Check]:
+def apparent_effects() -> list[Effect]:
+    """Effects whose apparent size is told: of the settled needle, sensors first; then of what is left."""
+    told = [effect for effect in VOCABULARY.values() if effect.apparent is not None]
+    return sorted(told, key=lambda e: (e.apparent is Apparent.LEFT, e.place is not Place.LINE_SENSOR))
+
+
+def _of_recording(number: int, measurement: Measurement, c: Coefficients) -> list[StandstillFigure]:
     noise = measurement.noise
     result = []
     period = 2.0 * math.pi / math.sqrt(c.a1 * c.a3)
@@ -72,7 +78,9 @@ def _of_recording(number: int, measurement: Measurement, c: Coefficients) -> lis
     ]
     if not math.isnan(measurement.rate_noise):
         levels.append(("injection_rate_noise", measurement.rate_noise / MM3_PER_MS, "mm3/ms"))
-    return result + [Check(name, number, value, math.nan, unit, True) for name, value, unit in levels]
+    return result + [
+        StandstillFigure(name, number, value, math.nan, unit, True) for name, value, unit in levels
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,17 +140,18 @@ def _slope(blocks: _Blocks) -> tuple[float, float]:
     return slope, math.sqrt(float(left @ left) / freedom / spread)
 
 
-def _check(name: str, number: int, value: float, sigma: float, si: float, unit: str) -> Check:
+def _check(name: str, number: int, value: float, sigma: float, si: float, unit: str) -> StandstillFigure:
     passed = abs(value) <= max(_TOLERATED[name], SIGNIFICANT * sigma)
-    return Check(name, number, value / si, sigma / si, unit, passed)
+    return StandstillFigure(name, number, value / si, sigma / si, unit, passed)
 
 
-def _apparent(evidence: Evidence, model: EffectiveModel, effect_id: str, settled: bool) -> list[Check]:
+def _apparent(
+    evidence: Evidence, model: EffectiveModel, effect: Effect, settled: bool
+) -> list[StandstillFigure]:
     """Size of an effect on top of a model by one Gauss-Newton step on the innovations, as if it were alone.
 
     settled: only of the settled needle, for right after a closing x~ still carries what happened while it was open.
     """
-    effect = VOCABULARY[effect_id]
     parameter = effect.parameters[0]
     step = parameter.dead_zone
     here, there = evidence.judge(model), evidence.judge(effect.apply(model, (step,)))
@@ -158,7 +167,7 @@ def _apparent(evidence: Evidence, model: EffectiveModel, effect_id: str, settled
     sigma = 1.0 / math.sqrt(length) if length > 0.0 else math.inf
     passed = abs(value) <= max(parameter.dead_zone, SIGNIFICANT * sigma)
     return [
-        Check(
-            f"apparent_{effect_id}", None, value / parameter.si, sigma / parameter.si, parameter.unit, passed
+        StandstillFigure(
+            f"apparent_{effect.id}", None, value / parameter.si, sigma / parameter.si, parameter.unit, passed
         )
     ]

@@ -76,7 +76,7 @@ class Rows:
         self.rate_samples = np.concatenate(times)
 
 
-class Inputs:
+class TrueInputs:
     """A recording's true inputs under given input terms, normalised, for every sample."""
 
     def __init__(self, measurement: Measurement, terms: InputTerms, c: Coefficients) -> None:
@@ -161,7 +161,7 @@ def _area(lift: float, c: Coefficients) -> float:
 
 
 def batch_of(
-    measurement: Measurement, rows: Rows, inputs: Inputs, late: int, offset: float, c: Coefficients
+    measurement: Measurement, rows: Rows, inputs: TrueInputs, late: int, offset: float, c: Coefficients
 ) -> Batch:
     """The windows when the line pressure is recorded `late` samples late with an offset [Pa] added.
 

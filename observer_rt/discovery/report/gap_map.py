@@ -1,19 +1,49 @@
-"""The map of disagreement as HTML tables: operating points by phases, before and after."""
+"""The map of disagreement as it is shown: operating points by phases, coloured by the ratio of residual to noise."""
 
 import math
 from collections.abc import Sequence
-from html import escape
+from dataclasses import dataclass
 
+from observer_rt.discovery.report.printed_units import UNITS
 from observer_rt.discovery.result import Cell, Signal
 from observer_rt.discovery.search.disagreement import PHASE_NAMES, SIGNIFICANT, Disagreement
 from observer_rt.estimation.phases import Phase
-from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 
-SIGNAL_NAMES = {Signal.LINE_PRESSURE: "line pressure", Signal.INJECTION_RATE: "injection rate"}
-_UNITS = {Signal.LINE_PRESSURE: (MEGAPASCAL, "MPa"), Signal.INJECTION_RATE: (MM3_PER_MS, "mm³/ms")}
+_NAMES = {Signal.LINE_PRESSURE: "line pressure", Signal.INJECTION_RATE: "injection rate"}
+_UNITS = {Signal.LINE_PRESSURE: "MPa", Signal.INJECTION_RATE: "mm³/ms"}
 _WORST = 10.0  # times the noise, from which on a cell is as red as it gets
 _WHITE, _RED = (255, 246, 240), (176, 38, 28)
 _CALM = "#eef4f0"
+
+
+@dataclass(frozen=True)
+class ShownCell:
+    """A cell: its number, colours of ground and text, and what is told of it besides."""
+
+    text: str
+    colour: str
+    ink: str
+    tip: str
+
+
+@dataclass(frozen=True)
+class ShownRow:
+    """An operating point; a cell a column, None where there is none."""
+
+    point: str
+    recording: str
+    cells: tuple[ShownCell | None, ...]
+
+
+@dataclass(frozen=True)
+class GapMap:
+    """The whole map. groups: signals with the number of their phases."""
+
+    title: str
+    groups: tuple[tuple[str, int], ...]
+    phases: tuple[str, ...]
+    rows: tuple[ShownRow, ...]
 
 
 def point_name(cell: Cell) -> str:
@@ -21,69 +51,49 @@ def point_name(cell: Cell) -> str:
     return f"{cell.rail_pressure / MEGAPASCAL:.0f} MPa, {cell.duration / MILLISECOND:.2f} ms"
 
 
-def map_table(title: str, cells: Sequence[tuple[Cell, Disagreement]], recordings: Sequence[str]) -> str:
-    """A heat map: every cell is coloured and numbered by the ratio of residual to noise."""
-    columns = [
-        (signal, phase)
-        for signal in Signal
-        for phase in Phase
-        if any(cell.signal is signal and cell.phase is phase for cell, _ in cells)
-    ]
-    by_place = {(cell.recording, cell.signal, cell.phase): (cell, item) for cell, item in cells}
-    lines = [_heads(columns)]
-    rows = sorted({(cell.rail_pressure, cell.duration, cell.recording) for cell, _ in cells})
-    for _, _, recording in rows:
-        row = [
-            _cell(*by_place[recording, *column]) if (recording, *column) in by_place else "<td></td>"
-            for column in columns
-        ]
-        first = next(cell for cell, _ in cells if cell.recording == recording)
-        head = f'<th class="point" title="{escape(recordings[recording])}">{point_name(first)}</th>'
-        lines.append(f"<tr>{head}{''.join(row)}</tr>")
-    return (
-        f'<div class="scroll"><h3>{escape(title)}</h3><table class="map">\n'
-        + "\n".join(lines)
-        + "\n</table></div>"
+def gap_map(title: str, cells: Sequence[tuple[Cell, Disagreement]], recordings: Sequence[str]) -> GapMap:
+    """Every cell of every recording, by rail pressure, then duration."""
+    present = {(cell.signal, cell.phase) for cell, _ in cells}
+    columns = [(signal, phase) for signal in Signal for phase in Phase if (signal, phase) in present]
+    shown = {(cell.recording, cell.signal, cell.phase): _shown(cell, item) for cell, item in cells}
+    first = {cell.recording: cell for cell, _ in reversed(cells)}
+    places = sorted((cell.rail_pressure, cell.duration, recording) for recording, cell in first.items())
+    groups = [(_NAMES[signal], sum(of is signal for of, _ in columns)) for signal in Signal]
+    return GapMap(
+        title,
+        tuple(group for group in groups if group[1]),
+        tuple(PHASE_NAMES[phase] for _, phase in columns),
+        tuple(
+            ShownRow(
+                point_name(first[recording]),
+                recordings[recording],
+                tuple(shown.get((recording, *column)) for column in columns),
+            )
+            for _, _, recording in places
+        ),
     )
 
 
-def legend() -> str:
-    """What the colours mean."""
-    stops = ", ".join(_colour(_WORST ** (i / 4.0)) for i in range(5))
-    return (
-        f'<p class="note">1 = noise alone<span class="legend" style="background: linear-gradient(to right, {stops})">'
-        f"</span>{_WORST:g} times the noise and more. Cells within {SIGNIFICANT:g} standard deviations of noise are "
-        "pale green. Phases: needle closed, opening, open, closing, and the ringing after.</p>"
-    )
-
-
-def _heads(columns: Sequence[tuple[Signal, Phase]]) -> str:
-    groups = []
-    for signal in Signal:
-        span = sum(of is signal for of, _ in columns)
-        if span:
-            groups.append(f'<th class="group" colspan="{span}">{SIGNAL_NAMES[signal]}</th>')
-    phases = "".join(f'<th class="phase">{PHASE_NAMES[phase]}</th>' for _, phase in columns)
-    return f'<tr><th class="point"></th>{"".join(groups)}</tr>\n<tr><th class="point"></th>{phases}</tr>'
-
-
-def _cell(cell: Cell, item: Disagreement) -> str:
-    ratio = math.sqrt(cell.variance)
-    si, unit = _UNITS[cell.signal]
-    tip = f"{cell.rms / si:.3g} {unit} rms, {cell.excess:.1f} standard deviations beyond noise"
+def _shown(cell: Cell, item: Disagreement) -> ShownCell:
+    ratio, unit = math.sqrt(cell.variance), _UNITS[cell.signal]
+    tip = f"{cell.rms / UNITS[unit]:.3g} {unit} rms, {cell.excess:.1f} standard deviations beyond noise"
     if item.equation is not None:
         tip += f"; equation: {item.equation.value.replace('_', ' ')}"
     significant = cell.excess > SIGNIFICANT
     ratio = max(ratio, math.sqrt(cell.colour)) if significant else ratio
-    colour = _colour(ratio) if significant else _CALM
+    digits = 2 if ratio < 2.0 else 1 if ratio < 100.0 else 0
     ink = "#fff" if significant and ratio > 0.5 * _WORST else "inherit"
-    return f'<td style="background:{colour};color:{ink}" title="{tip}">{_shown(ratio)}</td>'
-
-
-def _shown(ratio: float) -> str:
-    return f"{ratio:.2f}" if ratio < 2.0 else f"{ratio:.1f}" if ratio < 100.0 else f"{ratio:.0f}"
+    return ShownCell(f"{ratio:.{digits}f}", _colour(ratio) if significant else _CALM, ink, tip)
 
 
 def _colour(ratio: float) -> str:
     share = min(1.0, max(0.0, math.log(max(ratio, 1.0)) / math.log(_WORST)))
     return "rgb({}, {}, {})".format(*(round(w + share * (r - w)) for w, r in zip(_WHITE, _RED, strict=True)))
+
+
+LEGEND = {
+    "colours": [_colour(_WORST ** (i / 4.0)) for i in range(5)],
+    "worst": _WORST,
+    "significant": SIGNIFICANT,
+}
+"""What the colours mean."""

@@ -16,12 +16,11 @@ from observer_rt.discovery.report.open_loop import (
     noisier,
     simulated,
 )
-from observer_rt.discovery.result import Discovery
+from observer_rt.discovery.result import Candidate, Discovery
 from observer_rt.discovery.search.bounded_fit import fit
-from observer_rt.discovery.search.hypothesis import Hypothesis, Sizing
+from observer_rt.discovery.search.hypothesis import Sizing
 from observer_rt.discovery.search.likelihood import GAIN_ERROR, evidence_of
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import VOCABULARY
 
 NOISE_RUNS = 3  # with noise added, for the noise floor
 
@@ -64,28 +63,15 @@ class Gaps:
     held_out: tuple[int, ...]
 
 
-def winner_of(found: Discovery) -> tuple[Hypothesis, NDArray[np.float64]]:
-    """The effects found with their sizes (p,): none for `none` and `unknown`."""
-    effects = Hypothesis(tuple(VOCABULARY[effect.id] for effect in found.effects))
-    return effects, np.array([p.value for effect in found.effects for p in effect.parameters])
-
-
-def amended_by(found: Discovery, nominal: EffectiveModel) -> EffectiveModel:
-    """The nominal model with the effects found."""
-    hypothesis, theta = winner_of(found)
-    return hypothesis.model(nominal, theta)
-
-
 def gaps_of(found: Discovery, measured: Sequence[Measurement], nominal: EffectiveModel) -> Gaps:
     """The gaps: with the winner refitted to every second operating point, on the others.
 
     With one operating point there is nothing to hold out: it is fitted and shown.
     """
-    hypothesis, theta = winner_of(found)
-    amended = amended_by(found, nominal)
+    amended = found.named.model(nominal)
     fitted_on, held_out = every_second_point(measured)
     held_out = held_out or fitted_on
-    refitted = _refitted(hypothesis, theta, [measured[i] for i in fitted_on], nominal)
+    refitted = _refitted(found.named, [measured[i] for i in fitted_on], nominal)
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
     rates = [point.injection_rate for point in points if point.injection_rate is not None]
     return Gaps(
@@ -100,11 +86,10 @@ def gaps_of(found: Discovery, measured: Sequence[Measurement], nominal: Effectiv
     )
 
 
-def _refitted(
-    hypothesis: Hypothesis, theta: NDArray[np.float64], part: Sequence[Measurement], nominal: EffectiveModel
-) -> EffectiveModel:
-    again = fit(Sizing(evidence_of(part, nominal), nominal, hypothesis), theta, hypothesis.ranges())
-    return hypothesis.model(nominal, theta if again is None else again.at.theta)
+def _refitted(named: Candidate, part: Sequence[Measurement], nominal: EffectiveModel) -> EffectiveModel:
+    hypothesis = named.hypothesis
+    again = fit(Sizing(evidence_of(part, nominal), nominal, hypothesis), named.theta, hypothesis.ranges())
+    return hypothesis.model(nominal, named.theta if again is None else again.at.theta)
 
 
 def _point(

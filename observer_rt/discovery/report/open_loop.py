@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.discovery.evidence.measurement import Event, Measurement
-from observer_rt.discovery.evidence.windows import Inputs, Rows, batch_of
+from observer_rt.discovery.evidence.windows import Rows, TrueInputs, batch_of
 from observer_rt.estimation.gain import gain_schedule
 from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import Setting, follow
@@ -41,7 +41,7 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
     late = math.floor(sensor.delay / interval)
     share = sensor.delay / interval - late
     rows = Rows(measurement)
-    inputs = Inputs(measurement, model.inputs, c)
+    inputs = TrueInputs(measurement, model.inputs, c)
     batch = batch_of(measurement, rows, inputs, late, sensor.offset, c)
     sample_rate = measurement.recording.sample_rate
     gains = gain_schedule(c, measurement.noise, sample_rate, sensor.lag, share).gains

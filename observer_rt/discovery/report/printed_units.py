@@ -3,11 +3,14 @@
 from dataclasses import dataclass
 
 from observer_rt.discovery.result import FittedParameter
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effect import EffectParameter
 from observer_rt.model.effects import VOCABULARY
 
-UNIT_SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
+_SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
 """How people write the units that are written otherwise in files."""
+UNITS = {"MPa": MEGAPASCAL, "mm³/ms": MM3_PER_MS, "mg": MILLIGRAM, "µm": MICROMETRE}
+"""SI values of the units of signals, as people write them."""
 _DIGITS = 8  # of printed values: far below any interval, free of conversion noise
 
 
@@ -38,12 +41,16 @@ class Printed:
 
     @property
     def _unit(self) -> str:
-        sign = UNIT_SIGNS.get(self.unit, self.unit)
-        return f" {sign}" if sign else ""
+        return f" {sign(self.unit)}" if sign(self.unit) else ""
 
     @property
     def _step(self) -> float:
         return significant(max(self.ci95[1] - self.value, self.value - self.ci95[0]))
+
+
+def sign(unit: str) -> str:
+    """A unit as people write it."""
+    return _SIGNS.get(unit, unit)
 
 
 def printed(effect_id: str, parameter: FittedParameter) -> Printed:

@@ -54,7 +54,7 @@ class Range:
 
 
 @dataclass(frozen=True, eq=False)
-class Linearisation:
+class Quadratic:
     """-2 log L round theta: half its gradient (p,) and its Fisher information (p, p)."""
 
     theta: NDArray[np.float64]
@@ -68,7 +68,7 @@ class Linearisation:
 
 def linearise(
     problem: Problem, theta: NDArray[np.float64], here: Residuals, ranges: Sequence[Range]
-) -> Linearisation:
+) -> Quadratic:
     """Slopes by one-sided differences, inwards where a bound is near.
 
     With z = e/sigma, -log L = sum rho(z) + log sigma has the Fisher information z'z' (sigma held) + 2 (log sigma)'^2.
@@ -92,14 +92,14 @@ def linearise(
             slope += here.z * np.repeat(spreads[:, j], here.counts)
         slopes[:, j] = np.sqrt(weights) * slope
     information = slopes.T @ slopes + 2.0 * (spreads.T * here.counts) @ spreads
-    return Linearisation(theta, here, here.statistic, gradient, information, slopes)
+    return Quadratic(theta, here, here.statistic, gradient, information, slopes)
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Minimum:
     """Where the search ended, and the linearisation there."""
 
-    at: Linearisation
+    at: Quadratic
     converged: bool
 
     @property
@@ -117,7 +117,7 @@ def fit(
     start: NDArray[np.float64],
     ranges: Sequence[Range],
     max_iterations: int = MAX_ITERATIONS,
-) -> Fit | None:
+) -> Minimum | None:
     """Minimise -2 log L from `start` (p,); None when the model has no solution there."""
     theta = np.clip(start, [r.lowest for r in ranges], [r.highest for r in ranges])
     residuals = problem.residuals(theta)
@@ -128,16 +128,16 @@ def fit(
     for _ in range(max_iterations):
         lower, damping = _lower(problem, here, ranges, damping)
         if lower is None:
-            return Fit(here, converged=True)
+            return Minimum(here, converged=True)
         decrease = here.statistic - lower[1].statistic
         here = linearise(problem, lower[0], lower[1], ranges)
         if decrease < TOLERANCE:
-            return Fit(here, converged=True)
-    return Fit(here, converged=False)
+            return Minimum(here, converged=True)
+    return Minimum(here, converged=False)
 
 
 def _lower(
-    problem: Problem, here: Linearisation, ranges: Sequence[Range], damping: float
+    problem: Problem, here: Quadratic, ranges: Sequence[Range], damping: float
 ) -> tuple[tuple[NDArray[np.float64], Residuals] | None, float]:
     """A point with a lower statistic (None: there is none worth going to) and the damping for the next step."""
     lowest = np.array([r.lowest for r in ranges])

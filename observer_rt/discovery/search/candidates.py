@@ -9,8 +9,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.discovery.result import Candidate
 from observer_rt.discovery.search.bounded_fit import MAX_ITERATIONS, Residuals, linearise
-from observer_rt.discovery.search.hypothesis import Hypothesis, Sizing, sized_from
+from observer_rt.discovery.search.hypothesis import Hypothesis, Sizing, minimum_from
 from observer_rt.discovery.search.likelihood import Evidence
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
@@ -26,29 +27,6 @@ ROUGH = "rough"
 _Task = tuple[Hypothesis, Sequence[NDArray[np.float64]]]
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
-
-
-@dataclass(frozen=True, eq=False)
-class Sized:
-    """A hypothesis with the sizes that explain the recordings best: theta (p,) in SI, -2 log L."""
-
-    hypothesis: Hypothesis
-    theta: NDArray[np.float64]
-    statistic: float
-
-    @property
-    def plausible(self) -> bool:
-        """Whether every effect has a size that matters and that no bound holds back."""
-        return self.hypothesis.is_plausible(self.theta)
-
-    @property
-    def within_bounds(self) -> bool:
-        """Whether no bound holds a size back."""
-        return self.hypothesis.is_within_bounds(self.theta)
-
-    def model(self, nominal: EffectiveModel) -> EffectiveModel:
-        """The nominal model with these effects."""
-        return self.hypothesis.model(nominal, self.theta)
 
 
 class FitMemory(Protocol):
@@ -80,7 +58,7 @@ class Fitter:
         nominal: EffectiveModel,
         workers: int = 1,
         memory: FitMemory | None = None,
-        fitted: Callable[[Sized], None] | None = None,
+        fitted: Callable[[Candidate], None] | None = None,
     ) -> None:
         """fitted: called with every fit as soon as it is there."""
         self.evidence = evidence
@@ -89,14 +67,14 @@ class Fitter:
         self._memory = memory or NoMemory()
         self._fitted = fitted
 
-    def nothing(self) -> Sized:
+    def nothing(self) -> Candidate:
         """The nominal model."""
         residuals = self.evidence.residuals(self.nominal)
         if residuals is None:
             raise ArithmeticError("the nominal model has no finite solution on these recordings")
-        return Sized(Hypothesis(), np.zeros(0), residuals.statistic)
+        return Candidate(Hypothesis(), (), residuals.statistic)
 
-    def _fit_all(self, tasks: Sequence[_Task], max_iterations: int) -> list[Sized]:
+    def _fit_all(self, tasks: Sequence[_Task], max_iterations: int) -> list[Candidate]:
         """Fit hypotheses, each from its starts; those without a solution are left out."""
         found = self._each(lambda task: self._fit(task[0], task[1], max_iterations), tasks)
         return [one for one in found if one is not None]
@@ -112,21 +90,21 @@ class Fitter:
 
     def _fit(
         self, hypothesis: Hypothesis, starts: Sequence[NDArray[np.float64]], max_iterations: int
-    ) -> Sized | None:
+    ) -> Candidate | None:
         key = hypothesis.ids if max_iterations == MAX_ITERATIONS else (*hypothesis.ids, ROUGH)
         known = self._memory.get(key)
         if known is not None:
-            return Sized(hypothesis, *known)
-        found = sized_from(Sizing(self.evidence, self.nominal, hypothesis), starts, max_iterations)
+            return Candidate(hypothesis, tuple(known[0].tolist()), known[1])
+        found = minimum_from(Sizing(self.evidence, self.nominal, hypothesis), starts, max_iterations)
         if found is None:
             return None
-        sized = Sized(hypothesis, found.at.theta, found.statistic)
-        self._memory.put(key, sized.theta, sized.statistic)
+        candidate = Candidate(hypothesis, tuple(found.at.theta.tolist()), found.statistic)
+        self._memory.put(key, found.at.theta, found.statistic)
         if self._fitted is not None:
-            self._fitted(sized)
-        return sized
+            self._fitted(candidate)
+        return candidate
 
-    def singles(self, effects: Sequence[Effect], nominal: Sized) -> list[Sized]:
+    def singles(self, effects: Sequence[Effect], nominal: Candidate) -> list[Candidate]:
         """Every effect alone; those that explain far less than the best are fitted roughly."""
         hypotheses = [Hypothesis((effect,)) for effect in effects]
         rough = self._fit_all([(h, h.starts()) for h in hypotheses], ROUGH_ITERATIONS)
@@ -136,7 +114,7 @@ class Fitter:
         refined = self._fit_all([(one.hypothesis, [one.theta]) for one in rough[:leaders]], MAX_ITERATIONS)
         return refined + rough[leaders:]
 
-    def seconds(self, leader: Sized, effects: Sequence[Effect]) -> list[Sized]:
+    def seconds(self, leader: Candidate, effects: Sequence[Effect]) -> list[Candidate]:
         """The leader with each second effect that promises something, fitted together."""
         base = self.evidence.residuals(leader.model(self.nominal))
         if base is None:
@@ -151,7 +129,7 @@ class Fitter:
         return self._fit_all(tasks, MAX_ITERATIONS)
 
     def _promise(
-        self, leader: Sized, base: Residuals, spanned: NDArray[np.float64], effect: Effect
+        self, leader: Candidate, base: Residuals, spanned: NDArray[np.float64], effect: Effect
     ) -> "_Promise":
         """What a second effect would gain were the residuals linear in it, the leader's sizes free."""
         both = leader.hypothesis.with_effect(effect)

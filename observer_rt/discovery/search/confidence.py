@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from observer_rt.discovery.search.candidates import Sized
-from observer_rt.discovery.search.search import Found, price
+from observer_rt.discovery.result import Candidate
+from observer_rt.discovery.search.search import Outcome, price
 
 METHOD = (
     "share of exp(-X/(2 T)) among all candidates of the same size, X = -2 log L + 10 a parameter, T = 2 for what no "
@@ -15,7 +15,7 @@ HIGHEST = 0.99
 WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
 
 
-def confidence_of(found: Found) -> float:
+def confidence_of(found: Outcome) -> float:
     """Probability that the winner is right; of the nominal model, that nothing is missing."""
     if not found.adequate:
         return HIGHEST * (1.0 - 0.5 / found.ratio)
@@ -29,7 +29,7 @@ def confidence_of(found: Found) -> float:
     return HIGHEST * _share(found.winner, [*others, found.nominal], handicap)
 
 
-def _share(winner: Sized, others: Sequence[Sized], handicap: float) -> float:
+def _share(winner: Candidate, others: Sequence[Candidate], handicap: float) -> float:
     weights = [
         math.exp(min(0.0, -(price(one) + handicap - price(winner)) / (2.0 * TEMPER)))
         for one in others

@@ -2,10 +2,8 @@
 
 from dataclasses import dataclass
 
-from observer_rt.discovery.report.gaps import winner_of
 from observer_rt.discovery.result import Cell, Discovery, Signal, Verdict
 from observer_rt.discovery.search.adequacy import cells_of
-from observer_rt.discovery.search.consequences import without
 from observer_rt.discovery.search.likelihood import Evidence
 from observer_rt.estimation.phases import Phase
 from observer_rt.model.effect import Equation
@@ -50,10 +48,9 @@ def _equations(found: Discovery, evidence: Evidence, nominal: EffectiveModel) ->
     """Of every cell: the equation of that effect without which it is explained worst."""
     if found.verdict is Verdict.UNKNOWN and found.unexplained is not None:
         return {_key(cell): found.unexplained.equation for cell in found.before}
-    winner, theta = winner_of(found)
     worst: dict[_Key, tuple[float, Equation]] = {}
-    for number, effect in enumerate(winner.effects):
-        others = without(winner, theta, number, nominal)
+    for number, effect in enumerate(found.named.hypothesis.effects):
+        others = found.named.model_without(number, nominal)
         judged = evidence.judge(others)
         for cell in found.before if judged is None else cells_of(evidence, judged, others):
             key, loss = _key(cell), cell.variance

@@ -11,17 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compilation import source_digest
+from observer_rt.model.effects import added_digests
 from observer_rt.model.parameters import InjectorParameters
 
 FORMAT = 1
 
 
 def problem_key(parameters: InjectorParameters, recording_hashes: Sequence[str]) -> str:
-    """What fits belong to: the model, the recordings (SHA-256 of each file) and this program, as one SHA-256."""
+    """What fits belong to: model, recordings (SHA-256 of each), effects added and this program, as one SHA-256."""
     model = parameters.model_dump(
         mode="json", exclude={"format": True, "effects": {"__all__": {"origin", "evidence", "date"}}}
     )
-    content = json.dumps([source_digest(), model, list(recording_hashes)], sort_keys=True)
+    content = json.dumps([source_digest(), added_digests(), model, list(recording_hashes)], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()
 
 

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.search.bounded_fit import MAX_ITERATIONS, Fit, Range, Residuals, fit
+from observer_rt.discovery.search.bounded_fit import MAX_ITERATIONS, Minimum, Range, Residuals, fit
 from observer_rt.discovery.search.likelihood import Evidence
 from observer_rt.model.effect import Effect, EffectParameter
 from observer_rt.model.effective import EffectiveModel
@@ -93,9 +93,9 @@ class Sizing:
         return self._evidence.residuals(self.hypothesis.model(self._nominal, theta))
 
 
-def sized_from(
+def minimum_from(
     sizing: Sizing, starts: Sequence[NDArray[np.float64]], max_iterations: int = MAX_ITERATIONS
-) -> Fit | None:
+) -> Minimum | None:
     """Best fit from the most promising start, or two; None when the model has no solution at any of them."""
     tried = []
     for start in starts:
@@ -104,7 +104,7 @@ def sized_from(
             tried.append((residuals.statistic, start))
     tried.sort(key=lambda item: item[0])
     ranges = sizing.hypothesis.ranges()
-    best: Fit | None = None
+    best: Minimum | None = None
     for _, start in tried[:MOST_STARTS]:
         found = fit(sizing, start, ranges, max_iterations)
         if found is not None and (best is None or found.statistic < best.statistic):

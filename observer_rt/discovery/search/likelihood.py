@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.discovery.evidence.measurement import Measurement
-from observer_rt.discovery.evidence.windows import Batch, Inputs, Rows, batch_of, latest, phases
+from observer_rt.discovery.evidence.windows import Batch, Rows, TrueInputs, batch_of, latest, phases
 from observer_rt.discovery.search.bounded_fit import Residuals
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.learned import Learned, nothing_learned
@@ -67,7 +67,7 @@ class Trial:
         self._substeps = min(needed + _SPARE_SUBSTEPS, MAX_SUBSTEPS)
         self._gains: dict[tuple[float, float, float, float], GainSchedule] = {}
         self._nominal_key = _input_key(nominal)
-        self._nominal_inputs = Inputs(measurement, nominal.inputs, nominal.coefficients)
+        self._nominal_inputs = TrueInputs(measurement, nominal.inputs, nominal.coefficients)
         batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, 0.0, nominal.coefficients)
         every = phases(measurement, batch)
         self.phases = every[self._rows.counted]
@@ -105,7 +105,7 @@ class Trial:
         return self.measurement.recording.needle_lift[self._rows.samples[rows]], rate[rows]
 
     def _predicted(
-        self, model: EffectiveModel, inputs: Inputs, late: int, schedule: GainSchedule
+        self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
         c, sensor, interval = model.coefficients, model.sensor, self.measurement.interval
@@ -135,17 +135,17 @@ class Trial:
             self._gains[key] = schedule
         return schedule
 
-    def _inputs_of(self, model: EffectiveModel) -> Inputs:
+    def _inputs_of(self, model: EffectiveModel) -> TrueInputs:
         """True inputs under the model's terms; only the nominal ones are kept."""
         if _input_key(model) == self._nominal_key:
             return self._nominal_inputs
-        return Inputs(self.measurement, model.inputs, model.coefficients)
+        return TrueInputs(self.measurement, model.inputs, model.coefficients)
 
     def _rate_noise(self, nominal: EffectiveModel) -> NDArray[np.float64]:
         """Standard deviation of measured minus modelled rate (m,): its own noise and the lift's."""
         noise = self.measurement.noise.needle_lift
         schedule = self._schedule(nominal)
-        shifted = nominal.with_inputs(lift_shift=nominal.inputs.lift_shift + noise)
+        shifted = nominal.with_terms("inputs", lift_shift=nominal.inputs.lift_shift + noise)
         late = math.floor(nominal.sensor.delay / self.measurement.interval)
         _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule)
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule)

@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
+from observer_rt.discovery.result import Candidate
 from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, pool_of, worst
-from observer_rt.discovery.search.candidates import Fitter, Sized
-from observer_rt.model.effect import Effect
+from observer_rt.discovery.search.candidates import Fitter
+from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effects import VOCABULARY
 
 ACCEPT = 25.0  # of -2 log L that an effect must gain, times the variance of the innovations left
@@ -16,15 +18,10 @@ RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to a
 TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
 LEADERS = 3  # singles that a second effect is added to
 PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of two near-ties leads
-SOFT_CLASSES = (
-    frozenset({"line_pressure_sensor_lag", "channel_skew"}),
-    frozenset({"seat_area", "lift_offset", "lift_gain", "lift_dependent_seat_coefficient"}),
-)
-"""Effects so alike that two of them named together are one nobody can tell."""
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Outcome:
     """How the search ended. winner: the nominal model when nothing is accepted; rivals: as many effects, as good.
 
     ratio: of the winner's worst phase to its limit, above 1 when the winner does not explain the recordings;
@@ -32,10 +29,10 @@ class Found:
     explains what is left.
     """
 
-    nominal: Sized
-    winner: Sized
-    rivals: tuple[Sized, ...]
-    fitted: tuple[Sized, ...]
+    nominal: Candidate
+    winner: Candidate
+    rivals: tuple[Candidate, ...]
+    fitted: tuple[Candidate, ...]
     threshold: float
     ratio: float
     too_small: bool
@@ -47,17 +44,23 @@ class Found:
 
     @property
     def soft(self) -> bool:
-        """Whether two effects of one soft class were named together."""
-        return any(len(soft.intersection(self.winner.hypothesis.ids)) > 1 for soft in SOFT_CLASSES)
+        """Whether two effects were named together that are so alike that they may be one."""
+        pairs = combinations(self.winner.hypothesis.effects, 2)
+        return any(one.is_like(other, Likeness.ALIKE) for one, other in pairs)
 
 
 def representatives(vocabulary: Mapping[str, Effect] = VOCABULARY) -> tuple[Effect, ...]:
     """The vocabulary with one effect of every class that no recording can tell apart."""
     chosen: list[Effect] = []
     for effect in vocabulary.values():
-        if not any(effect.id in other.indistinguishable for other in chosen):
+        if not any(effect.is_like(other, Likeness.SAME) for other in chosen):
             chosen.append(effect)
     return tuple(chosen)
+
+
+def indistinguishable(effect: Effect) -> tuple[str, ...]:
+    """Ids of the effects no recording can tell from this one."""
+    return tuple(other.id for other in VOCABULARY.values() if effect.is_like(other, Likeness.SAME))
 
 
 class Search:
@@ -70,8 +73,8 @@ class Search:
         self._effects = effects
         self._baseline = baseline
 
-    def run(self) -> Found:
-        """Fit candidates until nothing more is worth adding; see `Found`."""
+    def run(self) -> Outcome:
+        """Fit candidates until nothing more is worth adding; see `Outcome`."""
         nominal = self._fitter.nothing()
         singles = sorted(self._fitter.singles(self._effects, nominal), key=price)
         best, threshold, ratio = nominal, self._threshold(nominal), self._ratio(nominal)
@@ -86,33 +89,33 @@ class Search:
             threshold = self._threshold(best)
         fitted = (nominal, *singles, *pairs)
         too_small = ratio > 1.0 and best is nominal and self._is_too_small(singles[0])
-        return Found(nominal, best, self._rivals(best, fitted), fitted, threshold, ratio, too_small)
+        return Outcome(nominal, best, self._rivals(best, fitted), fitted, threshold, ratio, too_small)
 
-    def _is_too_small(self, single: Sized) -> bool:
+    def _is_too_small(self, single: Candidate) -> bool:
         """Whether a single explains the recordings by an effect within its dead zone."""
         return single.within_bounds and not single.plausible and self._ratio(single) <= 1.0
 
-    def _pairs(self, singles: Sequence[Sized], best: Sized, ratio: float) -> list[Sized]:
+    def _pairs(self, singles: Sequence[Candidate], best: Candidate, ratio: float) -> list[Candidate]:
         """Pairs worth fitting: with the best single, with more leaders when it does not explain the recordings."""
         if not best.hypothesis.effects and ratio <= 1.0:
             return []
         leaders = singles[: 1 if ratio <= 1.0 else LEADERS]
-        pairs: dict[frozenset[str], Sized] = {}
+        pairs: dict[frozenset[str], Candidate] = {}
         for leader in leaders:
             for pair in self._fitter.seconds(leader, self._effects):
-                key = frozenset(pair.hypothesis.ids)
+                key = frozenset(pair.ids)
                 if key not in pairs or pair.statistic < pairs[key].statistic:
                     pairs[key] = pair
         return sorted(pairs.values(), key=price)
 
     def _best(
         self,
-        candidates: Sequence[Sized],
-        nominal: Sized,
-        smaller: Sized,
+        candidates: Sequence[Candidate],
+        nominal: Candidate,
+        smaller: Candidate,
         ratio: float,
-        parts: Sequence[Sized] = (),
-    ) -> Sized | None:
+        parts: Sequence[Candidate] = (),
+    ) -> Candidate | None:
         """The best candidate whose every effect is plausible and pays for itself; None: no better one.
 
         parts: fitted singles, of which a pair must beat each of its own.
@@ -122,7 +125,7 @@ class Search:
             threshold = self._threshold(candidate)
             if ratio <= 1.0:
                 threshold = max(threshold, RELATIVE_GAIN * (nominal.statistic - smaller.statistic))
-            own = [part for part in parts if set(part.hypothesis.ids) < set(candidate.hypothesis.ids)]
+            own = [part for part in parts if set(part.ids) < set(candidate.ids)]
             gain = min(part.statistic for part in (smaller, *own)) - candidate.statistic
             if gain <= threshold or candidate.statistic > limit:
                 continue
@@ -133,7 +136,7 @@ class Search:
                 limit = min(limit, candidate.statistic + TIE)
         return None
 
-    def _rivals(self, winner: Sized, fitted: Sequence[Sized]) -> tuple[Sized, ...]:
+    def _rivals(self, winner: Candidate, fitted: Sequence[Candidate]) -> tuple[Candidate, ...]:
         size = len(winner.hypothesis.effects)
         return tuple(
             other
@@ -144,22 +147,22 @@ class Search:
             and other.plausible
         )
 
-    def _threshold(self, sized: Sized) -> float:
+    def _threshold(self, candidate: Candidate) -> float:
         """What an effect must gain beside what a candidate leaves unexplained, and what healthy recordings gain."""
-        residuals = self._fitter.evidence.residuals(sized.model(self._fitter.nominal))
+        residuals = self._fitter.evidence.residuals(candidate.model(self._fitter.nominal))
         if residuals is None:
             return np.inf
         variance = max(1.0, float(np.mean(residuals.z**2)))
         return max(ACCEPT * variance, HEALTHY_GAIN * self._baseline.gain * residuals.z.size)
 
-    def _ratio(self, sized: Sized) -> float:
+    def _ratio(self, candidate: Candidate) -> float:
         """Of a candidate's worst phase to its limit."""
-        judged = self._fitter.evidence.judge(sized.model(self._fitter.nominal))
+        judged = self._fitter.evidence.judge(candidate.model(self._fitter.nominal))
         if judged is None:
             return np.inf
         return worst(pool_of(self._fitter.evidence, judged), self._baseline).ratio
 
 
-def price(sized: Sized) -> float:
+def price(candidate: Candidate) -> float:
     """-2 log L with a price for every parameter."""
-    return sized.statistic + PARAMETER_PRICE * sized.theta.size
+    return candidate.statistic + PARAMETER_PRICE * len(candidate.sizes)

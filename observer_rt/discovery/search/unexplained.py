@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.result import Signal, Unexplained
+from observer_rt.discovery.result import Candidate, Signal, Unexplained
 from observer_rt.discovery.search.adequacy import Worst
-from observer_rt.discovery.search.candidates import Sized
 from observer_rt.discovery.search.likelihood import Evidence, Judged
 from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
@@ -34,7 +33,7 @@ def unexplained(
     judged: Sequence[Judged],
     nominal: EffectiveModel,
     place: Worst,
-    fitted: Sequence[Sized],
+    fitted: Sequence[Candidate],
 ) -> Unexplained:
     """What is left in the phase and signal a model explains worst.
 
@@ -51,7 +50,7 @@ def unexplained(
     return Unexplained(equation, place.phase, place.signal, depends_on, term)
 
 
-def _equation(fitted: Sequence[Sized]) -> Equation:
+def _equation(fitted: Sequence[Candidate]) -> Equation:
     """Of the leading effect among all singles."""
     singles = [one for one in fitted if len(one.hypothesis.effects) == 1]
     best = min(singles, key=lambda one: one.statistic)

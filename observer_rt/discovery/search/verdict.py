@@ -10,9 +10,9 @@ from observer_rt.discovery.evidence.measurement import Measurement, every_second
 from observer_rt.discovery.result import (
     Candidate,
     Cell,
+    Consequence,
     Discovery,
     FittedEffect,
-    FittedParameter,
     Unexplained,
     Verdict,
 )
@@ -24,13 +24,14 @@ from observer_rt.discovery.search.adequacy import (
     pool_of,
     worst,
 )
-from observer_rt.discovery.search.bounded_fit import NORMAL_975, Fit, fit, linearise
-from observer_rt.discovery.search.candidates import FitMemory, Fitter, Sized
+from observer_rt.discovery.search.bounded_fit import NORMAL_975, Minimum, fit, linearise
+from observer_rt.discovery.search.candidates import FitMemory, Fitter
 from observer_rt.discovery.search.confidence import METHOD, WITH_A_WRONG_MODEL, confidence_of
+from observer_rt.discovery.search.consequences import consequence
 from observer_rt.discovery.search.decisive import decide_by
 from observer_rt.discovery.search.hypothesis import Sizing
 from observer_rt.discovery.search.likelihood import Evidence, evidence_of
-from observer_rt.discovery.search.search import Found, Search, representatives
+from observer_rt.discovery.search.search import Outcome, Search, indistinguishable, representatives
 from observer_rt.discovery.search.unexplained import unexplained
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import RunError
@@ -47,7 +48,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Options:
+class SearchOptions:
     """How to search. workers: threads; memory: of candidates fitted before; baseline: of healthy recordings."""
 
     workers: int = 1
@@ -57,18 +58,18 @@ class Options:
 
 
 def name_effects(
-    nominal: EffectiveModel, found: Sequence[Measurement], options: Options | None = None
+    nominal: EffectiveModel, found: Sequence[Measurement], options: SearchOptions | None = None
 ) -> Discovery:
     """The missing effects, fitted to all recordings.
 
     Raises `RunError` when the nominal model has no finite solution on them.
     """
-    options = options or Options()
+    options = options or SearchOptions()
     evidence = evidence_of(found, nominal)
     effects = representatives()
     done = 0
 
-    def count(_: Sized) -> None:
+    def count(_: Candidate) -> None:
         nonlocal done
         done += 1
         if options.progress is not None:
@@ -91,21 +92,21 @@ def healthy_baseline(
     judged = evidence.judge(nominal)
     if judged is None:
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
-    discovery = name_effects(nominal, found, Options(workers))
+    discovery = name_effects(nominal, found, SearchOptions(workers))
     baseline = baseline_of(pool_of(evidence, judged))
-    gain = discovery.gain / discovery.ranking[0].samples
+    gain = discovery.gain / discovery.samples
     return replace(baseline, trusted=discovery.verdict is Verdict.NONE, gain=gain), discovery
 
 
 class _Verdict:
     """The result of a search in the words of a `Discovery`."""
 
-    def __init__(self, fitter: Fitter, found: Found, baseline: HealthyBaseline) -> None:
+    def __init__(self, fitter: Fitter, found: Outcome, baseline: HealthyBaseline) -> None:
         self._nominal = fitter.nominal
         self._evidence = fitter.evidence
         self._found = found
         self._baseline = baseline
-        self._rivals = tuple(rival.hypothesis.ids for rival in found.rivals) if found.adequate else ()
+        self._rivals = tuple(rival.ids for rival in found.rivals) if found.adequate else ()
 
     def discovery(self) -> Discovery:
         """Everything together."""
@@ -114,14 +115,15 @@ class _Verdict:
         if not self._baseline.trusted:
             confidence = min(confidence, WITH_A_WRONG_MODEL)
         named = verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
-        effects = self._effects(confidence) if named else ()
-        open_ids = [one for ids in (found.winner.hypothesis.ids, *self._rivals) for one in ids]
+        open_ids = [one for ids in (found.winner.ids, *self._rivals) for one in ids]
         noise = [trial.measurement.noise for trial in self._evidence.trials]
         return Discovery(
             verdict=verdict,
-            effects=effects,
+            named=found.winner if named else found.nominal,
+            effects=self._effects() if named else (),
             rivals=self._rivals if named else (),
             ranking=self._ranking(),
+            samples=float(self._samples()),
             gain=found.nominal.statistic - found.winner.statistic,
             threshold=found.threshold,
             confidence=confidence,
@@ -139,6 +141,9 @@ class _Verdict:
             rate_noise=self._rate_noise(),
         )
 
+    def _samples(self) -> int:
+        return sum(trial.phases.size + trial.rate_phases.size for trial in self._evidence.trials)
+
     def _rate_noise(self) -> float | None:
         """Mean over the recordings with a measured rate [m3/s]."""
         levels = [trial.measurement.rate_noise for trial in self._evidence.trials if trial.rate_phases.size]
@@ -151,75 +156,60 @@ class _Verdict:
             return Verdict.NONE
         return Verdict.AMBIGUOUS if self._rivals or self._found.soft else Verdict.NAMED
 
-    def _effects(self, confidence: float) -> tuple[FittedEffect, ...]:
-        """The winner's effects; of a pair each is as sure as the whole."""
+    def _effects(self) -> tuple[FittedEffect, ...]:
         winner = self._found.winner
+        whole, parameters = winner.model(self._nominal), self._with_intervals(winner).parameters
         result = []
-        for number, parameters in enumerate(self._parameters(winner)):
-            effect = winner.hypothesis.effects[number]
+        for number, effect in enumerate(winner.hypothesis.effects):
             instead = [
                 one
                 for ids in self._rivals
-                if set(winner.hypothesis.ids) - {effect.id} <= set(ids)
+                if set(winner.ids) - {effect.id} <= set(ids)
                 for one in ids
-                if one not in winner.hypothesis.ids
+                if one not in winner.ids
             ]
-            others = tuple(dict.fromkeys((*effect.indistinguishable, *instead)))
-            result.append(FittedEffect(effect.id, parameters, self._gain(effect.id), confidence, others))
+            others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
+            moves = self._moves(winner.model_without(number, self._nominal), whole)
+            result.append(FittedEffect(effect.id, parameters[number], self._gain(effect.id), others, moves))
         return tuple(result)
 
     def _gain(self, effect_id: str) -> float:
         """What -2 log L rises without one of the winner's effects."""
         winner = self._found.winner
-        rest = set(winner.hypothesis.ids) - {effect_id}
-        without = next(one for one in self._found.fitted if set(one.hypothesis.ids) == rest)
+        rest = set(winner.ids) - {effect_id}
+        without = next(one for one in self._found.fitted if set(one.ids) == rest)
         return without.statistic - winner.statistic
 
-    def _parameters(self, sized: Sized) -> tuple[tuple[FittedParameter, ...], ...]:
-        """Every effect's parameters with their intervals, from the information at the minimum."""
-        hypothesis, sizing = sized.hypothesis, Sizing(self._evidence, self._nominal, sized.hypothesis)
-        residuals = sizing.residuals(sized.theta)
-        if residuals is None or not hypothesis.effects:
-            return ()
-        at = Fit(linearise(sizing, sized.theta, residuals, hypothesis.ranges()), converged=True)
-        half = (
-            INTERVAL_MARGIN * NORMAL_975 * at.sigmas() * math.sqrt(max(1.0, float(np.mean(residuals.z**2))))
-        )
-        result = []
-        for effect, values, halves in zip(
-            hypothesis.effects, hypothesis.split(sized.theta), hypothesis.split(half), strict=True
-        ):
-            result.append(
-                tuple(
-                    FittedParameter(
-                        p.name, float(v), (max(p.lowest, float(v - h)), min(p.highest, float(v + h)))
-                    )
-                    for p, v, h in zip(effect.parameters, values, halves, strict=True)
-                )
-            )
-        return tuple(result)
+    def _with_intervals(self, one: Candidate) -> Candidate:
+        """A candidate with the intervals of its sizes, from the information at the minimum."""
+        sizing = Sizing(self._evidence, self._nominal, one.hypothesis)
+        residuals = sizing.residuals(one.theta)
+        if residuals is None or not one.hypothesis.effects:
+            return replace(one, half=(math.inf,) * len(one.sizes))
+        at = Minimum(linearise(sizing, one.theta, residuals, one.hypothesis.ranges()), converged=True)
+        spread = math.sqrt(max(1.0, float(np.mean(residuals.z**2))))
+        return replace(one, half=tuple((INTERVAL_MARGIN * NORMAL_975 * at.sigmas() * spread).tolist()))
+
+    def _moves(self, before: EffectiveModel, after: EffectiveModel) -> Consequence:
+        return consequence([trial.measurement for trial in self._evidence.trials], before, after)
 
     def _ranking(self) -> tuple[Candidate, ...]:
         """Leaders by -2 log L, the winner, its rivals and the nominal model among them."""
         found = self._found
-        chosen = sorted(found.fitted, key=lambda one: one.statistic)[:RANKED]
-        chosen += [one for one in (found.winner, *found.rivals, found.nominal) if one not in chosen]
+        leaders = sorted(found.fitted, key=lambda one: one.statistic)[:RANKED]
+        chosen = dict.fromkeys((*leaders, found.winner, *found.rivals, found.nominal))
         first, second = every_second_point([trial.measurement for trial in self._evidence.trials])
         fitted, held = (Evidence([self._evidence.trials[i] for i in part]) for part in (first, second))
-        samples = sum(trial.phases.size + trial.rate_phases.size for trial in self._evidence.trials)
         return tuple(
-            Candidate(
-                one.hypothesis.ids,
-                self._parameters(one),
-                one.statistic,
-                self._held_out(one, fitted, held) if second else math.nan,
-                float(samples),
-                one.plausible,
+            replace(
+                self._with_intervals(one),
+                held_out=self._held_out(one, fitted, held) if second else math.nan,
+                moves=self._moves(self._nominal, one.model(self._nominal)),
             )
             for one in sorted(chosen, key=lambda one: one.statistic)
         )
 
-    def _held_out(self, one: Sized, fitted: Evidence, held: Evidence) -> float:
+    def _held_out(self, one: Candidate, fitted: Evidence, held: Evidence) -> float:
         """-2 log L on the held-out recordings with the sizes fitted to the others."""
         again = fit(Sizing(fitted, self._nominal, one.hypothesis), one.theta, one.hypothesis.ranges())
         if again is None:
@@ -227,7 +217,7 @@ class _Verdict:
         residuals = held.residuals(one.hypothesis.model(self._nominal, again.at.theta))
         return math.inf if residuals is None else residuals.statistic
 
-    def _cells(self, one: Sized) -> tuple[Cell, ...]:
+    def _cells(self, one: Candidate) -> tuple[Cell, ...]:
         model = one.model(self._nominal)
         judged = self._evidence.judge(model)
         return () if judged is None else cells_of(self._evidence, judged, model)

@@ -1,6 +1,6 @@
-"""The vocabulary of effects: every module of this folder is one, its `EFFECT`."""
+"""The vocabulary of effects: every module of this folder is one, its `EFFECT`; others may be added."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pkgutil import iter_modules
 from types import MappingProxyType
@@ -10,13 +10,33 @@ from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
 
 
-def _found() -> Mapping[str, Effect]:
+def _of_this_folder() -> dict[str, Effect]:
     effects = (import_module(f"{__name__}.{module.name}").EFFECT for module in iter_modules(__path__))
-    return MappingProxyType({effect.id: effect for effect in effects})
+    return {effect.id: effect for effect in effects}
 
 
-VOCABULARY: Mapping[str, Effect] = _found()
-"""All effects by id."""
+BUILT_IN: Mapping[str, Effect] = MappingProxyType(_of_this_folder())
+"""The effects of this folder by id."""
+_in_use = dict(BUILT_IN)
+VOCABULARY: Mapping[str, Effect] = MappingProxyType(_in_use)
+"""All effects by id: those of this folder, then those added."""
+_digests: tuple[str, ...] = ()
+
+
+def add_to_vocabulary(effects: Iterable[Effect], digests: Iterable[str]) -> None:
+    """Have these effects, and no others, in the vocabulary beside those of this folder.
+
+    They are taken as they are: `config.own_effects` checks them. digests: SHA-256 of the files they stand in.
+    """
+    global _digests
+    _in_use.clear()
+    _in_use.update(BUILT_IN, **{effect.id: effect for effect in effects})
+    _digests = tuple(digests)
+
+
+def added_digests() -> tuple[str, ...]:
+    """SHA-256 of the files whose effects were added: what is kept of a fit is good for these only."""
+    return _digests
 
 
 def sized(effect_id: str, **values: float) -> SizedEffect:

@@ -1,29 +1,15 @@
 """Leak past the needle guide."""
 
-from collections.abc import Sequence
-
-from observer_rt.model.effect import Effect, EffectClass, EffectParameter, Equation, Place
-from observer_rt.model.effective import EffectiveModel
-
-
-def _apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    (leakage,) = values
-    return model.with_departures(leakage=model.departures.leakage + leakage)
-
+from observer_rt.model.effect import Apparent, Effect, Place, added, parameter
 
 EFFECT = Effect(
     id="guide_leakage",
-    effect_class=EffectClass.DYNAMICS,
     place=Place.CLOSED_END,
-    equation=Equation.LINE_PRESSURE,
-    parameters=(
-        EffectParameter(
-            "c", "m3/(s Pa)", 1.0, off=0.0, lowest=0.0, highest=5e-13, dead_zone=5e-16, starts=(0.0,)
-        ),
-    ),
+    parameters=(parameter("c", 0.0, 5e-13, 5e-16, unit="m3/(s Pa)"),),
+    apply=added("departures", "leakage"),
     sentence="Fuel leaks past the needle guide, open or shut: c (p_L - p_C) drains the line.",
     signature=(
         "The line pressure stands a little below the rail pressure all the time and its ringing dies sooner."
     ),
-    apply=_apply,
+    apparent=Apparent.SETTLED,
 )

@@ -2,24 +2,25 @@
 
 from collections.abc import Sequence
 
-from observer_rt.model.effect import Effect, EffectClass, EffectParameter, Equation, Place
+from observer_rt.model.deciding import LIFT_GAUGE, LIFT_GAUGE_OR_RATE
+from observer_rt.model.effect import Effect, Likeness, Place, Relation, parameter
 from observer_rt.model.effective import EffectiveModel
 
 
 def _apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    (gain,) = values
-    return model.with_inputs(lift_factor=model.inputs.lift_factor * (1.0 + gain))
+    return model.with_terms("inputs", lift_factor=model.inputs.lift_factor * (1.0 + values[0]))
 
 
 EFFECT = Effect(
     id="lift_gain",
-    effect_class=EffectClass.INPUT,
     place=Place.LIFT_SENSOR,
-    equation=Equation.INPUT,
-    parameters=(
-        EffectParameter("g", "-", 1.0, off=0.0, lowest=-0.3, highest=0.3, dead_zone=0.003, starts=(0.0,)),
-    ),
+    parameters=(parameter("g", -0.3, 0.3, 0.003),),
+    apply=_apply,
     sentence="The recorded lift is too small (or too large) by a factor: true = measured (1 + g).",
     signature="Like a wider (or narrower) seat: shows while the seat throttles, at small lift.",
-    apply=_apply,
+    relations=(
+        Relation(("lift_offset",), Likeness.ALIKE, LIFT_GAUGE),
+        Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.ALIKE, LIFT_GAUGE_OR_RATE),
+        Relation(("orifice_area",), Likeness.NEAR, LIFT_GAUGE_OR_RATE),
+    ),
 )

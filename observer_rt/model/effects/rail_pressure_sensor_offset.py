@@ -3,39 +3,28 @@
 from collections.abc import Sequence
 
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.model.effect import Effect, EffectClass, EffectParameter, Equation, Place
+from observer_rt.model.deciding import PRESSURE_GAUGE
+from observer_rt.model.effect import Effect, Likeness, Place, Relation, parameter
 from observer_rt.model.effective import EffectiveModel
 
 
 def _apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    (offset,) = values
-    return model.with_inputs(rail_shift=model.inputs.rail_shift - offset * model.inputs.rail_factor)
+    terms = model.inputs
+    return model.with_terms("inputs", rail_shift=terms.rail_shift - values[0] * terms.rail_factor)
 
 
 EFFECT = Effect(
     id="rail_pressure_sensor_offset",
-    effect_class=EffectClass.INPUT,
     place=Place.RAIL_SENSOR,
-    equation=Equation.INPUT,
-    parameters=(
-        EffectParameter(
-            "o",
-            "MPa",
-            MEGAPASCAL,
-            off=0.0,
-            lowest=-10 * MEGAPASCAL,
-            highest=10 * MEGAPASCAL,
-            dead_zone=0.02 * MEGAPASCAL,
-            starts=(0.0,),
-        ),
-    ),
+    parameters=(parameter("o", -10.0, 10.0, 0.02, unit="MPa", si=MEGAPASCAL),),
+    apply=_apply,
     sentence=(
-        "The rail pressure is recorded too high (or too low) by the same pressure always: measured "
-        "= true + o."
+        "The rail pressure is recorded too high (or too low) by the same pressure always: measured = "
+        "true + o."
     ),
     signature=(
-        "With the needle shut the line pressure differs from the recorded rail pressure by the "
-        "same amount at every pressure."
+        "With the needle shut the line pressure differs from the recorded rail pressure by the same "
+        "amount at every pressure."
     ),
-    apply=_apply,
+    relations=(Relation(("line_pressure_sensor_offset",), Likeness.NEAR, PRESSURE_GAUGE),),
 )

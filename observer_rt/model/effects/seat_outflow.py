@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from observer_rt.model.effect import Effect, EffectClass, Equation, Place
+from observer_rt.model.effect import Effect, Place
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import LineOutflow
 
@@ -15,14 +15,12 @@ def _apply(model: EffectiveModel, _: Sequence[float]) -> EffectiveModel:
 
 EFFECT = Effect(
     id="seat_outflow",
-    effect_class=EffectClass.STRUCTURE,
-    place=Place.SEAT,
-    equation=Equation.LINE_PRESSURE,
+    place=Place.CLOSED_END,
     parameters=(),
+    apply=_apply,
     sentence=(
         "The line is drained by the flow through the seat, which also fills the sac, not by the "
         "injection rate."
     ),
     signature="The line pressure dips a few microseconds sooner at opening, by what fills the sac.",
-    apply=_apply,
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.discovery.evidence.measurement import Measurement, measurements
-from observer_rt.discovery.evidence.standstill import Check, standstill_checks
+from observer_rt.discovery.evidence.standstill import StandstillFigure, standstill_checks
 from observer_rt.discovery.search.likelihood import evidence_of
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.signals.recording import Recording
@@ -16,16 +16,16 @@ from tests.discovery.hidden import NOMINAL, recordings
 MODEL = effective_model(NOMINAL)
 
 
-def _checks(found: tuple[Measurement, ...]) -> list[Check]:
+def _checks(found: tuple[Measurement, ...]) -> list[StandstillFigure]:
     return list(standstill_checks(found, evidence_of(found, MODEL), MODEL, MODEL))
 
 
-def _named(checks: list[Check], name: str) -> list[Check]:
+def _named(checks: list[StandstillFigure], name: str) -> list[StandstillFigure]:
     return [check for check in checks if check.id == name]
 
 
 def test_a_worn_injector_stands_still_as_a_new_one(worn: Worn) -> None:
-    checks = worn.answer.findings.checks
+    checks = worn.findings.checks
     assert all(check.passed for check in checks)
     noise = {check.id: check.value for check in checks if check.recording == 0}
     assert noise["rail_pressure_noise"] == pytest.approx(0.10, rel=0.05)
@@ -54,7 +54,7 @@ def test_a_slow_sensor_shows_beside_the_model() -> None:
 
 
 def test_no_lag_is_left_beside_the_amended_model(worn: Worn) -> None:
-    (lag,) = _named(list(worn.answer.findings.checks), "apparent_line_pressure_sensor_lag")
+    (lag,) = _named(list(worn.findings.checks), "apparent_line_pressure_sensor_lag")
     assert abs(lag.value) < 5 * lag.sigma
     assert lag.sigma < 1.0
 

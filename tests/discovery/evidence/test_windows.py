@@ -1,4 +1,4 @@
-"""Inputs and output of the predictor for given input terms."""
+"""TrueInputs and output of the predictor for given input terms."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.discovery.evidence.measurement import Measurement, measurements
-from observer_rt.discovery.evidence.windows import Inputs, Rows, batch_of, phases
+from observer_rt.discovery.evidence.windows import Rows, TrueInputs, batch_of, phases
 from observer_rt.estimation.phases import Phase
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.effects import effective_model, sized
@@ -39,9 +39,9 @@ def _opened(area: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
 
 
 def test_the_foot_a_lift_sensor_misses_is_restored() -> None:
-    true = Inputs(HEALTHY, InputTerms(), C).area
-    blind = Inputs(BLIND, InputTerms(), C).area
-    restored = Inputs(BLIND, InputTerms(lift_shift=20e-6), C).area
+    true = TrueInputs(HEALTHY, InputTerms(), C).area
+    blind = TrueInputs(BLIND, InputTerms(), C).area
+    restored = TrueInputs(BLIND, InputTerms(lift_shift=20e-6), C).area
     first = HEALTHY.events[0].openings[0].first
     foot = slice(first - 10, first + 3)
     missing = _opened(true[foot]) - _opened(blind[foot])
@@ -50,7 +50,7 @@ def test_the_foot_a_lift_sensor_misses_is_restored() -> None:
 
 
 def test_a_shut_needle_has_no_area_whatever_the_noise() -> None:
-    area = Inputs(NOISY, InputTerms(), C).area
+    area = TrueInputs(NOISY, InputTerms(), C).area
     shut = np.ones(area.size, np.bool_)
     for event in NOISY.events:
         for opening in event.openings:
@@ -61,7 +61,7 @@ def test_a_shut_needle_has_no_area_whatever_the_noise() -> None:
 @given(shift=st.floats(-10e-6, 30e-6))
 def test_the_opened_area_has_no_jumps(shift: float) -> None:
     step = 1e-9
-    here, there = (Inputs(NOISY, InputTerms(lift_shift=s), C).area for s in (shift, shift + step))
+    here, there = (TrueInputs(NOISY, InputTerms(lift_shift=s), C).area for s in (shift, shift + step))
     opening = NOISY.events[0].openings[0]
     part = slice(opening.first - 10, opening.last + 10)
     samples = opening.last - opening.first + 20
@@ -71,14 +71,14 @@ def test_the_opened_area_has_no_jumps(shift: float) -> None:
 
 
 def test_the_rail_pressure_is_corrected() -> None:
-    rail = Inputs(HEALTHY, InputTerms(rail_factor=1.02, rail_shift=-1e6), C).rail
+    rail = TrueInputs(HEALTHY, InputTerms(rail_factor=1.02, rail_shift=-1e6), C).rail
     expected = (1.02 * HEALTHY.recording.rail_pressure - 1e6 - C.chamber_pressure) / C.pressure_scale
     assert rail == pytest.approx(expected)
 
 
 def test_a_late_line_pressure_moves_the_inputs_not_what_is_judged() -> None:
     rows = Rows(HEALTHY)
-    inputs = Inputs(HEALTHY, InputTerms(), C)
+    inputs = TrueInputs(HEALTHY, InputTerms(), C)
     straight, late = (batch_of(HEALTHY, rows, inputs, n, 0.0, C) for n in (0, 3))
     assert np.array_equal(late.output, straight.output)
     inside = np.arange(100, straight.bounds[1] - 100)
@@ -87,5 +87,5 @@ def test_a_late_line_pressure_moves_the_inputs_not_what_is_judged() -> None:
 
 
 def test_all_phases_are_there() -> None:
-    batch = batch_of(HEALTHY, Rows(HEALTHY), Inputs(HEALTHY, InputTerms(), C), 0, 0.0, C)
+    batch = batch_of(HEALTHY, Rows(HEALTHY), TrueInputs(HEALTHY, InputTerms(), C), 0, 0.0, C)
     assert set(phases(HEALTHY, batch)) == set(Phase)

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from datetime import datetime
 from html.parser import HTMLParser
+from typing import Any
 
 import pytest
 
-from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.opinion import Opinion
 from observer_rt.discovery.report.report import Sources, report
 from observer_rt.discovery.result import Decisive, Discovery, Signal, Unexplained, Verdict
@@ -53,12 +53,11 @@ class _Page(HTMLParser):
         self.text += data
 
 
-def _page(worn: Worn, found: Discovery | None = None, **changes: object) -> _Page:
-    findings: Findings = replace(worn.answer.findings, **changes)  # type: ignore[arg-type]
+def _page(worn: Worn, found: Discovery | None = None, **changes: Any) -> _Page:
+    findings = replace(worn.findings, **changes)
     if found is not None:
-        count = len(found.effects)
-        findings = replace(findings, discovery=found, effects=findings.effects[:count])
-    return _Page(report(findings, worn.answer.overlays, _sources(worn.question.hashes)))
+        findings = replace(findings, discovery=found)
+    return _Page(report(findings, _sources(worn.question.hashes)))
 
 
 def _sources(hashes: Mapping[str, str]) -> Sources:
@@ -69,9 +68,22 @@ def test_the_page_stands_alone(worn: Worn) -> None:
     assert _page(worn).loaded == []
 
 
+def test_names_of_files_are_text(worn: Worn) -> None:
+    """Whatever the user called them, nothing of them is run."""
+    name = "<script>alert('1')</script>&amp;.toml"
+    sources = replace(_sources({name: "0" * 64}), model=name, healthy=(name,), in_force=(name,))
+    points = tuple(f"{name} {number}" for number in range(4))
+    findings = replace(
+        worn.findings, files=(name,) * 4, points=points, amended_model=name, healthy_warning=name
+    )
+    page = _Page(report(findings, sources))
+    assert page.loaded == []
+    assert page.text.count(name) > 10
+
+
 def test_the_answer_comes_first_with_size_confidence_and_consequences(worn: Worn) -> None:
     text = _page(worn).text
-    (effect,) = worn.answer.findings.discovery.effects
+    (effect,) = worn.findings.discovery.effects
     answer = text[: text.index("Where model and measurement disagree")]
     assert f"v_H = {effect.parameters[0].value:.4f}" in answer
     assert "99%" in answer
@@ -98,7 +110,8 @@ def test_every_part_is_there(worn: Worn) -> None:
 
 
 def test_a_contradiction_stands_at_the_top(worn: Worn) -> None:
-    quiet = Opinion((replace(worn.answer.findings.opinion.indicators[0], value=0.0),), 10, 12, {})  # type: ignore[union-attr]
+    assert worn.findings.opinion is not None
+    quiet = Opinion((replace(worn.findings.opinion.indicators[0], value=0.0),), 10, 12, {})
     text = _page(worn, opinion=quiet).text
     assert text.index("does not agree") < text.index("Where model and measurement disagree")
     assert "could not be run" in _page(worn, opinion=None).text
@@ -106,7 +119,7 @@ def test_a_contradiction_stands_at_the_top(worn: Worn) -> None:
 
 def test_an_ambiguous_answer_names_its_rivals_and_what_would_decide(worn: Worn) -> None:
     found = replace(
-        worn.answer.findings.discovery,
+        worn.findings.discovery,
         verdict=Verdict.AMBIGUOUS,
         rivals=(("orifice_cavitation",),),
         decide_by=(Decisive("a measurement at 160 MPa", ("orifice_area", "orifice_cavitation")),),
@@ -123,7 +136,7 @@ def test_without_an_effect_no_model_is_promised(worn: Worn, verdict: Verdict) ->
         Equation.SAC_PRESSURE, Phase.CLOSING, Signal.LINE_PRESSURE, ("duration",), "measured < modelled"
     )
     found = replace(
-        worn.answer.findings.discovery,
+        worn.findings.discovery,
         verdict=verdict,
         effects=(),
         unexplained=place if verdict is Verdict.UNKNOWN else None,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.discovery.search.bounded_fit import Fit, Range, Residuals, fit
+from observer_rt.discovery.search.bounded_fit import Minimum, Range, Residuals, fit
 
 N = 4000
 RNG = np.random.default_rng(5)
@@ -36,7 +36,7 @@ def _line(theta: NDArray[np.float64]) -> Residuals:
 WIDE = (Range(-50.0, 50.0, 1e-4), Range(-50.0, 50.0, 1e-4))
 
 
-def _found(result: Fit | None) -> Fit:
+def _found(result: Minimum | None) -> Minimum:
     assert result is not None
     return result
 

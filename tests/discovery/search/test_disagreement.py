@@ -4,7 +4,7 @@ from observer_rt.discovery.evidence.measurement import measurements
 from observer_rt.discovery.result import Signal, Verdict
 from observer_rt.discovery.search.disagreement import disagreements
 from observer_rt.discovery.search.likelihood import evidence_of
-from observer_rt.discovery.search.verdict import Options, name_effects
+from observer_rt.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.estimation.phases import Phase
 from observer_rt.model.effect import Equation
 from observer_rt.model.effects import effective_model, sized
@@ -13,7 +13,7 @@ from tests.discovery.hidden import NOMINAL, recordings
 
 
 def test_wear_shows_while_the_needle_is_open(worn: Worn) -> None:
-    where = worn.answer.findings.where
+    where = worn.findings.where
     assert {item.before.signal for item in where} == set(Signal)
     for item in where:
         if item.before.signal is Signal.LINE_PRESSURE and item.before.phase is Phase.STANDSTILL:
@@ -25,14 +25,14 @@ def test_wear_shows_while_the_needle_is_open(worn: Worn) -> None:
 
 
 def test_nothing_significant_is_left_with_the_amended_model(worn: Worn) -> None:
-    assert max(item.after.excess for item in worn.answer.findings.where) < 5.0
+    assert max(item.after.excess for item in worn.findings.where) < 5.0
 
 
 def test_each_of_two_effects_has_its_places() -> None:
     hidden = (sized("orifice_area", v_H=0.15), sized("line_pressure_sensor_offset", o=0.1e6))
     measured = measurements(recordings(hidden))
     nominal = effective_model(NOMINAL)
-    found = name_effects(nominal, measured, Options(workers=2))
+    found = name_effects(nominal, measured, SearchOptions(workers=2))
     where = disagreements(found, evidence_of(measured, nominal), nominal)
     shut = {item.equation for item in where if item.before.phase is Phase.STANDSTILL}
     opened = {item.equation for item in where if item.before.phase is Phase.OPEN}
@@ -43,7 +43,7 @@ def test_each_of_two_effects_has_its_places() -> None:
 def test_a_healthy_map_is_empty() -> None:
     measured = measurements(recordings())
     nominal = effective_model(NOMINAL)
-    found = name_effects(nominal, measured, Options(workers=2))
+    found = name_effects(nominal, measured, SearchOptions(workers=2))
     assert found.verdict is Verdict.NONE
     where = disagreements(found, evidence_of(measured, nominal), nominal)
     assert {item.equation for item in where} == {None}

@@ -6,7 +6,7 @@ import numpy as np
 
 from observer_rt.discovery.search.fit_store import FitStore, problem_key
 from tests.discovery.hidden import NOMINAL
-from tests.discovery.test_add import LEAK
+from tests.discovery.test_amend import LEAK
 
 IDS, THETA, STATISTIC = ("orifice_area", "line_friction"), np.array([0.1 + 0.2, -1e-300]), -207_000.123456789
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from observer_rt.discovery.evidence.measurement import measurements
 from observer_rt.discovery.result import Discovery, Signal, Verdict
-from observer_rt.discovery.search.verdict import Options, healthy_baseline, name_effects
+from observer_rt.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
@@ -20,10 +20,12 @@ def _discover(
     *effects: SizedEffect,
     measured_rate: bool = False,
     parameters: InjectorParameters = NOMINAL,
-    options: Options | None = None,
+    options: SearchOptions | None = None,
 ) -> Discovery:
     return name_effects(
-        MODEL, measurements(recordings(effects, measured_rate, parameters)), options or Options(workers=2)
+        MODEL,
+        measurements(recordings(effects, measured_rate, parameters)),
+        options or SearchOptions(workers=2),
     )
 
 
@@ -67,7 +69,7 @@ def test_a_single_effect_is_named(hidden: SizedEffect, measured_rate: bool) -> N
     assert found.verdict is Verdict.NAMED
     assert _holds(found, hidden)
     assert found.gain > found.threshold
-    assert found.effects[0].confidence > 0.9
+    assert found.confidence > 0.9
     assert found.ranking[0].ids == (hidden.effect.id,)
     assert max(cell.excess for cell in found.before) > 5.0
     assert max(cell.excess for cell in found.after) < 5.0
@@ -76,7 +78,9 @@ def test_a_single_effect_is_named(hidden: SizedEffect, measured_rate: bool) -> N
 def test_an_effect_too_small_to_matter_is_not_taken_for_another() -> None:
     points = ((60e6, 1.9e-3), (60e6, 0.6e-3), (140e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.2e-3))
     found = name_effects(
-        MODEL, measurements(recordings((sized("channel_skew", d=1.2e-6),), points=points)), Options(workers=2)
+        MODEL,
+        measurements(recordings((sized("channel_skew", d=1.2e-6),), points=points)),
+        SearchOptions(workers=2),
     )
     nominal = next(one for one in found.ranking if not one.ids)
     assert nominal.statistic > found.ranking[0].statistic + found.threshold  # it shows
@@ -94,7 +98,7 @@ def test_near_ties_are_ambiguous_with_what_would_decide() -> None:
     assert found.verdict is Verdict.AMBIGUOUS
     listed = {found.effects[0].id, *found.effects[0].indistinguishable_from}
     assert {"seat_area", "lift_gain"} <= listed
-    assert found.effects[0].confidence < 0.8
+    assert found.confidence < 0.8
     (decisive,) = [one for one in found.decide_by if {"seat_area", "lift_gain"} <= set(one.separates)]
     assert "lift sensor" in decisive.measurement
 
@@ -150,21 +154,21 @@ def test_an_interrupted_search_goes_on_where_it_was_and_ends_the_same() -> None:
     memory = _Memory()
     memory.left = 7
     with pytest.raises(KeyboardInterrupt):
-        _discover(hidden, options=Options(memory=memory))
+        _discover(hidden, options=SearchOptions(memory=memory))
     assert len(memory.fits) == 7
     memory.left = 10_000
-    resumed = _discover(hidden, options=Options(memory=memory))
+    resumed = _discover(hidden, options=SearchOptions(memory=memory))
     used = 10_000 - memory.left
     fresh = _Memory()
-    assert resumed == _discover(hidden, options=Options(memory=fresh))
+    assert resumed == _discover(hidden, options=SearchOptions(memory=fresh))
     assert used == len(fresh.fits) - 7
 
 
 def test_threads_and_progress_change_nothing() -> None:
     hidden = sized("rail_pressure_sensor_gain", g=0.01)
     shares: list[float] = []
-    assert _discover(hidden, options=Options(workers=2, progress=shares.append)) == _discover(
-        hidden, options=Options(workers=1)
+    assert _discover(hidden, options=SearchOptions(workers=2, progress=shares.append)) == _discover(
+        hidden, options=SearchOptions(workers=1)
     )
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
@@ -178,7 +182,9 @@ def test_against_a_healthy_baseline_only_what_is_new_counts() -> None:
     assert not baseline.trusted
     assert on_healthy.verdict is not Verdict.NONE
     found = _discover(
-        sized("line_friction", k=0.5), parameters=larger_sac, options=Options(workers=2, baseline=baseline)
+        sized("line_friction", k=0.5),
+        parameters=larger_sac,
+        options=SearchOptions(workers=2, baseline=baseline),
     )
     assert found.verdict is Verdict.NAMED
     assert [one.id for one in found.effects] == ["line_friction"]

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.discovery.evidence.measurement import measurements
-from observer_rt.discovery.evidence.windows import Inputs
+from observer_rt.discovery.evidence.windows import TrueInputs
 from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import Setting, Window, follow
 from observer_rt.model.effects import effective_model
@@ -21,7 +21,7 @@ def open_loop(
     model = effective_model(injector)
     c, sensor = model.coefficients, model.sensor
     (measurement,) = measurements([recording])
-    inputs = Inputs(measurement, model.inputs, c)
+    inputs = TrueInputs(measurement, model.inputs, c)
     u = np.stack((inputs.rail, inputs.area), axis=1)
     window = Window(
         inputs=u,

@@ -2,21 +2,16 @@
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
-from datetime import date
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from observer_rt.config.bench import load_injector
-from observer_rt.discovery.report.printed_units import printed
-from observer_rt.discovery.result import Discovery, FittedEffect
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.parameters import EffectInForce, EffectValue
 
-ORIGIN = "observer-rt discover"
 _HEADER = re.compile(r"^\s*\[")
 _EFFECT_HEADER = re.compile(r"^\s*\[\[?\s*effects\b")
-_SHOWN_HASH = 12  # digits of a recording's hash
 
 
 class InjectorText:
@@ -37,29 +32,6 @@ class InjectorText:
     def with_effects(self, effects: Sequence[EffectInForce]) -> str:
         """The file with these effects, and no others, at its end."""
         return self.without_effects.rstrip("\n") + "\n" + "".join(f"\n{_table(one)}" for one in effects)
-
-
-def in_force(effect: FittedEffect, evidence: str, day: date) -> EffectInForce:
-    """A fitted effect as the injector file has it."""
-    values = [printed(effect.id, parameter) for parameter in effect.parameters]
-    return EffectInForce(
-        id=effect.id,
-        parameters={v.name: EffectValue(value=v.value, ci95=v.ci95, unit=v.unit) for v in values},
-        origin=ORIGIN,
-        evidence=evidence,
-        date=day.isoformat(),
-    )
-
-
-def reason_for(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
-    """Why an effect is believed in, in a line. recordings: SHA-256 of each by file name."""
-    files = ", ".join(f"{name} sha256 {digest[:_SHOWN_HASH]}" for name, digest in recordings.items())
-    or_else = ", ".join(effect.indistinguishable_from)
-    doubt = f"; cannot be told from {or_else}" if or_else else ""
-    return (
-        f"verdict {found.verdict.value}, confidence {effect.confidence:.2f}{doubt}; "
-        f"-2 log L falls by {effect.gain:.0f} (threshold {found.threshold:.0f}); {files}"
-    )
 
 
 def write_amended(path: Path, source: InjectorText, effects: Sequence[EffectInForce]) -> None:

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.discovery.add import InjectorText, in_force, reason_for, write_amended
-from observer_rt.discovery.amend import amendment
+from observer_rt.discovery.amend import amended_effects
 from observer_rt.discovery.evidence.measurement import measurements
-from observer_rt.discovery.search.verdict import Options, name_effects
+from observer_rt.discovery.injector_text import InjectorText, write_amended
+from observer_rt.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import EffectInForce, EffectValue
@@ -82,7 +82,7 @@ def test_any_text_and_number_comes_back(origin: str, evidence: str, value: float
 
 
 def test_what_was_found_is_written_with_its_evidence(worn: Worn) -> None:
-    (effect,) = worn.answer.effects
+    (effect,) = worn.findings.in_force
     assert effect.id == "orifice_area"
     value = effect.parameters["v_H"]
     assert value.ci95 is not None
@@ -97,13 +97,12 @@ def test_an_effect_found_on_top_of_one_in_force_becomes_one_total() -> None:
     before = NOMINAL.model_copy(update={"effects": (LEAK, WORN)})
     hidden = (sized("guide_leakage", c=1.5e-14), sized("orifice_area", v_H=0.3))
     measured = measurements(recordings(hidden))
-    found = name_effects(effective_model(before), measured, Options(workers=2))
+    found = name_effects(effective_model(before), measured, SearchOptions(workers=2))
     assert [effect.id for effect in found.effects] == ["orifice_area"]
-    amended = amendment(before, found, measured)
-    assert amended.kept == (LEAK,)
-    (total,) = amended.found
-    low, high = total.parameters[0].ci95
+    kept, total = amended_effects(before, found, measured, {})
+    assert kept == LEAK
+    assert total.parameters["v_H"].ci95 is not None
+    low, high = total.parameters["v_H"].ci95
     assert low - 0.5 * (high - low) < 0.3 < high + 0.5 * (high - low)
-    written = in_force(total, reason_for(found, total, {}), date(2026, 1, 31))
-    again = effective_model(NOMINAL.model_copy(update={"effects": (*amended.kept, written)}))
-    assert name_effects(again, measured, Options(workers=2)).effects == ()
+    again = effective_model(NOMINAL.model_copy(update={"effects": (kept, total)}))
+    assert name_effects(again, measured, SearchOptions(workers=2)).effects == ()

@@ -1,0 +1,216 @@
+"""What the templates of the page show of the findings, as numbers in printed units and words."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from observer_rt.discovery.evidence.standstill import StandstillFigure
+from observer_rt.discovery.findings import Findings, explained_share
+from observer_rt.discovery.opinion import Indicator
+from observer_rt.discovery.report.figures import Bars, gap_figure
+from observer_rt.discovery.report.gap_map import point_name
+from observer_rt.discovery.report.gaps import Gap, Gaps
+from observer_rt.discovery.report.printed_units import UNITS, Printed, printed, shown, sign, significant
+from observer_rt.discovery.report.text import effects_words, where_words
+from observer_rt.discovery.result import Candidate, Consequence, Discovery, FittedParameter, Verdict
+from observer_rt.discovery.search import search
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
+from observer_rt.model.effect import Apparent
+from observer_rt.model.effects import VOCABULARY
+
+FOR_TEMPLATES = (
+    "apparent_sizes",
+    "bar",
+    "found_size",
+    "gained",
+    "held_out_figure",
+    "indistinguishable",
+    "learned",
+    "mass_words",
+    "moved_mass",
+    "moved_pressure",
+    "printed_parameters",
+    "sizes",
+    "standstill_columns",
+    "tiles",
+    "title",
+)
+LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
+_LONGEST_BAR = 120  # px
+_STANDSTILL = {
+    "rail_line_offset": "line − rail pressure",
+    "line_pressure_slope": "slope of line pressure",
+    "rail_pressure_noise": "noise, rail pressure",
+    "line_pressure_noise": "noise, line pressure",
+    "needle_lift_noise": "noise, lift",
+    "injection_rate_noise": "noise, rate",
+}
+_MODEL_MINUS_MEASURED = "model minus measured, rms"
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A figure at the top of the page."""
+
+    value: str
+    unit: str
+    text: str
+
+
+@dataclass(frozen=True)
+class StandstillColumn:
+    """Figures of one kind, by number of the recording."""
+
+    title: str
+    unit: str
+    figures: dict[int | None, StandstillFigure]
+
+
+def title(found: Discovery) -> str:
+    """The answer in a sentence."""
+    if found.verdict is Verdict.NONE:
+        return "Nothing is missing: the model explains the recordings"
+    if found.verdict is Verdict.UNKNOWN:
+        return f"Something is missing that no effect of the vocabulary explains{where_words(found)}"
+    words = effects_words(found)
+    if found.verdict is Verdict.AMBIGUOUS:
+        return f"Missing: most likely {words}, but these recordings do not decide"
+    return f"Missing: {words}"
+
+
+def mass_words(gaps: Gaps) -> str:
+    """The gap in mass, absolute and as a share, where it is one to speak of."""
+    gap = gaps.mass.before
+    if gap < LEAST_MASS:
+        return f"less than {LEAST_MASS / MILLIGRAM:g} mg"
+    return f"{gap / MILLIGRAM:.2g} mg ({gap / gaps.injected:.1%})"
+
+
+def tiles(findings: Findings) -> list[Tile]:
+    """Confidence, and gaps before and after."""
+    found, gaps = findings.discovery, findings.gaps
+    result = [Tile(f"{found.confidence:.0%}", "", "confidence that this is right")]
+
+    def add(gap: Gap, unit: str, name: str) -> None:
+        after = f" → {gap.after / UNITS[unit]:.2g}" if found.effects else ""
+        value = f"{gap.before / UNITS[unit]:.2g}{after}"
+        result.append(Tile(value, unit, f"{name}, {_MODEL_MINUS_MEASURED}"))
+
+    add(gaps.line_pressure, "MPa", "line pressure")
+    if gaps.injection_rate is not None:
+        add(gaps.injection_rate, "mm³/ms", "injection rate")
+        add(gaps.mass, "mg", "injected mass")
+    elif found.effects:
+        wrong = gaps.mass.before
+        value = f"{wrong / MILLIGRAM:.2g}" if wrong >= LEAST_MASS else f"< {LEAST_MASS / MILLIGRAM:g}"
+        result.append(Tile(value, "mg", "injected mass, what the model given is wrong"))
+    if found.effects and len(result) < 4:
+        result.append(Tile(f"{explained_share(found):.0%}", "", "of the disagreement explained"))
+    return result
+
+
+def held_out_figure(findings: Findings) -> str:
+    """The gaps at operating points the sizes were not fitted to, as <svg>."""
+    gaps, amended = findings.gaps, bool(findings.discovery.effects)
+    first = {item.before.recording: item.before for item in findings.where}
+    labels = [point_name(first[point.recording]).replace(", ", "\n") for point in gaps.points]
+    pressures = tuple(point.line_pressure for point in gaps.points)
+    groups = [Bars("line pressure", "MPa", MEGAPASCAL, pressures, amended)]
+    rates = tuple(point.injection_rate for point in gaps.points if point.injection_rate is not None)
+    masses = tuple(point.mass for point in gaps.points)
+    if rates:
+        groups.append(Bars("injection rate", "mm³/ms", MM3_PER_MS, rates, amended))
+        groups.append(Bars("injected mass", "mg", MILLIGRAM, masses, amended))
+    elif amended:
+        against = "injected mass, against the amended model"
+        groups.append(Bars(against, "mg", MILLIGRAM, masses, amended=False))
+    return gap_figure(labels, groups)
+
+
+def printed_in(value: float, unit: str) -> str:
+    """Two digits of a value in SI, with its unit."""
+    return f"{value / UNITS[unit]:.2g} {unit}"
+
+
+def whole(text: str) -> str:
+    """Text that is not broken into lines."""
+    return text.replace(" ", "\u00a0")
+
+
+def printed_parameters(effect_id: str, parameters: Sequence[FittedParameter]) -> list[Printed]:
+    """The parameters of an effect in the units people read."""
+    return [printed(effect_id, parameter) for parameter in parameters]
+
+
+def sizes(candidate: Candidate) -> list[str]:
+    """All sizes of a candidate, such as `v_H = 0.301`."""
+    every = zip(candidate.ids, candidate.parameters, strict=True)
+    return [one.value_text for effect_id, fitted in every for one in printed_parameters(effect_id, fitted)]
+
+
+def bar(share: float) -> int:
+    """Length of a bar [px]."""
+    return max(1, round(_LONGEST_BAR * max(share, 0.0)))
+
+
+def gained(gain: float) -> str:
+    """A gain on held-out recordings."""
+    return f"{gain:.0f}" if math.isfinite(gain) else "no solution"
+
+
+def moved_pressure(moves: Consequence) -> str:
+    """By how much the line pressure moves, in MPa."""
+    return f"{moves.line_pressure / MEGAPASCAL:.2g}"
+
+
+def moved_mass(moves: Consequence) -> str:
+    """By how much the injected mass moves, in mg."""
+    return f"{moves.mass / MILLIGRAM:+.2g}" if abs(moves.mass) >= LEAST_MASS else "0"
+
+
+def indistinguishable(found: Discovery) -> dict[str, tuple[str, ...]]:
+    """The effects found that have others nobody can tell from them, with these."""
+    same = {effect.id: search.indistinguishable(VOCABULARY[effect.id]) for effect in found.effects}
+    return {effect_id: others for effect_id, others in same.items() if others}
+
+
+def standstill_columns(checks: Sequence[StandstillFigure]) -> list[StandstillColumn]:
+    """The figures of single recordings."""
+    columns = []
+    for name, words in _STANDSTILL.items():
+        figures = {check.recording: check for check in checks if check.id == name}
+        if figures:
+            columns.append(StandstillColumn(words, next(iter(figures.values())).unit, figures))
+    return columns
+
+
+def apparent_sizes(checks: Sequence[StandstillFigure]) -> list[dict[str, StandstillFigure]]:
+    """Apparent sizes by effect: of the settled needle, and of what is left."""
+    by_id = {check.id.removeprefix("apparent_"): check for check in checks if check.recording is None}
+    return [
+        {name: check for name, check in by_id.items() if VOCABULARY[name].apparent is how} for how in Apparent
+    ]
+
+
+def with_sigma(figure: StandstillFigure) -> str:
+    """A figure of the standstill with its standard deviation."""
+    if math.isnan(figure.sigma):
+        return f"{figure.value:#.3g}"
+    step = significant(figure.sigma)
+    return f"{shown(figure.value, step)} ± {shown(figure.sigma, step)}"
+
+
+def learned(indicator: Indicator) -> str:
+    """What the learning observer says of an effect, with its 95 % interval."""
+    definition = VOCABULARY[indicator.effect_id].parameters[0]
+    value, sigma = indicator.value / definition.si, indicator.sigma / definition.si
+    if not sigma > 0.0:
+        return "not needed"
+    step = significant(sigma)
+    return f"{shown(value, step)} ± {shown(1.96 * sigma, step)} {sign(definition.unit)}"
+
+
+def found_size(found: Discovery, effect_id: str) -> str:
+    """What discovery says of an effect."""
+    sized = [printed(effect_id, e.parameters[0]).value_text for e in found.effects if e.id == effect_id]
+    return sized[0] if sized else "–"

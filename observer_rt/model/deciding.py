@@ -1,0 +1,15 @@
+"""Measurements that tell effects apart which recordings of rail pressure, lift and line pressure may not."""
+
+BOTH_CHANNELS = (
+    "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
+)
+FUEL_OR_DRAWING = (
+    "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal tells them apart"
+)
+FUEL_DENSITY = "the density of a fuel sample, or the injected mass on a balance"
+LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
+LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
+BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
+PRESSURE_GAUGE = (
+    "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
+)

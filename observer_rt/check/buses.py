@@ -1,15 +1,34 @@
-"""Findings about several buses: what is on which, and whether their stamps can be compared."""
+"""Findings about the buses of a bench: what is on which, whose stamps can be compared, names and identifiers."""
 
 import numpy as np
 
+from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.mapping.bench_map import BenchMap
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.check.findings import Finding, Level, graded
+from observer_rt.check.load import load_findings
 from observer_rt.config.bench import Bench
 
+CLASSIC_LENGTH = 8  # bytes
 
-def buses_findings(bench: Bench, bus: BusMap) -> list[Finding]:
-    """What comes in and goes out on each bus, where there are several, and whether its stamps serve."""
+
+def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
+    """All findings about the buses, those of their load where every message fits its kind of frame."""
+    findings = _carried(bench, mapped) + _stamps(bench, mapped)
+    findings += _results(bench, mapped) + _identifiers(mapped) + _databases(mapped)
+    frames = [
+        finding for number in range(len(bench.config.buses)) for finding in _frames(bench, mapped, number)
+    ]
+    if frames:
+        return findings + frames
+    fit = Finding("frames", Level.OK, "every message fits its kind of frame")
+    return [*findings, fit, *load_findings(bench, mapped)]
+
+
+def _carried(bench: Bench, mapped: BenchMap) -> list[Finding]:
+    """What comes in and goes out on each bus, where there are several."""
     links = bench.config.buses
     if len(links) == 1:
         return []
@@ -17,29 +36,116 @@ def buses_findings(bench: Bench, bus: BusMap) -> list[Finding]:
     for number, link in enumerate(links):
         ways = (
             f"{way} {', '.join(names)}"
-            for way, layouts in (("in", bus.received), ("out", bus.sent))
+            for way, layouts in (("in", mapped.received), ("out", mapped.sent))
             if (names := [layout.name for layout in layouts if layout.bus == number])
         )
         carried = ", ".join(ways)
         text = f"{link.label}, {link.config.interface}: {carried or 'nothing'}"
         remedy = f"state link for a [[dbc]], a signal or the outputs, or leave [{link.place}] out"
         findings.append(graded("buses", bool(carried), text, remedy))
-    return findings + _stamps(bench, bus)
+    return findings
 
 
-def _stamps(bench: Bench, bus: BusMap) -> list[Finding]:
+def _stamps(bench: Bench, mapped: BenchMap) -> list[Finding]:
     """Inputs that depend on stamps, on buses whose stamps are too rough beside others."""
-    timing = bus.inputs.timing
-    rough = {n for n, link in enumerate(bench.config.buses) if link.config.interface != "socketcan"}
-    if not np.any((timing["numbering"] != Numbering.INDEX) | (timing["joining"] == Joining.CLOCK)):
+    links = bench.config.buses
+    if len(links) == 1:
         return []
+    rough = {n for n, link in enumerate(links) if link.config.interface != "socketcan"}
+    by_stamps = {layout.bus for bus in mapped.injectors if _needs_stamps(bus) for layout in bus.input_layouts}
     return [
         Finding(
             "buses",
             Level.WARNING,
-            f"{bus.labels[number]}: beside other buses its frames are stamped when this process reads them, too "
+            f"{links[number].label}: beside other buses its frames are stamped when this process reads them, too "
             "roughly for messages of several time bases, or without index; use SocketCAN, or give all messages an "
             "index and one time base",
         )
-        for number in sorted({layout.bus for layout in bus.input_layouts} & rough)
+        for number in sorted(by_stamps & rough)
     ]
+
+
+def _needs_stamps(bus: BusMap) -> bool:
+    timing = bus.inputs.timing
+    return bool(np.any((timing["numbering"] != Numbering.INDEX) | (timing["joining"] == Joining.CLOCK)))
+
+
+def _results(bench: Bench, mapped: BenchMap) -> list[Finding]:
+    """What several injectors cannot have in common: the messages of their results, and what tells these apart."""
+    owners: dict[str, list[str]] = {}
+    for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
+        outputs = injector.config.outputs
+        for layout in bus.sent:
+            owners.setdefault(f"the message {mapped.name_of(layout)}", []).append(injector.name)
+        owners.setdefault(f"outputs.injector_id = {outputs.injector_id}", []).append(injector.name)
+        if injector.state is not None:
+            owners.setdefault(f"state.file = {injector.state}", []).append(injector.name)
+    return [
+        Finding("outputs", Level.ERROR, f"{' and '.join(names)} have one {what}; give each its own")
+        for what, names in owners.items()
+        if len(names) > 1
+    ]
+
+
+def _identifiers(mapped: BenchMap) -> list[Finding]:
+    owners: dict[int, list[MessageLayout]] = {}
+    for layout in mapped.layouts:
+        key = frame_key(layout.frame_id, layout.is_extended, layout.bus)
+        owners.setdefault(key, []).append(layout)
+    clashes = [
+        Finding(
+            "identifiers",
+            Level.ERROR,
+            f"{' and '.join(map(mapped.name_of, layouts))} share 0x{key & 0x1FFFFFFF:X}; give every message its own "
+            "identifier",
+        )
+        for key, layouts in owners.items()
+        if len(layouts) > 1
+    ]
+    used = {(layout.name, layout.bus) for layout in mapped.layouts}
+    others = [
+        Finding(
+            "identifiers",
+            Level.WARNING,
+            f"{mapped.name_of(owners[message.key][0])} shares 0x{message.key & 0x1FFFFFFF:X} with {message.name} of "
+            f"{message.path}; "
+            "if that one is on this bus too, give one of them another identifier",
+        )
+        for message in mapped.known
+        if message.key in owners and (message.name, message.bus) not in used
+    ]
+    return clashes + others or [Finding("identifiers", Level.OK, f"{len(owners)} messages, all different")]
+
+
+def _databases(mapped: BenchMap) -> list[Finding]:
+    """Names that several databases define, and what is wrong with those read leniently."""
+    findings = []
+    for layout in mapped.layouts:
+        named = [message for message in mapped.known if message.name == layout.name]
+        of_bus = [message for message in named if message.bus == layout.bus]
+        files = [str(message.path) for message in of_bus or named]
+        if len(files) > 1:
+            text = f"{layout.name} is in {' and in '.join(files)}; the first is used, rename the other"
+            findings.append(Finding("databases", Level.WARNING, text))
+    findings += [Finding("databases", Level.WARNING, f"overlooked: {text}") for text in mapped.overlooked]
+    return findings
+
+
+def _frames(bench: Bench, mapped: BenchMap, number: int) -> list[Finding]:
+    """Messages on the bus of this number that no frame of their kind can hold."""
+    findings = []
+    link = bench.config.buses[number]
+    for layout in (layout for layout in mapped.layouts if layout.bus == number):
+        if not layout.is_fd and layout.length > CLASSIC_LENGTH:
+            problem = (
+                f"{layout.name} is a classic CAN message of {layout.length} bytes, more than {CLASSIC_LENGTH}; "
+                "set its VFrameFormat to 14 (StandardCAN_FD) or 15 (ExtendedCAN_FD)"
+            )
+        elif layout.is_fd and not link.config.fd:
+            problem = (
+                f"{layout.name} is a CAN FD message, but {link.place}.fd is false; set {link.place}.fd = true"
+            )
+        else:
+            continue
+        findings.append(Finding("frames", Level.ERROR, problem))
+    return findings

@@ -1,56 +1,46 @@
 """Everything that can be said of a bench before it runs, without touching the bus."""
 
-import math
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from observer_rt.bus.database.lookup import database_hash
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.check.bus import bus_findings
+from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.check.buses import buses_findings
 from observer_rt.check.findings import Finding, Level, as_json_document, as_table, failed, graded
 from observer_rt.check.host import real_time_findings, this_host
 from observer_rt.check.interface import interface_findings, read_controller
+from observer_rt.check.mapping import mapping_findings
 from observer_rt.check.model import plausibility_findings
-from observer_rt.check.optional_inputs import fuel_findings
+from observer_rt.check.observer import observer_findings
 from observer_rt.check.time import time_findings
 from observer_rt.config.bench import Bench, BenchInjector
-from observer_rt.estimation.gain import gain_schedule
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
-from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectValue
-from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
-from observer_rt.observer.learning.knowledge import no_knowledge
-from observer_rt.observer.observer import Durations, constants_for
-from observer_rt.observer.paper_scheme.gain import doubts_about_gain
-from observer_rt.observer.stream.front_end import dead_band
-from observer_rt.observer.stream.state import MAX_EVENT
-from observer_rt.service.core.constants import bench_constants, configured_noise
-from observer_rt.service.core.learners import make_learner, refuse_state
+from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.state_file import StateDoesNotFitError, load_knowledge, model_hash
 
 __all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup"]
 
-SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
-LARGEST_DEAD_BAND = 0.1  # of the full lift
-
 
 def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
-    """Findings about files, bus, observer and machine. What a file's error keeps from being looked at is left out.
+    """Findings about files, buses, observers and machine. What a file's error keeps from being looked at is left out.
 
-    state: file with a learned state, which stays as it is.
+    state: file with a learned state, which stays as it is, instead of the one that the bench file names. Where there
+    are several injectors, what is found of one says of which. Raises `UserError` for one state of several injectors.
     """
+    alone = None if state is None else bench.injector
     findings = _files(bench)
-    if state is not None:
-        findings.append(_state(bench.injector, state))
-    findings += plausibility_findings(bench.injector.parameters)
+    findings += _each(bench, lambda fitted: _injector(fitted, state if fitted is alone else fitted.state))
     try:
-        bus = map_bus(bench)
-        findings += bus_findings(bench, bus)
-        findings += time_findings(bus)
+        mapped = map_bench(bench)
+        maps = {fitted.name: bus for fitted, bus in zip(bench.injectors, mapped.injectors, strict=True)}
+        findings += _each(bench, lambda fitted: mapping_findings(fitted, maps[fitted.name], mapped.known))
+        findings += buses_findings(bench, mapped)
+        findings += _each(bench, lambda fitted: time_findings(maps[fitted.name]))
     except UserError as error:
         findings.append(failed("mapping", error))
-    findings += _integration(bench.injector)
-    findings += _observer(bench.injector)
+    findings += _each(bench, observer_findings)
     findings += real_time_findings(this_host())
     for link in bench.config.buses:
         if link.config.interface == "socketcan":
@@ -59,24 +49,34 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     return findings
 
 
-def _files(bench: Bench) -> list[Finding]:
-    findings = [
-        Finding("files", Level.OK, f"bench {bench.path}"),
-        Finding(
-            "files",
-            Level.OK,
-            f"injector {bench.injector.parameters_path}, SHA-256 {model_hash(bench.injector.parameters)}",
-        ),
-        *_effects(bench.injector),
+def _each(bench: Bench, found: Callable[[BenchInjector], list[Finding]]) -> list[Finding]:
+    """What is found of every injector, with its name where there are several."""
+    return [
+        replace(finding, text=f"{fitted.name}: {finding.text}") if fitted.name else finding
+        for fitted in bench.injectors
+        for finding in found(fitted)
     ]
+
+
+def _files(bench: Bench) -> list[Finding]:
+    findings = [Finding("files", Level.OK, f"bench {bench.path}")]
     names = ", ".join(str(path) for path in bench.databases)
     try:
-        findings.append(
-            Finding("files", Level.OK, f"bus database {names}, hash {database_hash(bench.databases):08X}")
-        )
+        text = f"bus database {names}, hash {database_hash(bench.databases):08X}"
+        findings.append(Finding("files", Level.OK, text))
     except UserError as error:
         findings.append(failed("files", error))
     return findings
+
+
+def _injector(fitted: BenchInjector, state: Path | None) -> list[Finding]:
+    """The injector's own files, and whether an injector can be like that."""
+    parameters = fitted.parameters
+    text = f"injector {fitted.parameters_path}, SHA-256 {model_hash(parameters)}"
+    findings = [Finding("files", Level.OK, text), *_effects(fitted)]
+    if state is not None:
+        findings.append(_state(fitted, state))
+    return findings + plausibility_findings(parameters)
 
 
 def _state(fitted: BenchInjector, path: Path) -> Finding:
@@ -110,87 +110,3 @@ def _effects(fitted: BenchInjector) -> list[Finding]:
 def _size(parameter: tuple[str, EffectValue]) -> str:
     name, size = parameter
     return f"{name} = {size.value:g}" + ("" if size.unit == "-" else f" {size.unit}")
-
-
-def _integration(fitted: BenchInjector) -> list[Finding]:
-    try:
-        substeps = bench_constants(fitted).substeps
-    except UserError as error:
-        return [failed("integration", error)]
-    model = effective_model(fitted.parameters)
-    return [
-        Finding(
-            "integration",
-            Level.OK,
-            f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {fitted.config.sampling.rate_hz:g} Hz, "
-            f"for a fastest rate of {fastest_rate(model.injector, model.departures):.3g} 1/s",
-        ),
-        *fuel_findings(fitted),
-    ]
-
-
-def _observer(fitted: BenchInjector) -> list[Finding]:
-    rate = fitted.config.sampling.rate_hz
-    noise = configured_noise(fitted)
-    constants = constants_for(fitted.parameters, rate, Durations(), events_required=0)
-    sensor, lookahead = constants.sensor, constants.timing.lookahead
-    schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction)
-    c = constants.coefficients
-    line_mode = math.sqrt(c.a1 * c.a3) / (2 * math.pi)
-    opens, shuts = dead_band(noise.needle_lift)
-    return [
-        graded(
-            "line mode",
-            rate >= SAMPLES_PER_PERIOD * line_mode,
-            f"{line_mode:.0f} Hz, {rate / line_mode:.3g} samples a period",
-            f"sample at {SAMPLES_PER_PERIOD * line_mode:.0f} Hz or more, for {SAMPLES_PER_PERIOD} a period",
-        ),
-        Finding(
-            "gain",
-            Level.OK,
-            f"steady gain {schedule.gains[-1, 0]:.3g} on p_L and {schedule.gains[-1, 1]:.3g} on Q_L (normalised); "
-            f"innovation sigma {schedule.innovation_sigma * c.pressure_scale / MEGAPASCAL:.3g} MPa",
-        ),
-        graded(
-            "dead band",
-            opens <= LARGEST_DEAD_BAND * fitted.parameters.seat.max_lift,
-            f"opens above {opens / MICROMETRE:.3g} um of lift, shuts below {shuts / MICROMETRE:.3g} um",
-            f"above {LARGEST_DEAD_BAND:.0%} of the full lift short injections are missed: "
-            "lower the noise of the needle lift",
-        ),
-        Finding("look-ahead", Level.OK, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us"),
-        _event_timing(fitted),
-        *_paper_training(fitted),
-    ]
-
-
-def _event_timing(fitted: BenchInjector) -> Finding:
-    learning = fitted.config.learning
-    longest = MAX_EVENT / fitted.config.sampling.rate_hz / MILLISECOND
-    return graded(
-        "events",
-        longest >= 2 * learning.event_gap_ms,
-        f"openings within {learning.event_gap_ms:g} ms are one event; a new phi takes force "
-        f"{learning.event_gap_ms + learning.learning_delay_ms:g} ms after the needle shuts; learned from events "
-        f"up to {longest:.0f} ms, gap included",
-        "shorten learning.event_gap_ms or sample slower",
-    )
-
-
-def _paper_training(fitted: BenchInjector) -> list[Finding]:
-    """What is to be said of `training = "paper"`, nothing where it is not used."""
-    gain = fitted.config.learning.identification_gain
-    if gain is None:
-        return []
-    c = effective_model(fitted.parameters).coefficients
-    try:
-        make_learner(
-            fitted, bench_constants(fitted), no_knowledge(configured_noise(fitted), c.pressure_scale)
-        )
-    except UserError as error:
-        return [failed("training", error)]
-    doubts = doubts_about_gain(gain, c, configured_noise(fitted))
-    return [
-        Finding("training", Level.WARNING, "paper: for comparison only, its results never count as valid"),
-        graded("identification gain", doubts is None, f"{gain:g} 1/s", doubts or ""),
-    ]

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.bus.mapping.load import frame_time
-from observer_rt.check.bus import bus_findings, expected_load
+from observer_rt.check.buses import buses_findings
 from observer_rt.check.checkup import checkup
 from observer_rt.check.findings import Finding, Level
+from observer_rt.check.load import expected_load
 from observer_rt.config.bench import load_bench
 from tests.service.bus_frames import twin_bench
 
@@ -17,7 +18,7 @@ THREE = (Path(__file__).parents[1] / "bus" / "databases" / "three_buses.toml").r
 
 def found(path: Path) -> list[Finding]:
     bench = load_bench(path)
-    return bus_findings(bench, map_bus(bench))
+    return buses_findings(bench, map_bench(bench))
 
 
 def changed(folder: Path, old: str, new: str) -> Path:
@@ -65,7 +66,7 @@ def test_a_classic_bus_cannot_carry_a_message_of_can_fd(tmp_path: Path) -> None:
 def test_the_load_of_each_bus_is_its_own(tmp_path: Path) -> None:
     path = changed(tmp_path, 'channel = "can2"', 'channel = "can2"\nbit_rate = 500e3\ndata_bit_rate = 2e6')
     bench = load_bench(path)
-    bus = map_bus(bench)
+    bus = map_bench(bench)
     loads = [expected_load(bench, bus, number).continuous for number in range(4)]
     frames_per_second = 100e3 / 28
     assert loads[:2] == pytest.approx([frames_per_second * frame_time(64, True, 1e6, 8e6, False)] * 2)

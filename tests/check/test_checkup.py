@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.check.bus import expected_load
+from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.check.checkup import Finding, Level, as_json_document, as_table, checkup
 from observer_rt.check.host import Host, real_time_findings
+from observer_rt.check.load import expected_load
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 
 DATABASE = EXAMPLE_BENCH.with_name("observer_fd.dbc")
@@ -178,7 +178,7 @@ def test_the_dead_band_of_a_noisy_lift(findings_of: Callable[..., list[Finding]]
 def test_the_load_of_a_bus_by_counting_frames() -> None:
     """The design: 173 us a frame at 500k/5M, 26 % windowed; three channels in and the rate out 60 % at 24 kHz."""
     bench = load_bench()
-    load = expected_load(bench, map_bus(bench))
+    load = expected_load(bench, map_bench(bench))
     assert load.continuous == pytest.approx(173e-6 * (1e5 / 9 + 1e5 / 28 + 10 + 17 * 0.85), rel=0.01)
     assert load.windowed == pytest.approx(0.26, abs=0.015)
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.check.bus import expected_load
+from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.check.checkup import Finding, Level, checkup
+from observer_rt.check.load import expected_load
 from observer_rt.config.bench import load_bench
 from tests.check.test_checkup import NO_EDITS, Edits, edited, worst
 from tests.service.foreign_frames import DATABASES
@@ -62,6 +62,6 @@ def test_a_classic_bus_without_rates_carries_pages(tmp_path: Path) -> None:
     edited(DATABASES / "testbed_classic.dbc", tmp_path / "testbed_classic.dbc", NO_EDITS)
     edited(DATABASES / "testbed_classic.toml", tmp_path / "bench.toml", NO_EDITS)
     bench = load_bench(tmp_path / "bench.toml")
-    load = expected_load(bench, map_bus(bench))
+    load = expected_load(bench, map_bench(bench))
     assert load.continuous == pytest.approx(114e-6 * (3 * 10e3 + 17 * 7 + 10 * 12), rel=0.03)
     assert load.windowed == pytest.approx(114e-6 * (3 * 60 * 17 + 17 * 7 + 10 * 12), rel=0.03)

@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
-from observer_rt.bus.database.frame_key import frame_key, frame_row
+from observer_rt.bus.database.frame_key import frame_row
 from observer_rt.bus.database.lookup import MessageLayout, from_unit, signal_names
 from observer_rt.bus.mapping.energizing import Energizing
 from observer_rt.bus.mapping.input_tables import INPUT_GROUP, ROLES, Inputs, InputTables
@@ -45,16 +44,6 @@ _UNITS = {
 
 
 @dataclass(frozen=True)
-class KnownMessage:
-    """A message that some database defines, for a bus; `key` as by `frame_key`."""
-
-    name: str
-    key: int
-    path: Path
-    bus: int
-
-
-@dataclass(frozen=True)
 class BusMap:
     """Everything the bench file says of one injector on the buses, compiled."""
 
@@ -68,10 +57,6 @@ class BusMap:
     """None: the injection rate is not published."""
     summary: OutputMessage
     status: OutputMessage
-    known: tuple[KnownMessage, ...]
-    """All messages of all databases, used or not."""
-    overlooked: tuple[str, ...]
-    """What is wrong with databases that were read leniently."""
     labels: tuple[str, ...]
     """What messages to the user call the buses."""
 
@@ -141,11 +126,6 @@ def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
         else None,
         summary=_output(output("injection_summary", outputs.injection_summary), SUMMARY_SIGNALS),
         status=_output(output("status", outputs.status), (*STATUS_SIGNALS, *ENERGIZING_STATUS_SIGNALS)),
-        known=tuple(
-            KnownMessage(message.name, frame_key(message.frame_id, message.is_extended_frame, bus), path, bus)
-            for path, (message, bus) in databases
-        ),
-        overlooked=databases.overlooked(),
         labels=databases.labels,
     )
 

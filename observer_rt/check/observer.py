@@ -1,0 +1,111 @@
+"""Findings about an injector's observer: integration, gain, dead band, look-ahead, events, training."""
+
+import math
+
+from observer_rt.check.findings import Finding, Level, failed, graded
+from observer_rt.check.optional_inputs import fuel_findings
+from observer_rt.config.bench import BenchInjector
+from observer_rt.estimation.gain import gain_schedule
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
+from observer_rt.model.effects import effective_model
+from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
+from observer_rt.observer.learning.knowledge import no_knowledge
+from observer_rt.observer.observer import Durations, constants_for
+from observer_rt.observer.paper_scheme.gain import doubts_about_gain
+from observer_rt.observer.stream.front_end import dead_band
+from observer_rt.observer.stream.state import MAX_EVENT
+from observer_rt.service.core.constants import bench_constants, configured_noise
+from observer_rt.service.core.learners import make_learner
+
+SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
+LARGEST_DEAD_BAND = 0.1  # of the full lift
+
+
+def observer_findings(fitted: BenchInjector) -> list[Finding]:
+    """All findings about the observer of an injector."""
+    return _integration(fitted) + _observer(fitted)
+
+
+def _integration(fitted: BenchInjector) -> list[Finding]:
+    try:
+        substeps = bench_constants(fitted).substeps
+    except UserError as error:
+        return [failed("integration", error)]
+    model = effective_model(fitted.parameters)
+    return [
+        Finding(
+            "integration",
+            Level.OK,
+            f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {fitted.config.sampling.rate_hz:g} Hz, "
+            f"for a fastest rate of {fastest_rate(model.injector, model.departures):.3g} 1/s",
+        ),
+        *fuel_findings(fitted),
+    ]
+
+
+def _observer(fitted: BenchInjector) -> list[Finding]:
+    rate = fitted.config.sampling.rate_hz
+    noise = configured_noise(fitted)
+    constants = constants_for(fitted.parameters, rate, Durations(), events_required=0)
+    sensor, lookahead = constants.sensor, constants.timing.lookahead
+    schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction)
+    c = constants.coefficients
+    line_mode = math.sqrt(c.a1 * c.a3) / (2 * math.pi)
+    opens, shuts = dead_band(noise.needle_lift)
+    return [
+        graded(
+            "line mode",
+            rate >= SAMPLES_PER_PERIOD * line_mode,
+            f"{line_mode:.0f} Hz, {rate / line_mode:.3g} samples a period",
+            f"sample at {SAMPLES_PER_PERIOD * line_mode:.0f} Hz or more, for {SAMPLES_PER_PERIOD} a period",
+        ),
+        Finding(
+            "gain",
+            Level.OK,
+            f"steady gain {schedule.gains[-1, 0]:.3g} on p_L and {schedule.gains[-1, 1]:.3g} on Q_L (normalised); "
+            f"innovation sigma {schedule.innovation_sigma * c.pressure_scale / MEGAPASCAL:.3g} MPa",
+        ),
+        graded(
+            "dead band",
+            opens <= LARGEST_DEAD_BAND * fitted.parameters.seat.max_lift,
+            f"opens above {opens / MICROMETRE:.3g} um of lift, shuts below {shuts / MICROMETRE:.3g} um",
+            f"above {LARGEST_DEAD_BAND:.0%} of the full lift short injections are missed: "
+            "lower the noise of the needle lift",
+        ),
+        Finding("look-ahead", Level.OK, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us"),
+        _event_timing(fitted),
+        *_paper_training(fitted),
+    ]
+
+
+def _event_timing(fitted: BenchInjector) -> Finding:
+    learning = fitted.config.learning
+    longest = MAX_EVENT / fitted.config.sampling.rate_hz / MILLISECOND
+    return graded(
+        "events",
+        longest >= 2 * learning.event_gap_ms,
+        f"openings within {learning.event_gap_ms:g} ms are one event; a new phi takes force "
+        f"{learning.event_gap_ms + learning.learning_delay_ms:g} ms after the needle shuts; learned from events "
+        f"up to {longest:.0f} ms, gap included",
+        "shorten learning.event_gap_ms or sample slower",
+    )
+
+
+def _paper_training(fitted: BenchInjector) -> list[Finding]:
+    """What is to be said of `training = "paper"`, nothing where it is not used."""
+    gain = fitted.config.learning.identification_gain
+    if gain is None:
+        return []
+    c = effective_model(fitted.parameters).coefficients
+    try:
+        make_learner(
+            fitted, bench_constants(fitted), no_knowledge(configured_noise(fitted), c.pressure_scale)
+        )
+    except UserError as error:
+        return [failed("training", error)]
+    doubts = doubts_about_gain(gain, c, configured_noise(fitted))
+    return [
+        Finding("training", Level.WARNING, "paper: for comparison only, its results never count as valid"),
+        graded("identification gain", doubts is None, f"{gain:g} 1/s", doubts or ""),
+    ]

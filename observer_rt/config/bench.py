@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import Field
 
@@ -32,6 +32,8 @@ from observer_rt.model.parameters import InjectorParameters
 PACKAGE_DATA = Path(str(files("observer_rt.data")))
 NOMINAL_INJECTOR = PACKAGE_DATA / "crin3_nominal.toml"
 EXAMPLE_BENCH = PACKAGE_DATA / "example_bench.toml"
+
+_Sections = TypeVar("_Sections", bound=Section)
 
 # Keys of files that earlier versions printed, which could have one value only: with it they are passed over.
 ONLY_VALUES: dict[str, dict[str, Any]] = {"sampling": {"meaning": "instant"}, "learning": {"lookahead": 4}}
@@ -172,7 +174,7 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: b
     stated = validated(_Named, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
     files = {name: BenchFile(path, name, shared, own) for name, own in (stated or {"": {}}).items()}
     configs = {name: file.read() for name, file in files.items()}
-    buses = next(iter(configs.values()))
+    buses = _part(BusesConfig, next(iter(configs.values())))
     refuse_shared_channels(f"{path}: ", buses.buses)
     for number, entry in enumerate(buses.dbc):
         require_link(f"{path}: dbc.{number}.link", entry.link, buses.links)
@@ -192,10 +194,15 @@ class _Named(Section):
     injectors: Mapping[LinkName, Mapping[str, Any]]
 
 
-def _fitted(file: BenchFile, config: InjectorConfig, model: Path | None) -> BenchInjector:
+def _fitted(file: BenchFile, config: BenchConfig, model: Path | None) -> BenchInjector:
     if model is None:
         model = file.path.parent / config.model.file if config.model.file else NOMINAL_INJECTOR
-    return BenchInjector(file, config, model, load_injector(model))
+    return BenchInjector(file, _part(InjectorConfig, config), model, load_injector(model))
+
+
+def _part(model: type[_Sections], config: BenchConfig) -> _Sections:
+    """The sections of a file that are the buses', or an injector's."""
+    return model.model_construct(**{name: getattr(config, name) for name in model.model_fields})
 
 
 def _database_path(bench: Path, name: str) -> Path:

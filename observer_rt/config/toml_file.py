@@ -33,7 +33,7 @@ def validated(
         errors = error.errors()
         # a misspelt key also shows as a missing one: name the cause
         first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
-        location = first["loc"]
+        location = tuple(part for part in first["loc"] if part != "[key]")  # pydantic's mark of a bad name
         if first["type"] == "extra_forbidden":
             known = _keys_at(model, location[:-1])
             raise unknown_key(place(*location), str(location[-1]), known) from None

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from observer_rt.evaluation.evaluate import Evaluation
+from observer_rt.foundation.errors import file_errors
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.observer.stream.state import State
-from observer_rt.recording.signals.files import file_errors
 
 SUFFIX = ".trace.csv"
 

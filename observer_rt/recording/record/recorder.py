@@ -9,13 +9,10 @@ from typing import Any
 
 from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
 from observer_rt.bus.links.receiver import BusDownError, reading
-from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.blf_writer import BlfWriter
-from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame
-from observer_rt.recording.canlog.candump import CandumpWriter
-from observer_rt.recording.signals.files import file_errors
+from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder
+from observer_rt.recording.formats import open_recorder, recorded, suffixes_of
 
-RECORDERS: dict[str, type[BlfWriter] | type[CandumpWriter]] = {".blf": BlfWriter, ".log": CandumpWriter}
 FLUSH_PERIOD = 1_000_000_000  # ns: no more than this is lost with the power
 REPORT_PERIOD = 250_000_000  # ns
 RECONNECT_PERIOD = 0.2  # s between two attempts, while the interface is away
@@ -74,11 +71,12 @@ def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
 
     With `force` such files will be replaced, those of a numbered series all together.
     """
-    if path.suffix.lower() not in RECORDERS:
+    suffixes = suffixes_of(recorded())
+    if path.suffix.lower() not in suffixes:
         raise UserError(
             f"--out {path}",
             f"'{path.suffix}' cannot be recorded into safely",
-            f"record into {' or '.join(RECORDERS)}, then convert",
+            f"record into {' or '.join(suffixes)}, then convert",
         )
     existing = _series(path) if limits.rotates else [path]
     there = next((file for file in existing if file.exists()), None)
@@ -188,7 +186,7 @@ class _Files:
         self.paths: list[Path] = []
         self._path = path
         self._limits = limits
-        self._writer: BlfWriter | CandumpWriter | None = None
+        self._writer: LogRecorder | None = None
         self._begun = 0
         self._lost = 0  # before the first frame of a file
 
@@ -202,7 +200,7 @@ class _Files:
                     old.unlink()
             number = f"{len(self.paths) + 1:0{NUMBER_DIGITS}d}"
             path = self._path.with_name(_numbered(self._path, number)) if self._limits.rotates else self._path
-            self._writer = RECORDERS[path.suffix.lower()](path, frame.stamp_ns)
+            self._writer = open_recorder(path, frame.stamp_ns)
             self._begun = now
             self.paths.append(path)
         if self._lost:
@@ -227,7 +225,7 @@ class _Files:
             self._writer.close()
             self._writer = None
 
-    def _is_full(self, now: int, writer: BlfWriter | CandumpWriter) -> bool:
+    def _is_full(self, now: int, writer: LogRecorder) -> bool:
         limits = self._limits
         return (limits.file_size is not None and writer.size >= limits.file_size) or (
             limits.file_duration is not None and (now - self._begun) / NANOSECONDS >= limits.file_duration

@@ -18,6 +18,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 from observer_rt.recording.signals.recording import Recording, check_samples
+from observer_rt.recording.signals.signal_format import SignalFormat
 
 TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
 STEPS_PER_UNIT = 1e9
@@ -56,14 +57,7 @@ def read_csv(path: Path) -> Recording:
     }
     time = arrays.pop("time")
     check_samples(time, arrays, lambda row: f"{path}, line {_line_of_row(path, row)}")
-    return Recording(
-        time=time,
-        rail_pressure=arrays["rail_pressure"],
-        needle_lift=arrays["needle_lift"],
-        line_pressure=arrays["line_pressure"],
-        injection_rate=arrays.get("injection_rate"),
-        path=path,
-    )
+    return Recording(time=time, path=path, **arrays)
 
 
 def write_csv(path: Path, recording: Recording) -> None:
@@ -175,3 +169,7 @@ def _line_of_row(path: Path, row: int) -> int:
             if index == row + 1:
                 return number
     return 1
+
+
+_HEADER = f"{','.join(column.header for column in REQUIRED)}[,{INJECTION_RATE.header}]"
+CSV = SignalFormat((".csv",), _HEADER, read_csv, write_csv)

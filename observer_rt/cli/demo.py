@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.bus.database.codec import decode
-from observer_rt.bus.links.link import open_link
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import RateMessage
 from observer_rt.config.bench import Bench, load_bench

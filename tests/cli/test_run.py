@@ -13,7 +13,8 @@ from typing import ClassVar
 
 import pytest
 
-from observer_rt.bus.links.link import Frame, LinkDownError, open_link
+from observer_rt.bus.links.link import Frame, LinkDownError
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.foundation.errors import RunError

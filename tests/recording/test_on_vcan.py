@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.links.link import Link, open_link
+from observer_rt.bus.links.link import Link
+from observer_rt.bus.links.open import open_link
 from observer_rt.config.links import LinkConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_log

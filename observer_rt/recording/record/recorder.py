@@ -3,11 +3,14 @@
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
+from observer_rt.bus.links.outage import Outage
 from observer_rt.bus.links.receiver import BusDownError, reading
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder
@@ -15,7 +18,6 @@ from observer_rt.recording.formats import open_recorder, recorded, suffixes_of
 
 FLUSH_PERIOD = 1_000_000_000  # ns: no more than this is lost with the power
 REPORT_PERIOD = 250_000_000  # ns
-RECONNECT_PERIOD = 0.2  # s between two attempts, while the interface is away
 NUMBER_DIGITS = 4  # of the files of a series
 RECEIVE_TIMEOUT = 0.1  # s, after which the loop looks at its clock and its stop signal
 
@@ -151,32 +153,27 @@ class _Receiver:
         self.outages = 0
         self._links = links
         self._reading = reading(links)
-        self._down: dict[int, float] = {}  # buses, and when to try them again
+        self._outages: dict[int, Outage] = {}  # by bus
+        self._executor = ThreadPoolExecutor(1)
 
     def next(self) -> BusFrame | None:
         """The next frame; None if none came for a while, or none can."""
-        for bus, due in list(self._down.items()):
-            if time.monotonic() >= due:
-                self._reconnect(bus)
+        for bus, outage in list(self._outages.items()):
+            with suppress(LinkDownError):
+                if outage.is_over(self._executor):
+                    del self._outages[bus]
+                    self._reading.take_back(bus)
         try:
             return self._reading.receive(RECEIVE_TIMEOUT)
         except BusDownError as error:
             self.outages += 1
             self._reading.leave_out(error.bus)
-            self._down[error.bus] = time.monotonic() + RECONNECT_PERIOD
+            self._outages[error.bus] = Outage(self._links[error.bus])
             return None
 
     def close(self) -> None:
+        self._executor.shutdown()
         self._reading.close()
-
-    def _reconnect(self, bus: int) -> None:
-        try:
-            self._links[bus].reconnect()
-        except LinkDownError:
-            self._down[bus] = time.monotonic() + RECONNECT_PERIOD
-        else:
-            del self._down[bus]
-            self._reading.take_back(bus)
 
 
 class _Files:

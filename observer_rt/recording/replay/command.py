@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from observer_rt.bus.links.link import open_link
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.bus.mapping.signal_range import recorded_out_of_range
 from observer_rt.config.bench import Bench

@@ -25,7 +25,7 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.links import LinkConfig
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.evaluation.figures import MassRow, RateCurves, plot_injections
-from observer_rt.foundation.errors import file_errors
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.replay.framing import Framer, whole

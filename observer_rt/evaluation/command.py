@@ -15,7 +15,8 @@ from observer_rt.evaluation.results import SCHEMA, injection_results, recording_
 from observer_rt.evaluation.sources import Source, in_runs, read_source, signals_of
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace_file import SUFFIX, write_trace
-from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.fuel import temperature_of

@@ -9,7 +9,8 @@ from rich.console import Console
 
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.logged import read_logged
-from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.formats import (
     formats,
     is_log,

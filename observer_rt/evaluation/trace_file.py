@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from observer_rt.evaluation.evaluate import Evaluation
-from observer_rt.foundation.errors import file_errors
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.observer.stream.state import State
 from observer_rt.recording.signals.csv_file import write_table

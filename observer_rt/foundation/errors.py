@@ -1,9 +1,5 @@
 """The two kinds of failure a user can meet, and the exit codes they become."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-
 
 class ObserverError(Exception):
     """A failure with a message for the user; `exit_code` is what the command line returns."""
@@ -28,16 +24,3 @@ class UserError(ObserverError):
         self.problem = problem
         self.remedy = remedy
         super().__init__(f"{place}: {problem}" + (f"\n  remedy: {remedy}" if remedy else ""))
-
-
-@contextmanager
-def file_errors(path: Path) -> Iterator[None]:
-    """Turn the operating system's errors on a file the user named into `UserError` and `RunError`."""
-    try:
-        yield
-    except FileNotFoundError:
-        raise UserError(str(path), "no such file or folder", "check the path") from None
-    except (PermissionError, IsADirectoryError, NotADirectoryError) as error:
-        raise UserError(str(path), f"cannot be opened: {error.strerror}", "check path and rights") from None
-    except OSError as error:
-        raise RunError(f"{path}: {error.strerror or error}") from error

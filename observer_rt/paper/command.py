@@ -5,7 +5,8 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config.bench import load_bench
-from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.paper.figures import draw_figure_3, draw_figure_4, draw_figure_5
 from observer_rt.paper.report import report
 from observer_rt.paper.study import NOZZLE_WEAR, run_study

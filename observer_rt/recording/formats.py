@@ -11,7 +11,8 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TypeVar
 
-from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.canlog.asc_writer import ASC
 from observer_rt.recording.canlog.blf_writer import BLF
 from observer_rt.recording.canlog.can_log import LogReader, LogRecorder, LogWriter

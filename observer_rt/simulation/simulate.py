@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel

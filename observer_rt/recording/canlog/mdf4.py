@@ -13,7 +13,7 @@ from asammdf.blocks.v4_constants import BUS_TYPE_CAN, FLAG_CG_BUS_EVENT, SOURCE_
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import EXTENDED_MASK, FD_LENGTHS, length_code
-from observer_rt.foundation.errors import file_errors
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.canlog.can_log import (
     NANOSECONDS,
     ChannelNumbers,

@@ -12,7 +12,8 @@ from typing import Any
 from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
 from observer_rt.bus.links.outage import Outage
 from observer_rt.bus.links.receiver import BusDownError, reading
-from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder
 from observer_rt.recording.formats import open_recorder, recorded, suffixes_of
 

@@ -10,12 +10,12 @@ from rich.console import Console
 
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
-from observer_rt.bus.mapping.signal_range import recorded_out_of_range
 from observer_rt.config.bench import Bench
 from observer_rt.config.links import LinkConfig, NamedLink
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.channels import matched_channels
+from observer_rt.recording.channels import matched_channels
 from observer_rt.recording.formats import is_log, read_recording
+from observer_rt.recording.replay.clamped import recorded_out_of_range
 from observer_rt.recording.replay.framing import TimedFrame, bench_for
 from observer_rt.recording.replay.log_frames import LogPart, log_frames
 from observer_rt.recording.replay.player import PlayStatistics, play

@@ -8,7 +8,7 @@ from observer_rt.bus.links.link import Frame
 from observer_rt.config.links import LinkConfig, NamedLink
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.canlog.channels import chosen_channels
+from observer_rt.recording.channels import chosen_channels
 from observer_rt.recording.formats import open_writer
 
 BENCH = [

@@ -18,18 +18,18 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.bus.database.codec import decode
-from observer_rt.bus.links.link import open_link
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import RateMessage
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.links import LinkConfig
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.evaluation.figures import MassRow, RateCurves, plot_injections
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.replay.player import play
-from observer_rt.recording.signals.files import file_errors
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.injection_report import InjectionReport
 from observer_rt.service.daemon import Daemon

@@ -6,19 +6,19 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from observer_rt.cli.options import EffectsOption, FromChannelOption, JsonOption, LenientOption
+from observer_rt.cli.options import (
+    DecoderOption,
+    EffectsOption,
+    FromChannelOption,
+    JsonOption,
+    LenientOption,
+    RecordingsArgument,
+)
 from observer_rt.config.bench import NOMINAL_INJECTOR
 
 
 def discover(
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Recordings (.csv, .mf4) or CAN logs (.blf, .asc, .log, .trc, .mf4).",
-            metavar="RECORDING",
-            show_default=False,
-        ),
-    ],
+    recordings: RecordingsArgument,
     out: Annotated[
         Path, typer.Option("--out", help="Folder for findings, amended model and report.", metavar="DIR")
     ],
@@ -39,10 +39,7 @@ def discover(
             metavar="RECORDING",
         ),
     ] = None,
-    bench: Annotated[
-        Path | None,
-        typer.Option("--bench", help="Bench file by which CAN logs are decoded.", metavar="FILE"),
-    ] = None,
+    bench: DecoderOption = None,
     from_channel: FromChannelOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,

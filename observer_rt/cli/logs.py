@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from observer_rt.cli.options import BenchOption, EffectsOption, FromChannelOption, JsonOption, LenientOption
+from observer_rt.cli.options import (
+    CLASSIC_ONLY,
+    RECORDED,
+    BenchOption,
+    DecoderOption,
+    EffectsOption,
+    FromChannelOption,
+    JsonOption,
+    LenientOption,
+    RecordingArgument,
+)
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.config.links import of_links, refuse_shared_channels
 
@@ -36,14 +46,7 @@ messages = Console(stderr=True)
 
 
 def replay(
-    recording: Annotated[
-        Path,
-        typer.Argument(
-            help="Recording (.csv, .mf4) or CAN log (.blf, .asc, .log, .trc, .mf4).",
-            metavar="RECORDING",
-            show_default=False,
-        ),
-    ],
+    recording: RecordingArgument,
     bench: BenchOption = EXAMPLE_BENCH,
     channel: ChannelOption = None,
     interface: InterfaceOption = None,
@@ -89,7 +92,7 @@ def replay(
 
 
 def record(
-    out: Annotated[Path, typer.Option("--out", help="Log to write (.blf, .log).", metavar="FILE")],
+    out: Annotated[Path, typer.Option("--out", help=f"Log to write ({RECORDED}).", metavar="FILE")],
     bench: BenchOption = EXAMPLE_BENCH,
     channel: ChannelOption = None,
     interface: InterfaceOption = None,
@@ -121,22 +124,16 @@ def record(
 
 
 def convert(
-    source: Annotated[
+    recording: RecordingArgument,
+    target: Annotated[
         Path,
         typer.Argument(
-            help="Recording (.csv, .mf4) or CAN log (.blf, .asc, .log, .trc, .mf4).",
-            metavar="IN",
+            help=f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.",
+            metavar="OUT",
             show_default=False,
         ),
     ],
-    target: Annotated[
-        Path,
-        typer.Argument(help="File to write, in the format of its suffix.", metavar="OUT", show_default=False),
-    ],
-    bench: Annotated[
-        Path | None,
-        typer.Option("--bench", help="Bench file by which a log becomes a recording.", metavar="FILE"),
-    ] = None,
+    bench: DecoderOption = None,
     from_channel: FromChannelOption = None,
     lenient: LenientOption = False,
     force: Annotated[bool, typer.Option("--force", help="Replace OUT if it is there already.")] = False,
@@ -144,10 +141,10 @@ def convert(
 ) -> None:
     """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""
     from observer_rt.config.bench import load_bench
-    from observer_rt.recording.convert import convert as convert_file
+    from observer_rt.evaluation.convert import convert as convert_file
 
     chosen = None if bench is None else load_bench(bench, lenient=lenient)
-    print(convert_file(source, target, chosen, from_channel or (), force, messages))
+    print(convert_file(recording, target, chosen, from_channel or (), force, messages))
 
 
 def _with_links(bench: "Bench", interfaces: list[str] | None, channels: list[str] | None) -> "Bench":

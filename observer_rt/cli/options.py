@@ -5,6 +5,21 @@ from typing import Annotated
 
 import typer
 
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.log_format import LogFormat
+from observer_rt.recording.formats import BUILT_IN, formats, suffixes_of
+from observer_rt.recording.signals.signal_format import SignalFormat
+
+try:
+    _formats = formats()
+except UserError:  # of an installed format, which the commands that read files tell
+    _formats = BUILT_IN
+_logs = [each for each in _formats if isinstance(each, LogFormat)]
+SIGNALS = ", ".join(suffixes_of(each for each in _formats if isinstance(each, SignalFormat)))
+LOGS = ", ".join(suffixes_of(_logs))
+RECORDED = ", ".join(suffixes_of(each for each in _logs if each.recorder))
+CLASSIC_ONLY = ", ".join(suffixes_of(each for each in _logs if not each.keeps_fd))
+
 
 def _use_effects(paths: list[Path] | None) -> None:
     """The vocabulary of this command: installed effects are in it without the option."""
@@ -13,6 +28,18 @@ def _use_effects(paths: list[Path] | None) -> None:
     use_effects(paths or ())
 
 
+RecordingArgument = Annotated[
+    Path,
+    typer.Argument(
+        help=f"Recording ({SIGNALS}) or CAN log ({LOGS}).", metavar="RECORDING", show_default=False
+    ),
+]
+RecordingsArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        help=f"Recordings ({SIGNALS}) or CAN logs ({LOGS}).", metavar="RECORDING", show_default=False
+    ),
+]
 BenchOption = Annotated[
     Path,
     typer.Option(
@@ -44,6 +71,10 @@ LenientOption = Annotated[
 ]
 ModelOption = Annotated[
     Path | None, typer.Option("--model", help="Injector file, instead of the bench's.", metavar="FILE")
+]
+DecoderOption = Annotated[
+    Path | None,
+    typer.Option("--bench", help="Bench file by which CAN logs are decoded.", metavar="FILE"),
 ]
 StateOption = Annotated[
     Path | None, typer.Option("--state", help="Learned state to start from.", metavar="FILE")

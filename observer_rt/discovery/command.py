@@ -25,7 +25,8 @@ from observer_rt.discovery.report.report import Sources, report
 from observer_rt.discovery.report.text import as_text
 from observer_rt.discovery.search.fit_store import FitStore, file_hash, problem_key
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.recording.signals.files import file_errors, read_recording
+from observer_rt.foundation.file_errors import file_errors
+from observer_rt.recording.formats import read_recording
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import check_folder

@@ -16,12 +16,12 @@ from observer_rt.evaluation.sources import Source, in_runs, read_source, signals
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace_file import SUFFIX, write_trace
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.fuel import temperature_of
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.replay.framing import bench_for
-from observer_rt.recording.signals.files import file_errors
 from observer_rt.service.core.constants import injector_at
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.run import restored_knowledge

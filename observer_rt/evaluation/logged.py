@@ -14,8 +14,8 @@ from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.recording.canlog.can_log import NANOSECONDS
-from observer_rt.recording.canlog.channels import chosen_channels
-from observer_rt.recording.canlog.input_frames import InputFrames
+from observer_rt.recording.channels import chosen_channels
+from observer_rt.recording.input_frames import InputFrames
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.constants import bench_constants
 from observer_rt.service.core.core import Core

@@ -9,8 +9,7 @@ from rich.console import Console
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.logged import LoggedRecording, read_logged
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.formats import LOG_READERS, is_log
-from observer_rt.recording.signals.files import READERS, read_recording
+from observer_rt.recording.formats import is_log, read_recording
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.terminal.console import progress_bar, say, say_if_compiling
 
@@ -22,9 +21,6 @@ def read_source(path: Path, bench: Bench | None, from_channels: Sequence[str], c
 
     Raises `UserError` for an unknown suffix, a file that will not do, and a log without a bench file.
     """
-    if path.suffix.lower() not in {**READERS, **LOG_READERS}:
-        known = ", ".join({**READERS, **LOG_READERS})
-        raise UserError(str(path), f"unknown kind of recording '{path.suffix}'", f"known suffixes: {known}")
     if not is_log(path):
         return read_recording(path)
     if bench is None:

@@ -1,16 +1,17 @@
-"""The trace of an evaluated recording as CSV: one row per input sample (design 4.1)."""
+"""The trace of an evaluated recording as CSV: one row per input sample."""
 
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from observer_rt.evaluation.evaluate import Evaluation
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.observer.stream.state import State
-from observer_rt.recording.signals.files import file_errors
+from observer_rt.recording.signals.csv_file import write_table
 
 SUFFIX = ".trace.csv"
+NUMBER = "%.9g"
 
 
 def write_trace(path: Path, evaluation: Evaluation) -> None:
@@ -20,13 +21,13 @@ def write_trace(path: Path, evaluation: Evaluation) -> None:
     """
     trace = evaluation.trace
     names = np.array([state.name for state in State])
-    columns: dict[str, object] = {
-        "time_s": evaluation.recording.time,
-        "injection_rate_mm3_per_ms": trace.injection_rate / MM3_PER_MS,
-        "valid": trace.valid.astype(np.int8),
-        "state": names[trace.state],
+    columns = {
+        "time_s": (NUMBER, evaluation.recording.time),
+        "injection_rate_mm3_per_ms": (NUMBER, trace.injection_rate / MM3_PER_MS),
+        "valid": ("%d", trace.valid),
+        "state": ("%s", names[trace.state]),
     }
-    columns |= {f"x{i + 1}": trace.x[:, i] for i in range(3)}
-    columns |= {f"phi{i + 1}": trace.phi[:, i] for i in range(3)}
+    columns |= {f"x{i + 1}": (NUMBER, trace.x[:, i]) for i in range(3)}
+    columns |= {f"phi{i + 1}": (NUMBER, trace.phi[:, i]) for i in range(3)}
     with file_errors(path):
-        pd.DataFrame(columns).to_csv(path, index=False, float_format="%.9g")
+        write_table(path, columns)

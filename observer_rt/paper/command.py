@@ -6,11 +6,11 @@ from rich.console import Console
 
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.paper.figures import draw_figure_3, draw_figure_4, draw_figure_5
 from observer_rt.paper.report import report
 from observer_rt.paper.study import NOZZLE_WEAR, run_study
 from observer_rt.paper.table import markdown, screen_table, write_csv
-from observer_rt.recording.signals.files import file_errors
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import check_folder
 

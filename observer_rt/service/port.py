@@ -2,15 +2,15 @@
 
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 
 from observer_rt.bus.links.controller import BusState
 from observer_rt.bus.links.link import Link, LinkDownError
+from observer_rt.bus.links.outage import Outage
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.link_watch import LinkWatch
 from observer_rt.service.outbox import Outbox
 
-RECONNECT_PERIOD = 0.1  # s between tries while the interface is down or away
 SILENCE = 10.0  # s without an outage, after which the same one is told again: some devices come and go
 
 
@@ -29,21 +29,19 @@ class Port:
         self._outbox = Outbox(link)
         self._watch = LinkWatch(channel, link, self._outbox)
         self._on_message = on_message
-        self._is_up = True
-        self._attempt: Future[None] | None = None
-        self._next_attempt = 0.0
+        self._outage: Outage | None = None
         self._is_told = False
         self._last_outage = ("", -SILENCE)  # what was the matter, and when
 
     @property
     def is_up(self) -> bool:
         """Whether the link can be used."""
-        return self._is_up
+        return self._outage is None
 
     @property
     def is_waiting(self) -> bool:
         """Whether results wait for room."""
-        return self._is_up and bool(self._outbox)
+        return self.is_up and bool(self._outbox)
 
     @property
     def unsent(self) -> int:
@@ -59,51 +57,43 @@ class Port:
     @property
     def is_in_trouble(self) -> bool:
         """Whether it neither sends nor receives now, or only with errors."""
-        return not self._is_up or self.link.condition.state in (BusState.PASSIVE, BusState.OFF)
+        return not self.is_up or self.link.condition.state in (BusState.PASSIVE, BusState.OFF)
 
     def post(self, frames: Iterable[OutputFrame]) -> None:
         """Send results as there is room; while the link is down they are given up. Raises as `Link.try_send`."""
-        if self._is_up:
+        if self.is_up:
             self._outbox.post(frames)
         else:
             self._outbox.give_up(frames)
 
     def drain(self, patience: float) -> None:
         """Send what waits, for at most `patience` [s]; give up the rest. Raises as `post`."""
-        if self._is_up:
+        if self.is_up:
             self._outbox.drain(patience)
         self._outbox.discard()
 
     def tell(self, now: int) -> None:
         """Messages about what has changed, at a monotonic time [ns]."""
-        if self._is_up:
+        if self.is_up:
             for message in self._watch.messages(now):
                 self._on_message(message)
 
     def go_down(self, error: LinkDownError) -> None:
         """The link failed: to be reconnected by `mend`. What waits is given up: it would be too old for anybody."""
-        self._is_up = False
+        self._outage = Outage(self.link)
         self.outages += 1
         self._outbox.discard()
         self._is_told = self._tell_outage(str(error))
-        self._next_attempt = time.monotonic() + RECONNECT_PERIOD
 
     def mend(self, executor: Executor) -> bool:
         """Try to reconnect, in the executor; whether the link is up again."""
-        if self._attempt is None:
-            if time.monotonic() >= self._next_attempt:
-                self._attempt = executor.submit(self.link.reconnect)
-            return False
-        if not self._attempt.done():
-            return False
-        attempt, self._attempt = self._attempt, None
         try:
-            attempt.result()
+            if self._outage is not None and not self._outage.is_over(executor):
+                return False
         except LinkDownError as error:
             self._is_told = self._tell_outage(str(error)) or self._is_told
-            self._next_attempt = time.monotonic() + RECONNECT_PERIOD
             return False
-        self._is_up = True
+        self._outage = None
         self._watch.begin_anew()
         if self._is_told:
             self._on_message(f"{self.label} is back")

@@ -9,7 +9,8 @@ from pathlib import Path
 from rich.console import Console, RenderableType
 from rich.live import Live
 
-from observer_rt.bus.links.link import Link, open_link
+from observer_rt.bus.links.link import Link
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, ZERO_CELSIUS

@@ -1,6 +1,7 @@
 """`observer-rt simulate`: options to files."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -9,7 +10,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.fuel import at_temperature, temperature_of
-from observer_rt.recording.signals.files import WRITERS, write_recording
+from observer_rt.recording.formats import signal_formats, suffixes_of, write_recording, written
 from observer_rt.simulation.effects import parse_effects
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import (
@@ -25,63 +26,67 @@ from observer_rt.terminal.destinations import check_destination
 MAX_SAMPLES = 20_000_000  # that a machine of 4 GiB can hold with their truth
 
 
-def simulate_to_file(
-    output: Path,
-    model: Path,
-    rail_pressure: str,
-    energizing_time: str,
-    injections: int,
-    period_ms: float,
-    sample_rate: float,
-    shots: str | None,
-    effects: Sequence[str],
-    noise: str,
-    measured_rate: bool,
-    seed: int,
-    console: Console,
-    fuel_temperature: float | None = None,
-) -> None:
-    """Write a recording and, beside it, its truth; fuel_temperature: degC, None: as in the injector file.
+@dataclass(frozen=True)
+class SimulateOptions:
+    """Options of the command, as texts where they are lists; units are those of their names, else SI."""
 
-    Raises `UserError` for options that make no sense.
-    """
-    if noise not in ("on", "off"):
-        raise UserError("--noise", f"is {noise!r}", "give on or off")
-    check_destination("--output", output, tuple(WRITERS))
-    samples = injections * period_ms * MILLISECOND * sample_rate
+    model: Path
+    rail_pressure: str
+    """MPa, comma separated."""
+    energizing_time: str
+    """ms, comma separated."""
+    injections: int
+    period_ms: float
+    sample_rate: float
+    shots: str | None
+    effects: Sequence[str]
+    noise: str
+    measured_rate: bool
+    seed: int
+    fuel_temperature: float | None
+    """degC; None: as in the injector file."""
+
+
+def simulate_to_file(output: Path, options: SimulateOptions, console: Console) -> None:
+    """Write a recording and, beside it, its truth. Raises `UserError` for options that make no sense."""
+    if options.noise not in ("on", "off"):
+        raise UserError("--noise", f"is {options.noise!r}", "give on or off")
+    check_destination("--output", output, suffixes_of(written(signal_formats())))
+    period, sample_rate = options.period_ms * MILLISECOND, options.sample_rate
+    samples = options.injections * period * sample_rate
     if samples > MAX_SAMPLES:
         raise UserError(
             "--injections",
-            f"{injections} events every {period_ms:g} ms at {sample_rate:g} Hz are {samples:.3g} samples "
-            f"(at most {MAX_SAMPLES:.3g})",
+            f"{options.injections} events every {options.period_ms:g} ms at {sample_rate:g} Hz are {samples:.3g} "
+            f"samples (at most {MAX_SAMPLES:.3g})",
             "write several recordings; `evaluate --chain` takes them as one history",
         )
     schedule = make_schedule(
-        parse_rail_pressures(rail_pressure),
-        injections,
-        period_ms * MILLISECOND,
-        parse_energizing_times(energizing_time),
-        parse_shots(shots) if shots else (),
+        parse_rail_pressures(options.rail_pressure),
+        options.injections,
+        period,
+        parse_energizing_times(options.energizing_time),
+        parse_shots(options.shots) if options.shots else (),
     )
-    injector = load_injector(model)
-    if fuel_temperature is not None:
-        injector = at_temperature(injector, temperature_of("--fuel-temperature", fuel_temperature))
+    injector = load_injector(options.model)
+    if options.fuel_temperature is not None:
+        injector = at_temperature(injector, temperature_of("--fuel-temperature", options.fuel_temperature))
     say_if_compiling(console)
     with progress_bar(console, "simulating", 1.0) as progress:
         simulation = simulate(
             injector,
             schedule,
             sample_rate,
-            parse_effects(effects),
-            NoiseLevels() if noise == "on" else None,
-            measured_rate,
-            seed,
+            parse_effects(options.effects),
+            NoiseLevels() if options.noise == "on" else None,
+            options.measured_rate,
+            options.seed,
             progress,
         )
     write_recording(output, simulation.recording)
     write_truth(truth_path(output), simulation.truth)
     say(
         console,
-        f"{output}: {simulation.recording.samples} samples at {sample_rate:g} Hz, {injections} events; "
+        f"{output}: {simulation.recording.samples} samples at {sample_rate:g} Hz, {options.injections} events; "
         f"truth in {truth_path(output).name}",
     )

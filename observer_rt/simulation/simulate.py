@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
@@ -21,7 +22,6 @@ from observer_rt.recording.signals.csv_file import (
     Column,
     write_columns,
 )
-from observer_rt.recording.signals.files import file_errors
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels
 from observer_rt.simulation.needle import strokes

@@ -1,4 +1,4 @@
-"""Refusing, before the work begins, a file that could not be written once it is done."""
+"""Refusing, before the work begins, a file of no known kind or one that could not be written once it is done."""
 
 import os
 import tempfile
@@ -16,16 +16,22 @@ def check_destination(option: str, path: Path, suffixes: Collection[str] = ()) -
     Raises `UserError` that names the command line's option.
     """
     place = f"{option} {path}"
-    if suffixes and path.suffix.lower() not in suffixes:
-        raise UserError(
-            place, f"unknown kind of file '{path.suffix}'", f"known suffixes: {', '.join(suffixes)}"
-        )
+    if suffixes:
+        check_suffix(place, path, suffixes)
     if path.is_dir():
         raise UserError(place, "is a folder", "name a file")
     if path.exists() and not os.access(path, os.W_OK):
         raise UserError(place, "must not be written", "check its rights, or name another file")
     if not path.exists():
         check_folder(option, path.parent)
+
+
+def check_suffix(place: str, path: Path, suffixes: Collection[str]) -> None:
+    """Raise `UserError` for a file whose suffix is not among those known."""
+    if path.suffix.lower() not in suffixes:
+        raise UserError(
+            place, f"unknown kind of file '{path.suffix}'", f"known suffixes: {', '.join(suffixes)}"
+        )
 
 
 def check_folder(option: str, folder: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from observer_rt.cli.app import main
 from observer_rt.config.bench import EXAMPLE_BENCH, load_injector
 from observer_rt.model.effects import sized
-from observer_rt.recording.signals.files import write_recording
+from observer_rt.recording.formats import write_recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate

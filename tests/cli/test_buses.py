@@ -9,8 +9,8 @@ from pathlib import Path
 import can
 import pytest
 
-from observer_rt.bus.links.link import open_link
-from observer_rt.recording.canlog.formats import open_log
+from observer_rt.bus.links.open import open_link
+from observer_rt.recording.formats import open_log
 from tests.cli.conftest import Command
 from tests.service.bus_frames import block_bench, frames_of, twin_bench
 from tests.service.participants import until, worn_recording

@@ -11,7 +11,7 @@ import pytest
 import observer_rt.discovery.command
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.foundation.errors import RunError
-from observer_rt.recording.signals.files import read_recording, write_recording
+from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate

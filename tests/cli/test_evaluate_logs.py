@@ -7,8 +7,8 @@ import pytest
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
+from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.recording.signals.files import read_recording
 from tests.cli.conftest import Command, document
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import can
 import pytest
 
-from observer_rt.recording.canlog.formats import open_log
+from observer_rt.recording.formats import open_log
 from tests.cli.conftest import Command
 
 CHANNEL = "record-test"

@@ -13,13 +13,14 @@ from typing import ClassVar
 
 import pytest
 
-from observer_rt.bus.links.link import Frame, LinkDownError, open_link
+from observer_rt.bus.links.link import Frame, LinkDownError
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.foundation.errors import RunError
+from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.replay.player import play
-from observer_rt.recording.signals.files import read_recording
 from observer_rt.service import run as service
 from observer_rt.service.state_file import load_knowledge, model_hash
 from tests.cli.conftest import Command, Outcome

@@ -7,12 +7,12 @@ import signal
 import threading
 from pathlib import Path
 
-from observer_rt.bus.links.link import open_link
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
+from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.replay.player import play
-from observer_rt.recording.signals.files import read_recording
 from tests.cli.conftest import Command
 from tests.service.participants import listening, until
 from tests.service.pulse_frames import TEXT, TIME, durations

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.recording.signals.files import read_recording
+from observer_rt.recording.formats import read_recording
 from tests.cli.conftest import Command
 
 FEW = ("--injections", "2", "--sample-rate", "50e3")

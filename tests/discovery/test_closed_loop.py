@@ -13,8 +13,8 @@ from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
+from observer_rt.recording.formats import write_recording
 from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.recording.signals.files import write_recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate

@@ -15,20 +15,20 @@ from observer_rt.evaluation.logged import read_logged
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import sized
 from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.canlog.formats import LOG_WRITERS
+from observer_rt.recording.formats import log_formats, suffixes_of
 from observer_rt.recording.replay.framing import Framer, Span, whole, windows
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
-from tests.recording.canlog.log_cases import write_log
+from tests.recording.canlog.log_cases import sent_log, write_log
 from tests.service.time_frames import Clock, merged, plant, send, write_time_bench
 from tests.service.time_scenarios import LIFT_ALONE
 
 BENCH = load_bench()
 RATE = 100e3
 START = 1_700_000_000_123_456_000  # ns since 1970
-HOLDING_FD = sorted(set(LOG_WRITERS) - {".trc"})
+HOLDING_FD = sorted(suffixes_of(each for each in log_formats() if each.keeps_fd))
 
 
 @cache
@@ -47,15 +47,8 @@ def frames(bench: Bench = BENCH) -> list[LogFrame]:
 def log_of(
     recording: Recording, spans: list[Span], bench: Bench = BENCH, shift: float = 0.0
 ) -> list[LogFrame]:
-    return [
-        LogFrame(
-            Frame(
-                f.frame_id, f.payload, START + round((f.time + shift) * 1e9), f.is_extended, f.is_fd, f.is_fd
-            ),
-            "1",
-        )
-        for f in Framer(map_bus(bench)).frames(recording, spans)
-    ]
+    sent = Framer(map_bus(bench)).frames(recording, spans)
+    return sent_log((frame._replace(time=frame.time + shift) for frame in sent), START)
 
 
 @cache
@@ -109,7 +102,7 @@ def test_the_same_frames_give_the_same_in_every_format(write: Write, suffix: str
         np.testing.assert_array_equal(found[: len(values)], values)
 
 
-@pytest.mark.parametrize("suffix", sorted(LOG_WRITERS))
+@pytest.mark.parametrize("suffix", sorted(suffixes_of(log_formats())))
 def test_the_same_classic_frames_give_the_same_in_every_format(
     write: Write, classic_bench: Bench, suffix: str
 ) -> None:

@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from observer_rt.bus.links.link import Frame, Link, open_link
+from observer_rt.bus.links.link import Frame, Link
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench, load_injector
 from observer_rt.foundation.errors import RunError

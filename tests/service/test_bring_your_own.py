@@ -12,7 +12,7 @@ import e2e.p01
 import numpy as np
 import pytest
 
-from observer_rt.bus.links.link import open_link
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import STATUS_SIGNALS
 from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector

@@ -10,7 +10,8 @@ import pytest
 from rich.console import Console
 
 from observer_rt.bus.links.controller import BusCondition, BusState
-from observer_rt.bus.links.link import Link, open_link
+from observer_rt.bus.links.link import Link
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.effects import sized
-from observer_rt.recording.signals.files import read_recording, write_recording
+from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate

@@ -10,8 +10,8 @@ import pytest
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.recording.replay.player import play
-from observer_rt.recording.signals.files import read_recording, write_recording
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
 from tests.interface import OwnInterface

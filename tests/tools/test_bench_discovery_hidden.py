@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.recording.signals.files import read_recording
+from observer_rt.recording.formats import read_recording
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, benches, make_case, make_cases, measured_rate
 from tools.benchmarks.discovery.generator import write_recordings
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, same_effect

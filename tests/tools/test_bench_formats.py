@@ -2,14 +2,16 @@
 
 import json
 
-from observer_rt.recording.canlog.formats import LOG_WRITERS
-from observer_rt.recording.signals.files import WRITERS
+from observer_rt.recording.formats import log_formats, signal_formats, suffixes_of, written
 from tools.benchmarks.formats import formats_document, formats_table, measure_formats
 
 
 def test_every_format_is_measured() -> None:
     results = {result.name: result for result in measure_formats(1000)}
-    assert set(results) == {*LOG_WRITERS, *(f"{suffix} signals" for suffix in WRITERS)}
+    assert set(results) == {
+        *suffixes_of(written(log_formats())),
+        *(f"{suffix} signals" for suffix in suffixes_of(written(signal_formats()))),
+    }
     assert {name for name, result in results.items() if result.holds == "classic frames"} == {".trc"}
     assert all(result.stamp_error_ns == 0 for name, result in results.items() if name != ".trc")
     assert 0 < results[".trc"].stamp_error_ns <= 500

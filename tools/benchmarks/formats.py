@@ -13,10 +13,18 @@ import numpy as np
 from rich.table import Table
 
 from observer_rt.bus.links.link import Frame
-from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.canlog.formats import LOG_WRITERS, open_log
-from observer_rt.recording.signals.files import WRITERS, read_recording, write_recording
+from observer_rt.recording.formats import (
+    log_format,
+    log_formats,
+    open_log,
+    open_writer,
+    read_recording,
+    signal_formats,
+    suffixes_of,
+    write_recording,
+    written,
+)
 from observer_rt.recording.signals.recording import Recording
 
 PERIOD = 90_001  # ns between two frames, so that every digit of a stamp counts
@@ -42,8 +50,10 @@ class FormatResult:
 def measure_formats(count: int) -> list[FormatResult]:
     """Write and read `count` frames in every log format, and as many samples in every recording format."""
     with tempfile.TemporaryDirectory() as folder:
-        logs = [_log(suffix, count, Path(folder)) for suffix in LOG_WRITERS]
-        return logs + [_recording(suffix, count, Path(folder)) for suffix in WRITERS]
+        logs = [_log(suffix, count, Path(folder)) for suffix in suffixes_of(written(log_formats()))]
+        return logs + [
+            _recording(suffix, count, Path(folder)) for suffix in suffixes_of(written(signal_formats()))
+        ]
 
 
 def formats_table(results: Sequence[FormatResult]) -> Table:
@@ -75,11 +85,7 @@ def formats_document(results: Sequence[FormatResult]) -> dict[str, Any]:
 
 def _log(suffix: str, count: int, folder: Path) -> FormatResult:
     path = folder / f"bus{suffix}"
-    try:
-        _write(path, _frames(2, True))
-        is_fd = True
-    except UserError:
-        is_fd = False
+    is_fd = log_format(path).keeps_fd
     frames = _frames(count, is_fd)
     written = _seconds(lambda: _write(path, frames))
     read = _seconds(lambda: deque(open_log(path), maxlen=0))
@@ -129,7 +135,7 @@ def _frames(count: int, is_fd: bool) -> list[LogFrame]:
 
 
 def _write(path: Path, frames: Sequence[LogFrame]) -> None:
-    with LOG_WRITERS[path.suffix](path, START) as writer:
+    with open_writer(path, START) as writer:
         for frame in frames:
             writer.write(frame)
 

@@ -1,9 +1,9 @@
 """One number that names a frame on all buses of a bench, and what a received frame is checked by."""
 
-import can.util
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.can_frame import length_code, length_of
 from observer_rt.bus.database.e2e import UNPROTECTED
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.input_tables import INPUT_MESSAGE
@@ -23,7 +23,7 @@ def frame_row(layout: MessageLayout) -> NDArray[np.void]:
     row = np.zeros((), INPUT_MESSAGE)
     row["key"] = frame_key(layout.frame_id, layout.is_extended, layout.bus)
     row["length"] = layout.length
-    row["padded_length"] = can.util.dlc2len(can.util.len2dlc(layout.length))
+    row["padded_length"] = length_of(length_code(layout.length))
     row["e2e_profile"] = layout.e2e_profile or UNPROTECTED
     row["data_id"] = layout.e2e_data_id or 0
     return row

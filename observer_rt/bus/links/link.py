@@ -1,4 +1,4 @@
-"""The one protocol every CAN connection follows, and the choice of its implementation."""
+"""The one protocol every CAN connection follows."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -131,30 +131,3 @@ class Link(Protocol):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def open_link(
-    interface: str,
-    channel: str,
-    fd: bool,
-    receive_ids: Sequence[tuple[int, bool]] | None = None,
-    computer_time: bool = False,
-) -> Link:
-    """Connect to `channel` of a python-can interface; `socketcan` is served by a faster implementation.
-
-    `fd`: allow CAN FD frames. `receive_ids`: the (identifier, is extended) pairs wanted; None means all,
-    empty none. `computer_time`: stamp by the clock of this computer even if interface or driver have a better one,
-    so that stamps of several links can be compared.
-
-    Raises:
-        UserError: no such interface.
-        RunError: the interface is there but cannot be used.
-    """
-    # Imported here so that neither python-can's drivers nor Linux are needed by those who use the other.
-    if interface == "socketcan":
-        from observer_rt.bus.links.socketcan import SocketCanLink
-
-        return SocketCanLink(channel, fd, receive_ids, computer_time)
-    from observer_rt.bus.links.python_can import PythonCanLink
-
-    return PythonCanLink(interface, channel, fd, receive_ids, computer_time)

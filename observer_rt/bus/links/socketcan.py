@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from observer_rt.bus.can_frame import ARPHRD_CAN, CLASSIC_LENGTH, FD_LENGTHS, FD_MTU
 from observer_rt.bus.links.controller import BusCondition, BusState, ErrorClass, after_error_frame
 from observer_rt.bus.links.link import Frame, Link, LinkDownError, StampSource
 from observer_rt.bus.links.stamps import ANCILLARY_BYTES, StampReader
@@ -25,11 +26,7 @@ _SO_RCVBUFFORCE = 33
 _SO_RXQ_OVFL = 40
 _SIOCGIFMTU = 0x8921
 _CAN_RAW_ERR_FILTER = 2
-_CANFD_MTU = 72
 _CANFD_BRS, _CANFD_ESI = 0x01, 0x02  # flags: bit rate switched, sender error passive
-_CLASSIC_DATA_BYTES = 8
-_FD_DATA_BYTES = 64
-_ARPHRD_CAN = 280
 
 # struct can_frame: identifier, length, 3 unused, data. struct canfd_frame: identifier, length, flags, 2
 # unused, data. The whole size tells which of the two was read.
@@ -117,12 +114,12 @@ class SocketCanLink(Link):
     def _require_fd_mtu(self) -> None:
         request = struct.pack("16si12x", self._channel.encode(), 0)
         _, mtu = struct.unpack("16si12x", fcntl.ioctl(self._socket, _SIOCGIFMTU, request))
-        if mtu < _CANFD_MTU:
+        if mtu < FD_MTU:
             name = self._channel
             # down, too: an interface that was plugged in again may not be configured yet
             raise LinkDownError(
                 f"{name} cannot carry CAN FD frames: its mtu is {mtu}\n"
-                f"  remedy: sudo ip link set {name} down && sudo ip link set {name} mtu {_CANFD_MTU} && "
+                f"  remedy: sudo ip link set {name} down && sudo ip link set {name} mtu {FD_MTU} && "
                 f"sudo ip link set {name} up (hardware: with `fd on` and a `dbitrate`)"
             )
 
@@ -199,7 +196,7 @@ class SocketCanLink(Link):
 
     def _packed(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: int) -> bytes:
         """The frame as the kernel takes it. Raises as `send` does."""
-        if len(payload) > (_FD_DATA_BYTES if is_fd else _CLASSIC_DATA_BYTES):
+        if len(payload) > (FD_LENGTHS[-1] if is_fd else CLASSIC_LENGTH):
             raise ValueError(f"{len(payload)} bytes do not fit into one frame")
         identifier = frame_id | (socket.CAN_EFF_FLAG if is_extended else 0)
         if is_fd:
@@ -256,7 +253,7 @@ class SocketCanLink(Link):
             return LinkDownError(
                 f"there is no interface {name} (CAN interfaces present: {there})\n"
                 "  remedy: connect the device, or for a virtual bus: "
-                f"sudo ip link add dev {name} type vcan && sudo ip link set {name} mtu {_CANFD_MTU} up"
+                f"sudo ip link add dev {name} type vcan && sudo ip link set {name} mtu {FD_MTU} up"
             )
         return RunError(f"{name} failed: {error.strerror or error}")
 
@@ -276,4 +273,4 @@ def _filters(receive_ids: Sequence[tuple[int, bool]] | None) -> bytes:
 
 def _can_interfaces() -> list[str]:
     types = sorted(Path("/sys/class/net").glob("*/type"))
-    return [path.parent.name for path in types if path.read_text().strip() == str(_ARPHRD_CAN)]
+    return [path.parent.name for path in types if path.read_text().strip() == str(ARPHRD_CAN)]

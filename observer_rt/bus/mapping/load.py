@@ -1,5 +1,7 @@
 """How long a frame occupies the bus, with the stuffing to be expected of random contents."""
 
+from observer_rt.bus.can_frame import CLASSIC_LENGTH, FD_LENGTHS, length_code, length_of
+
 # A stuff bit follows five equal bits. From the first bit of a run (the stuff bit itself begins one) it takes
 # on average 2^5 - 2 random bits to see four more of the same.
 BITS_PER_STUFF_BIT = 30.0
@@ -17,8 +19,6 @@ _FD_SHORT_CRC = 17  # up to 16 bytes
 _FD_LONG_CRC = 21
 _FD_CRC_DELIMITER = 1
 _FD_TAIL = 12  # ACK 1, ACK delimiter 1, end of frame 7, intermission 3
-_FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # bytes
-_CLASSIC_LONGEST = 8  # bytes
 
 
 def frame_time(length: int, is_fd: bool, bit_rate: float, data_bit_rate: float, is_extended: bool) -> float:
@@ -30,12 +30,12 @@ def frame_time(length: int, is_fd: bool, bit_rate: float, data_bit_rate: float, 
     Raises:
         ValueError: no frame of this kind holds `length` bytes.
     """
-    if not 0 <= length <= (_FD_LENGTHS[-1] if is_fd else _CLASSIC_LONGEST):
+    if not 0 <= length <= (FD_LENGTHS[-1] if is_fd else CLASSIC_LENGTH):
         raise ValueError(f"no {'CAN FD' if is_fd else 'classic CAN'} frame holds {length} bytes")
     if not is_fd:
         stuffed = (_CLASSIC_HEAD_EXTENDED if is_extended else _CLASSIC_HEAD) + 8 * length + _CLASSIC_CRC
         return (_with_stuffing(stuffed) + _CLASSIC_TAIL) / bit_rate
-    padded_length = next(possible for possible in _FD_LENGTHS if possible >= length)
+    padded_length = length_of(length_code(length))
     head = _FD_HEAD_EXTENDED if is_extended else _FD_HEAD
     checksum = _FD_STUFF_COUNT + (_FD_SHORT_CRC if padded_length <= 16 else _FD_LONG_CRC)
     fixed_stuff_bits = -(-checksum // 4)  # one before the stuff count and one after every four bits

@@ -1,4 +1,4 @@
-"""What the signals of a bus can hold, in SI units: range and resolution of a role, values that do not fit."""
+"""What the signals of a bus can hold, in SI units: range and resolution of a role."""
 
 from dataclasses import dataclass
 
@@ -9,15 +9,8 @@ from observer_rt.bus.database.codec import FLOAT16, FLOAT32, FLOAT64, decode, en
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role
-from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE
-from observer_rt.recording.signals.recording import Recording
 
 _FLOAT_TYPES = {FLOAT16: np.float16, FLOAT32: np.float32, FLOAT64: np.float64}
-_SHOWN_UNIT = {
-    Role.RAIL_PRESSURE: ("MPa", MEGAPASCAL),
-    Role.NEEDLE_LIFT: ("mm", MILLIMETRE),
-    Role.LINE_PRESSURE: ("MPa", MEGAPASCAL),
-}
 
 
 @dataclass(frozen=True)
@@ -59,27 +52,6 @@ def role_resolution(bus: BusMap, role: Role, value: float) -> float:
     """Distance of two neighbouring values [SI] on the bus, near `value` [SI]; the coarsest of the samples."""
     factor = role_factor(bus, role)
     return max(_step(signal[0], value / factor) for signal in _samples(bus, role)) * factor
-
-
-def recorded_out_of_range(recording: Recording, bus: BusMap) -> list[str]:
-    """One line for every role with values the bus cannot hold, which are clamped when sent."""
-    warnings = []
-    for role in ROLES:
-        values: NDArray[np.float64] = getattr(recording, role.value)
-        limits = role_range(bus, role)
-        unit, factor = _SHOWN_UNIT[role]
-        for beyond, limit, side in (
-            (limits.lowest - values, limits.lowest, "below"),
-            (values - limits.highest, limits.highest, "above"),
-        ):
-            count = int(np.count_nonzero(beyond > 0.5 * role_resolution(bus, role, limit)))
-            if count:
-                name = bus.input_layouts[message_of(bus, role)].name
-                warnings.append(
-                    f"{role}: {count} of {recording.samples} samples are {side} {limit / factor:.6g} {unit}, "
-                    f"the limit of {name}, and will be clamped to it"
-                )
-    return warnings
 
 
 def _groups(bus: BusMap, number: int, role: Role) -> list[np.void]:

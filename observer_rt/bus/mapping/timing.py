@@ -11,6 +11,7 @@ import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
+from observer_rt.bus.can_frame import CLASSIC_LENGTH
 from observer_rt.bus.database.e2e import UNPROTECTED, counter_values
 from observer_rt.bus.database.lookup import MessageLayout, find_signal
 from observer_rt.bus.mapping.load import frame_time
@@ -24,7 +25,6 @@ SLOTS = 1 << 12  # samples that may wait for another message
 MAX_INTERPOLATED = 2  # samples that a gap may have without being a loss
 USUAL_INDEX = "SampleIndex"  # where the bench file names none
 INDEX_BITS = 32
-CLASSIC_LENGTH = 8  # bytes
 LONGEST_COUNTER = 16  # bits
 HELD_CYCLES = 2.5  # of a slower signal, where the bench file states no max_hold_ms: one may be lost
 SHORTEST = 0.5  # of the time a frame takes on the bus

@@ -4,16 +4,8 @@ import re
 from collections.abc import Iterator
 from datetime import datetime
 
-import can.util
-
-from observer_rt.recording.canlog.can_log import (
-    CLASSIC_LENGTH,
-    FD_LENGTHS,
-    NANOSECONDS,
-    LogFrame,
-    LogReader,
-    text_nanoseconds,
-)
+from observer_rt.bus.can_frame import CLASSIC_LENGTH, FD_LENGTHS, length_of
+from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader, text_nanoseconds
 
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 MONTHS_ELSEWHERE = {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12}
@@ -200,7 +192,7 @@ class AscLog(LogReader):
             self.remote_frames += 1
             return None
         is_fd = bool(flags & FLAG_FD) or length > CLASSIC_LENGTH  # some converters leave the flags at 0
-        if is_fd and can.util.dlc2len(int(dlc, 16)) != length:
+        if is_fd and length_of(int(dlc, 16)) != length:
             raise ValueError
         return self.frame(
             number,

@@ -1,13 +1,19 @@
-"""Writer of `.asc`, Vector's text log: hexadecimal, times absolute."""
+"""The format `.asc`, Vector's text log, and its writer: hexadecimal, times absolute."""
 
 from datetime import datetime
 from pathlib import Path
 
-import can.util
-
+from observer_rt.bus.can_frame import length_code
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.asc_reader import FLAG_BIT_RATE_SWITCH, FLAG_ERROR_STATE, FLAG_FD, MONTHS
+from observer_rt.recording.canlog.asc_reader import (
+    FLAG_BIT_RATE_SWITCH,
+    FLAG_ERROR_STATE,
+    FLAG_FD,
+    MONTHS,
+    AscLog,
+)
 from observer_rt.recording.canlog.can_log import NANOSECONDS, ChannelNumbers, LogFrame, LogWriter
+from observer_rt.recording.canlog.log_format import LogFormat
 
 DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
@@ -52,7 +58,7 @@ class AscWriter(LogWriter):
             )
             self._file.write(
                 f"{stamp} CANFD {channel:>3} {direction:<4} {identifier:>8}  {'':>32} "
-                f"{frame.bit_rate_switch:d} {frame.error_state_indicator:d} {can.util.len2dlc(length):x} "
+                f"{frame.bit_rate_switch:d} {frame.error_state_indicator:d} {length_code(length):x} "
                 f"{length:>2} {data} {0:>8} {0:>4} {flags:>8X} {0:>8} {0:>8} {0:>8} {0:>8} {0:>8}\n"
             )
         else:
@@ -64,3 +70,6 @@ class AscWriter(LogWriter):
         if not self._file.closed:
             self._file.write("End TriggerBlock\n")
             self._file.close()
+
+
+ASC = LogFormat((".asc",), "Vector, text", AscLog, AscWriter)

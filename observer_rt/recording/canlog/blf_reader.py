@@ -9,16 +9,9 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import BinaryIO, NamedTuple
 
-import can.util
-
+from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, length_of
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.can_log import (
-    CLASSIC_LENGTH,
-    EXTENDED_MASK,
-    NANOSECONDS,
-    LogFrame,
-    LogReader,
-)
+from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader
 
 # "LOGG", header size, 8 bytes of versions, file size, uncompressed size, objects, objects read, start, end
 FILE_HEADER = struct.Struct("<4sL8BQQLL8H8H")
@@ -211,7 +204,7 @@ class BlfLog(LogReader):
         first = body + FD_64.size
         more = fields[13]  # where it begins, after the object's start; 0: nothing follows the data
         last = min(end, start + more) if more else end
-        length = can.util.dlc2len(dlc) if flags & FD_64_FORMAT else min(dlc, CLASSIC_LENGTH)
+        length = length_of(dlc) if flags & FD_64_FORMAT else min(dlc, CLASSIC_LENGTH)
         # bytes that are not stored are zero, as the format's own tools take them
         payload = data[first : min(last, first + valid)].ljust(length, b"\0")
         return self._data_frame(

@@ -1,12 +1,11 @@
-"""Writer of `.blf`, Vector's binary log: what was flushed can be read whatever happens afterwards."""
+"""The format `.blf`, Vector's binary log, and its writer: what was flushed can be read whatever happens later."""
 
 import os
 import zlib
 from datetime import UTC, datetime
 from pathlib import Path
 
-import can.util
-
+from observer_rt.bus.can_frame import length_code
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.blf_reader import (
     CLASSIC,
@@ -26,8 +25,10 @@ from observer_rt.recording.canlog.blf_reader import (
     TYPE_FD,
     TYPE_MARKER,
     ZLIB,
+    BlfLog,
 )
-from observer_rt.recording.canlog.can_log import NANOSECONDS, ChannelNumbers, LogFrame, LogWriter, lost_note
+from observer_rt.recording.canlog.can_log import NANOSECONDS, ChannelNumbers, LogFrame, LogRecorder, lost_note
+from observer_rt.recording.canlog.log_format import LogFormat
 
 CONTAINER_BYTES = 128 * 1024  # unpacked, as the format's own tools choose it
 HEADER_SIZE = 144
@@ -39,7 +40,7 @@ _VERSIONS = (0, 0, 0, 0, 2, 6, 8, 1)  # of the application (none known), of the 
 _GROUP = b"observer-rt"
 
 
-class BlfWriter(LogWriter):
+class BlfWriter(LogRecorder):
     """Writer; channels are numbered from 1."""
 
     def __init__(self, path: Path, start_ns: int) -> None:
@@ -67,7 +68,7 @@ class BlfWriter(LogWriter):
                 | FD_BIT_RATE_SWITCH * frame.bit_rate_switch
                 | FD_ERROR_STATE * frame.error_state_indicator
             )
-            dlc = can.util.len2dlc(length)
+            dlc = length_code(length)
             body = FD.pack(channel, flags, dlc, identifier, 0, 0, fd_flags, length, frame.payload)
             self._add(TYPE_FD, body, frame.stamp_ns)
         else:
@@ -75,7 +76,6 @@ class BlfWriter(LogWriter):
             self._add(TYPE_CLASSIC, body, frame.stamp_ns)
 
     def write_lost(self, frames: int) -> None:
-        """Say, as a global marker, that frames were lost before the next one."""
         text = lost_note(frames).encode("ascii")
         white, red = 0xFFFFFF, 0xFF3300
         body = MARKER.pack(0, white, red, 0, len(text), len(_GROUP), 0) + text + _GROUP
@@ -87,7 +87,7 @@ class BlfWriter(LogWriter):
         return self._file.tell()
 
     def flush(self) -> None:
-        """Hand everything written so far to the disk; costs little, but some of the packing."""
+        """See `LogRecorder`; costs little, but some of the packing."""
         self._write_container()
         end = self._file.tell()
         self._file.seek(0)
@@ -166,3 +166,6 @@ def _system_time(stamp_ns: int) -> tuple[int, ...]:
         moment.second,
         rest // _MILLISECOND,
     )
+
+
+BLF = LogFormat((".blf",), "Vector, binary", BlfLog, BlfWriter, BlfWriter)

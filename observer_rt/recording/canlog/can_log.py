@@ -6,17 +6,15 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import ClassVar, NamedTuple, NoReturn, Self
 
+from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, STANDARD_MASK
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.signals.files import file_errors
+from observer_rt.foundation.file_errors import file_errors
 
 NANOSECONDS = 1_000_000_000  # in a second
-CLASSIC_LENGTH = 8
-CLASSIC_LENGTHS = frozenset(range(CLASSIC_LENGTH + 1))
-FD_LENGTHS = frozenset((*range(9), 12, 16, 20, 24, 32, 48, 64))
-STANDARD_MASK, EXTENDED_MASK = 0x7FF, 0x1FFF_FFFF
 REORDERED = 1_000_000  # ns by which drivers are seen to hand over frames in the wrong order
 LOST_NOTE = "frames lost before this"
+_LENGTHS = {True: frozenset(FD_LENGTHS), False: frozenset(range(CLASSIC_LENGTH + 1))}  # by whether FD
 _LOST = re.compile(rf"(\d+) {LOST_NOTE}")
 
 
@@ -130,7 +128,7 @@ class LogReader(ABC):
         is_sent: bool = False,
     ) -> LogFrame:
         """A data frame, refused at its place unless a bus can carry it."""
-        if len(payload) not in (FD_LENGTHS if is_fd else CLASSIC_LENGTHS):
+        if len(payload) not in _LENGTHS[is_fd]:
             kind = "CAN FD" if is_fd else "classic CAN"
             self.refuse(number, f"{len(payload)} bytes are no length of a {kind} frame")
         if identifier > (EXTENDED_MASK if is_extended else STANDARD_MASK):
@@ -183,6 +181,23 @@ class LogWriter(ABC):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+class LogRecorder(LogWriter):
+    """A log written while frames come in: what was flushed can be read whatever happens afterwards."""
+
+    @abstractmethod
+    def write_lost(self, frames: int) -> None:
+        """Say, in the log, that frames were lost before the next one."""
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Bytes written so far."""
+
+    @abstractmethod
+    def flush(self) -> None:
+        """Hand everything written so far to the disk."""
 
 
 class ChannelNumbers:

@@ -14,9 +14,10 @@ from observer_rt.recording.canlog.can_log import (
     ChannelNumbers,
     LogFrame,
     LogReader,
-    LogWriter,
+    LogRecorder,
     lost_note,
 )
+from observer_rt.recording.canlog.log_format import LogFormat
 
 STAMP_DIGITS = 9
 ERROR_FRAME = 0x2000_0000  # CAN_ERR_FLAG in the identifier of an error frame
@@ -110,7 +111,7 @@ class CandumpLog(LogReader):
         )
 
 
-class CandumpWriter(LogWriter):
+class CandumpWriter(LogRecorder):
     """Writer; stamps have six digits where those are enough, else nine."""
 
     def __init__(self, path: Path, start_ns: int) -> None:
@@ -138,7 +139,6 @@ class CandumpWriter(LogWriter):
         self._write(f"({stamp}) {channel} {identifier}{mark}{frame.payload.hex().upper()}{direction}\n")
 
     def write_lost(self, frames: int) -> None:
-        """Say, as a comment, that frames were lost before the next one."""
         self._write(f"# {lost_note(frames)}\n")
 
     def _write(self, line: str) -> None:
@@ -146,13 +146,14 @@ class CandumpWriter(LogWriter):
 
     @property
     def size(self) -> int:
-        """Bytes written so far."""
         return self._size
 
     def flush(self) -> None:
-        """Hand everything written so far to the disk."""
         self._file.flush()
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
         self._file.close()
+
+
+CANDUMP = LogFormat((".log",), "text of `candump -l`", CandumpLog, CandumpWriter, CandumpWriter)

@@ -1,42 +1,33 @@
 """CAN frames in MDF4 files, by ASAM's rules for bus logging: one record a frame, apart by data, error and remote."""
 
 import heapq
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-import can.util
 import numpy as np
 from asammdf import MDF, Signal
 from asammdf.blocks.v4_blocks import SourceInformation
 from asammdf.blocks.v4_constants import BUS_TYPE_CAN, FLAG_CG_BUS_EVENT, SOURCE_BUS
 from numpy.typing import NDArray
 
-from observer_rt.foundation.errors import UserError
+from observer_rt.bus.can_frame import EXTENDED_MASK, FD_LENGTHS, length_code
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.canlog.can_log import (
-    EXTENDED_MASK,
     NANOSECONDS,
     ChannelNumbers,
     LogFrame,
     LogReader,
     LogWriter,
 )
-from observer_rt.recording.signals.files import file_errors
-from observer_rt.recording.signals.mdf4_file import (
-    DAMAGE,
-    MAGIC,
-    READABLE,
-    add_history,
-    discard,
-    refuse_outside,
-)
+from observer_rt.recording.signals.mdf4_file import add_history, opened, refuse_outside
 
 DATA, ERROR, REMOTE = "CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame"
 EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
 RECORDS_AT_ONCE = 50_000
 MILLISECOND = 1_000_000  # ns
-MAX_LENGTH = 64
+MAX_LENGTH = FD_LENGTHS[-1]
 _FIELDS = (
     ("BusChannel", "<u1"),
     ("ID", "<u4"),
@@ -57,8 +48,8 @@ _Record = tuple[int, int, bool, bytes, bool, str, bool, bool, bool]
 
 def is_bus_log(path: Path) -> bool:
     """Whether an MDF4 file holds CAN frames. Raises `UserError` for a file that is damaged or none of MDF."""
-    with file_errors(path):
-        return any(True for _ in _from_file(path, lambda file: _groups(file, DATA)))
+    with file_errors(path), opened(path) as file:
+        return bool(_groups(file, DATA))
 
 
 class Mdf4Log(LogReader):
@@ -67,9 +58,10 @@ class Mdf4Log(LogReader):
     unit = "frame"
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        for number, record in enumerate(_from_file(self.path, self._records), start=1):
-            self._position = number
-            yield number, self.frame(number, *record)
+        with opened(self.path) as file:
+            for number, record in enumerate(self._records(file), start=1):
+                self._position = number
+                yield number, self.frame(number, *record)
 
     def _records(self, file: MDF) -> Iterable[_Record]:
         self.error_frames = sum(file.groups[group].channel_group.cycles_nr for group in _groups(file, ERROR))
@@ -101,7 +93,7 @@ class Mdf4LogWriter(LogWriter):
                 self._numbers.of(entry.channel),
                 frame.frame_id,
                 frame.is_extended,
-                can.util.len2dlc(length),
+                length_code(length),
                 length,
                 frame.payload.ljust(MAX_LENGTH, b"\0"),
                 entry.is_sent,
@@ -125,20 +117,6 @@ class Mdf4LogWriter(LogWriter):
             file.header.abs_time = self._start
             file.append(signal)
             file.save(handle, add_history_block=False)
-
-
-def _from_file(path: Path, read: Callable[[MDF], Iterable[Any]]) -> Iterator[Any]:
-    """What `read` finds in the file; the many ways in which asammdf fails become a `UserError`."""
-    with path.open("rb") as handle:
-        if handle.read(len(MAGIC)) != MAGIC:
-            raise UserError(str(path), "not an MDF file", READABLE)
-        handle.seek(0)
-        try:
-            with MDF(handle) as file:
-                yield from read(file)
-        except DAMAGE as error:
-            discard(error)
-            raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
 
 
 def _groups(file: MDF, kind: str) -> list[int]:

@@ -6,11 +6,9 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import NamedTuple
 
-import can.util
-
+from observer_rt.bus.can_frame import CLASSIC_LENGTH, length_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import (
-    CLASSIC_LENGTH,
     NANOSECONDS,
     ChannelNumbers,
     LogFrame,
@@ -18,10 +16,11 @@ from observer_rt.recording.canlog.can_log import (
     LogWriter,
     text_nanoseconds,
 )
+from observer_rt.recording.canlog.log_format import LogFormat
 
 DAY_ZERO = datetime(1899, 12, 30, tzinfo=UTC)
 DAY = 86_400 * NANOSECONDS
-MICROSECOND = 1000  # ns, what a stamp is written to
+STAMP_STEP = 1000  # ns to which stamps are written
 MILLISECOND_DIGITS = 6  # ns in a ms, as a power of ten
 STANDARD_DIGITS = 4  # of an identifier; an extended one has more
 FD_TYPES = {"FD": (False, False), "FB": (True, False), "FE": (True, True), "BI": (False, True)}
@@ -76,7 +75,7 @@ class TrcLog(LogReader):
             except InvalidOperation:
                 self.refuse(number, f"'{value}' is no start time", "correct it, in days since 30.12.1899")
             since_1970 = datetime.fromtimestamp(0, UTC) - DAY_ZERO
-            self._start = round((days - since_1970.days) * DAY / MICROSECOND) * MICROSECOND
+            self._start = round((days - since_1970.days) * DAY / STAMP_STEP) * STAMP_STEP
         elif key == ";$COLUMNS":
             self._at = {column.strip(): place for place, column in enumerate(value.split(","))}
         elif key.startswith(";") and not self._version and number == 1 and "#" in key:
@@ -105,7 +104,7 @@ class TrcLog(LogReader):
             length = int(words[at["l"]])
         else:
             code = int(words[at["L"]])
-            length = can.util.dlc2len(code) if kind in FD_TYPES else min(code, CLASSIC_LENGTH)
+            length = length_of(code) if kind in FD_TYPES else min(code, CLASSIC_LENGTH)
         channel = words[at["B"]] if "B" in at else "1"
         data = words[at["D"] :] if "D" in at else []
         return _Row(time, channel, kind, words[at["I"]], words[at["d"]] == "Tx", length, data)
@@ -170,7 +169,7 @@ class TrcWriter(LogWriter):
     def __init__(self, path: Path, start_ns: int) -> None:
         """See `LogWriter`."""
         super().__init__(path, start_ns)
-        self._start = start_ns // MICROSECOND * MICROSECOND
+        self._start = start_ns // STAMP_STEP * STAMP_STEP
         self._count = 0
         self._numbers = ChannelNumbers()
         moment = datetime.fromtimestamp(self._start // NANOSECONDS, UTC)
@@ -188,9 +187,9 @@ class TrcWriter(LogWriter):
             raise UserError(
                 str(self.path),
                 f"a .trc file written here holds classic frames only; {frame.frame_id:X} is a CAN FD frame",
-                "write .blf, .asc, .log or .mf4",
+                "write a format that keeps CAN FD; `observer-rt convert --help` names them",
             )
-        time = (frame.stamp_ns + MICROSECOND // 2) // MICROSECOND - self._start // MICROSECOND
+        time = (frame.stamp_ns + STAMP_STEP // 2) // STAMP_STEP - self._start // STAMP_STEP
         if time < 0:
             raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
         self._count += 1
@@ -203,3 +202,13 @@ class TrcWriter(LogWriter):
 
     def close(self) -> None:
         self._file.close()
+
+
+TRC = LogFormat(
+    (".trc",),
+    "PEAK, text: read in 1.0 to 1.3, 2.0, 2.1, written in 2.1",
+    TrcLog,
+    TrcWriter,
+    keeps_fd=False,
+    stamp_step=STAMP_STEP,
+)

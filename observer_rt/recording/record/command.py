@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from observer_rt.bus.links.link import open_link
+from observer_rt.bus.links.open import open_link
 from observer_rt.config.links import NamedLink
 from observer_rt.recording.record.recorder import RecordLimits, RecordStatistics, check_recording_path, record
 from observer_rt.terminal.console import say

@@ -3,22 +3,22 @@
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
+from observer_rt.bus.links.outage import Outage
 from observer_rt.bus.links.receiver import BusDownError, reading
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.blf_writer import BlfWriter
-from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame
-from observer_rt.recording.canlog.candump import CandumpWriter
-from observer_rt.recording.signals.files import file_errors
+from observer_rt.foundation.file_errors import file_errors
+from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder
+from observer_rt.recording.formats import open_recorder, recorded, suffixes_of
 
-RECORDERS: dict[str, type[BlfWriter] | type[CandumpWriter]] = {".blf": BlfWriter, ".log": CandumpWriter}
 FLUSH_PERIOD = 1_000_000_000  # ns: no more than this is lost with the power
 REPORT_PERIOD = 250_000_000  # ns
-RECONNECT_PERIOD = 0.2  # s between two attempts, while the interface is away
 NUMBER_DIGITS = 4  # of the files of a series
 RECEIVE_TIMEOUT = 0.1  # s, after which the loop looks at its clock and its stop signal
 
@@ -74,11 +74,12 @@ def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
 
     With `force` such files will be replaced, those of a numbered series all together.
     """
-    if path.suffix.lower() not in RECORDERS:
+    suffixes = suffixes_of(recorded())
+    if path.suffix.lower() not in suffixes:
         raise UserError(
             f"--out {path}",
             f"'{path.suffix}' cannot be recorded into safely",
-            f"record into {' or '.join(RECORDERS)}, then convert",
+            f"record into {' or '.join(suffixes)}, then convert",
         )
     existing = _series(path) if limits.rotates else [path]
     there = next((file for file in existing if file.exists()), None)
@@ -153,32 +154,27 @@ class _Receiver:
         self.outages = 0
         self._links = links
         self._reading = reading(links)
-        self._down: dict[int, float] = {}  # buses, and when to try them again
+        self._outages: dict[int, Outage] = {}  # by bus
+        self._executor = ThreadPoolExecutor(1)
 
     def next(self) -> BusFrame | None:
         """The next frame; None if none came for a while, or none can."""
-        for bus, due in list(self._down.items()):
-            if time.monotonic() >= due:
-                self._reconnect(bus)
+        for bus, outage in list(self._outages.items()):
+            with suppress(LinkDownError):
+                if outage.is_over(self._executor):
+                    del self._outages[bus]
+                    self._reading.take_back(bus)
         try:
             return self._reading.receive(RECEIVE_TIMEOUT)
         except BusDownError as error:
             self.outages += 1
             self._reading.leave_out(error.bus)
-            self._down[error.bus] = time.monotonic() + RECONNECT_PERIOD
+            self._outages[error.bus] = Outage(self._links[error.bus])
             return None
 
     def close(self) -> None:
+        self._executor.shutdown()
         self._reading.close()
-
-    def _reconnect(self, bus: int) -> None:
-        try:
-            self._links[bus].reconnect()
-        except LinkDownError:
-            self._down[bus] = time.monotonic() + RECONNECT_PERIOD
-        else:
-            del self._down[bus]
-            self._reading.take_back(bus)
 
 
 class _Files:
@@ -188,7 +184,7 @@ class _Files:
         self.paths: list[Path] = []
         self._path = path
         self._limits = limits
-        self._writer: BlfWriter | CandumpWriter | None = None
+        self._writer: LogRecorder | None = None
         self._begun = 0
         self._lost = 0  # before the first frame of a file
 
@@ -202,7 +198,7 @@ class _Files:
                     old.unlink()
             number = f"{len(self.paths) + 1:0{NUMBER_DIGITS}d}"
             path = self._path.with_name(_numbered(self._path, number)) if self._limits.rotates else self._path
-            self._writer = RECORDERS[path.suffix.lower()](path, frame.stamp_ns)
+            self._writer = open_recorder(path, frame.stamp_ns)
             self._begun = now
             self.paths.append(path)
         if self._lost:
@@ -227,7 +223,7 @@ class _Files:
             self._writer.close()
             self._writer = None
 
-    def _is_full(self, now: int, writer: BlfWriter | CandumpWriter) -> bool:
+    def _is_full(self, now: int, writer: LogRecorder) -> bool:
         limits = self._limits
         return (limits.file_size is not None and writer.size >= limits.file_size) or (
             limits.file_duration is not None and (now - self._begun) / NANOSECONDS >= limits.file_duration

@@ -8,15 +8,14 @@ from pathlib import Path
 
 from rich.console import Console
 
-from observer_rt.bus.links.link import open_link
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
-from observer_rt.bus.mapping.signal_range import recorded_out_of_range
 from observer_rt.config.bench import Bench
 from observer_rt.config.links import LinkConfig, NamedLink
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.channels import matched_channels
-from observer_rt.recording.canlog.formats import LOG_READERS, is_log
-from observer_rt.recording.record.traffic import refuse_traffic
+from observer_rt.recording.channels import matched_channels
+from observer_rt.recording.formats import is_log, read_recording
+from observer_rt.recording.replay.clamped import recorded_out_of_range
 from observer_rt.recording.replay.framing import TimedFrame, bench_for
 from observer_rt.recording.replay.log_frames import LogPart, log_frames
 from observer_rt.recording.replay.player import PlayStatistics, play
@@ -28,7 +27,7 @@ from observer_rt.recording.replay.remapping import (
     remapped,
     remapped_identifiers,
 )
-from observer_rt.recording.signals.files import READERS, read_recording
+from observer_rt.recording.replay.traffic import refuse_traffic
 from observer_rt.terminal.console import progress_bar, say
 from observer_rt.terminal.stop import stop_on_signals
 
@@ -68,17 +67,11 @@ def replay_onto(bench: Bench, path: Path, options: ReplayOptions, console: Conso
     Raises `UserError` for a file that does not fit and for identifiers that others send already, `RunError` when
     the bus fails.
     """
-    suffix = path.suffix.lower()
-    if suffix not in LOG_READERS and suffix not in READERS:
-        raise UserError(
-            str(path),
-            f"unknown kind of file '{path.suffix}'",
-            f"known suffixes: {', '.join({**READERS, **LOG_READERS})}",
-        )
+    holds_frames = is_log(path)
     channels = channel_map(options.map_channel)
     identifiers = identifier_map(options.map_id)
     bus = map_bus(bench)
-    if is_log(path):
+    if holds_frames:
         source = _log(bench, path, bus, options, channels, console)
     else:
         source = _recording(bench, path, bus, options, console)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import NANOSECONDS
-from observer_rt.recording.canlog.formats import open_log
+from observer_rt.recording.formats import open_log
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.recording_frames import Extent, refuse_unordered
 from observer_rt.recording.replay.remapping import Sent

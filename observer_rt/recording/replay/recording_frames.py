@@ -7,9 +7,9 @@ from itertools import count
 
 import numpy as np
 
+from observer_rt.bus.can_frame import CLASSIC_LENGTH
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.can_log import CLASSIC_LENGTH
 from observer_rt.recording.replay.framing import Framer, Span, TimedFrame, grid_samples, whole, windows
 from observer_rt.recording.signals.recording import Recording
 

@@ -3,8 +3,8 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from observer_rt.bus.can_frame import EXTENDED_MASK, STANDARD_MASK
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.can_log import EXTENDED_MASK, STANDARD_MASK
 from observer_rt.recording.replay.framing import TimedFrame
 
 

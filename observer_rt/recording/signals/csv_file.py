@@ -7,9 +7,9 @@ double nearest to 100005000.
 
 import csv
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 from observer_rt.recording.signals.recording import Recording, check_samples
+from observer_rt.recording.signals.signal_format import SignalFormat
 
 TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
 STEPS_PER_UNIT = 1e9
@@ -56,14 +57,7 @@ def read_csv(path: Path) -> Recording:
     }
     time = arrays.pop("time")
     check_samples(time, arrays, lambda row: f"{path}, line {_line_of_row(path, row)}")
-    return Recording(
-        time=time,
-        rail_pressure=arrays["rail_pressure"],
-        needle_lift=arrays["needle_lift"],
-        line_pressure=arrays["line_pressure"],
-        injection_rate=arrays.get("injection_rate"),
-        path=path,
-    )
+    return Recording(time=time, path=path, **arrays)
 
 
 def write_csv(path: Path, recording: Recording) -> None:
@@ -74,13 +68,19 @@ def write_csv(path: Path, recording: Recording) -> None:
 
 def write_columns(path: Path, columns: Sequence[tuple[Column, NDArray[np.float64]]]) -> None:
     """Write SI arrays of one length (n,) as CSV columns in their printed units, NaN as an empty cell."""
-    row_format = ",".join([WRITE_FORMAT] * len(columns))
+    printed = {column.header: (WRITE_FORMAT, values / column.factor) for column, values in columns}
+    write_table(path, printed)
+
+
+def write_table(path: Path, columns: Mapping[str, tuple[str, NDArray[Any]]]) -> None:
+    """Write arrays of one length (n,) as CSV columns by their headers, each in its format, NaN as an empty cell."""
+    row_format = ",".join(cell_format for cell_format, _ in columns.values())
+    arrays = [values for _, values in columns.values()]
     with path.open("w", encoding="ascii", newline="\n") as file:
-        file.write(",".join(column.header for column, _ in columns) + "\n")
-        for start in range(0, columns[0][1].size, ROWS_PER_WRITE):
-            rows = slice(start, start + ROWS_PER_WRITE)
-            printed = [(values[rows] / column.factor).tolist() for column, values in columns]
-            text = "\n".join(map(row_format.__mod__, zip(*printed, strict=True))) + "\n"
+        file.write(",".join(columns) + "\n")
+        for start in range(0, arrays[0].size, ROWS_PER_WRITE):
+            cells = [values[start : start + ROWS_PER_WRITE].tolist() for values in arrays]
+            text = "\n".join(map(row_format.__mod__, zip(*cells, strict=True))) + "\n"
             file.write(text.replace("nan", ""))
 
 
@@ -175,3 +175,7 @@ def _line_of_row(path: Path, row: int) -> int:
             if index == row + 1:
                 return number
     return 1
+
+
+_HEADER = f"{','.join(column.header for column in REQUIRED)}[,{INJECTION_RATE.header}]"
+CSV = SignalFormat((".csv",), _HEADER, read_csv, write_csv)

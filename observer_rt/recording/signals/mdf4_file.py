@@ -5,6 +5,8 @@ import logging
 import struct
 import sys
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -16,14 +18,9 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
-from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROMETRE, MILLIMETRE, MM3_PER_MS
+from observer_rt.foundation.units import CUBIC_MILLIMETRE, LENGTH_UNITS, MM3_PER_MS, PRESSURE_UNITS
 from observer_rt.recording.signals.recording import Recording
 
-KILOPASCAL = 1e3  # Pa
-BAR = 1e5  # Pa
-
-PRESSURE_UNITS = {"Pa": 1.0, "kPa": KILOPASCAL, "MPa": MEGAPASCAL, "bar": BAR}
-LENGTH_UNITS = {"m": 1.0, "mm": MILLIMETRE, "um": MICROMETRE, "µm": MICROMETRE, "μm": MICROMETRE}
 RATE_UNITS = {
     "m3/s": 1.0,
     "mm3/ms": MM3_PER_MS,
@@ -64,16 +61,8 @@ def read_mdf4(path: Path) -> Recording:
     The samples that a channel marks as invalid become NaN. Raises `UserError` for a file that is not MDF, a
     missing channel, an unknown unit and channels on different time stamps.
     """
-    with path.open("rb") as handle:
-        if handle.read(len(MAGIC)) != MAGIC:
-            raise UserError(str(path), "not an MDF file", READABLE)
-        handle.seek(0)
-        try:
-            with MDF(handle) as file:
-                signals = _read_channels(file, path)
-        except DAMAGE as error:
-            discard(error)
-            raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
+    with opened(path) as file:
+        signals = _read_channels(file, path)
     time = signals["rail_pressure"].timestamps.astype(np.float64)
     for name, signal in signals.items():
         if not np.array_equal(signal.timestamps, time):
@@ -83,14 +72,7 @@ def read_mdf4(path: Path) -> Recording:
                 "record the channels in one group, or resample them on one time grid",
             )
     values = {name: _to_si(signal, path) for name, signal in signals.items()}
-    return Recording(
-        time=time,
-        rail_pressure=values["rail_pressure"],
-        needle_lift=values["needle_lift"],
-        line_pressure=values["line_pressure"],
-        injection_rate=values.get("injection_rate"),
-        path=path,
-    )
+    return Recording(time=time, path=path, **values)
 
 
 def write_mdf4(path: Path, recording: Recording) -> None:
@@ -107,6 +89,21 @@ def write_mdf4(path: Path, recording: Recording) -> None:
         file.append(signals, comment="", common_timebase=True)
         with path.open("wb+") as handle:
             file.save(handle, add_history_block=False)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[MDF]:
+    """A file to read; the many ways in which asammdf fails on a damaged one become a `UserError`."""
+    with path.open("rb") as handle:
+        if handle.read(len(MAGIC)) != MAGIC:
+            raise UserError(str(path), "not an MDF file", READABLE)
+        handle.seek(0)
+        try:
+            with MDF(handle) as file:
+                yield file
+        except DAMAGE as error:
+            discard(error)
+            raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
 
 
 def add_history(file: MDF) -> None:

@@ -5,7 +5,8 @@ import time
 
 import pytest
 
-from observer_rt.bus.links.link import Link, open_link
+from observer_rt.bus.links.link import Link
+from observer_rt.bus.links.open import open_link
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play

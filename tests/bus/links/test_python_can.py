@@ -9,7 +9,8 @@ import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from observer_rt.bus.links.link import Frame, Link, LinkDownError, StampSource, open_link
+from observer_rt.bus.links.link import Frame, Link, LinkDownError, StampSource
+from observer_rt.bus.links.open import open_link
 from observer_rt.foundation.errors import RunError, UserError
 
 

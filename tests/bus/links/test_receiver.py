@@ -10,7 +10,8 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError, open_link
+from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.links.receiver import BusDownError, Reading, reading
 from observer_rt.foundation.errors import RunError
 

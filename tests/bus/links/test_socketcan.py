@@ -12,7 +12,8 @@ import pytest
 
 from observer_rt.bus.links import socketcan as socketcan_link
 from observer_rt.bus.links.controller import BusCondition, BusState
-from observer_rt.bus.links.link import Frame, Link, StampSource, open_link
+from observer_rt.bus.links.link import Frame, Link, StampSource
+from observer_rt.bus.links.open import open_link
 from observer_rt.foundation.errors import RunError
 
 pytestmark = pytest.mark.vcan

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.bus.links import stamps
-from observer_rt.bus.links.link import open_link
+from observer_rt.bus.links.open import open_link
 from observer_rt.bus.links.stamps import ANCILLARY_BYTES, StampReader
 
 SECOND = 1_000_000_000

@@ -1,17 +1,19 @@
 """Frames for tests of log formats: as strategies, and as a fixed mixture."""
 
 import random
+from collections.abc import Iterable
 from pathlib import Path
 
 from hypothesis import strategies as st
 
+from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.links.link import Frame
-from observer_rt.recording.canlog.can_log import FD_LENGTHS, LogFrame
-from observer_rt.recording.canlog.formats import LOG_WRITERS
+from observer_rt.recording.canlog.can_log import LogFrame
+from observer_rt.recording.formats import log_formats, open_writer
+from observer_rt.recording.replay.framing import TimedFrame
 
 START = 1_700_000_000_123_456_789  # ns since 1970
-CLASSIC_ONLY = {".trc"}
-MICROSECONDS_ONLY = {".trc"}
+FORMATS = {suffix: each for each in log_formats() for suffix in each.suffixes}
 
 
 @st.composite
@@ -21,13 +23,13 @@ def log_frames(draw: st.DrawFn, suffix: str, start: int = START) -> list[LogFram
     stamp = start
     for step in draw(st.lists(st.integers(0, 10**10), max_size=30)):
         stamp += step
-        is_fd = suffix not in CLASSIC_ONLY and draw(st.booleans())
+        is_fd = FORMATS[suffix].keeps_fd and draw(st.booleans())
         is_extended = draw(st.booleans())
-        length = draw(st.sampled_from(sorted(FD_LENGTHS)) if is_fd else st.integers(0, 8))
+        length = draw(st.sampled_from(FD_LENGTHS) if is_fd else st.integers(0, 8))
         frame = Frame(
             draw(st.integers(0, 0x1FFFFFFF if is_extended else 0x7FF)),
             draw(st.binary(min_size=length, max_size=length)),
-            stamp // 1000 * 1000 if suffix in MICROSECONDS_ONLY else stamp,
+            stamp // FORMATS[suffix].stamp_step * FORMATS[suffix].stamp_step,
             is_extended,
             is_fd,
             is_fd and draw(st.booleans()),
@@ -44,7 +46,7 @@ def mixture(suffix: str, count: int) -> list[LogFrame]:
     stamp = START // 1000 * 1000
     for _ in range(count):
         stamp += 1000 * chance.randrange(1000)
-        is_fd = suffix not in CLASSIC_ONLY and chance.random() < 0.5
+        is_fd = FORMATS[suffix].keeps_fd and chance.random() < 0.5
         is_extended = chance.random() < 0.5
         length = chance.choice([12, 24, 64] if is_fd else [1, 7, 8])
         frame = Frame(
@@ -62,9 +64,17 @@ def mixture(suffix: str, count: int) -> list[LogFrame]:
 
 def write_log(path: Path, frames: list[LogFrame]) -> None:
     """Write frames in the format of the path's suffix."""
-    with LOG_WRITERS[path.suffix](path, frames[0].frame.stamp_ns if frames else START) as writer:
+    with open_writer(path, frames[0].frame.stamp_ns if frames else START) as writer:
         for frame in frames:
             writer.write(frame)
+
+
+def sent_log(frames: Iterable[TimedFrame], start: int = START, channel: str = "1") -> list[LogFrame]:
+    """What a recorder beside the sender of some frames writes, the first at a time [ns]."""
+    return [
+        LogFrame(Frame(f.frame_id, f.payload, start + f.stamp_ns, f.is_extended, f.is_fd, f.is_fd), channel)
+        for f in frames
+    ]
 
 
 def as_read(frames: list[LogFrame], suffix: str) -> list[LogFrame]:

@@ -11,8 +11,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.formats import LOG_WRITERS, open_log
-from observer_rt.recording.signals.files import WRITERS, read_recording, write_recording
+from observer_rt.recording.formats import (
+    log_formats,
+    open_log,
+    read_recording,
+    signal_formats,
+    suffixes_of,
+    write_recording,
+    written,
+)
 from observer_rt.recording.signals.recording import Recording
 from tests.recording.canlog.log_cases import mixture, write_log
 
@@ -49,7 +56,7 @@ def damages(draw: st.DrawFn) -> Damage:
     return damage
 
 
-@pytest.mark.parametrize("suffix", sorted(LOG_WRITERS))
+@pytest.mark.parametrize("suffix", sorted(suffixes_of(written(log_formats()))))
 def test_a_damaged_log(tmp_path: Path, suffix: str) -> None:
     whole = undamaged(suffix, tmp_path)
 
@@ -81,7 +88,7 @@ def _comments(suffix: str, data: bytes) -> set[bytes]:
     return {line for line in data.splitlines() if line.strip()[:1] in marks and line.strip()}
 
 
-@pytest.mark.parametrize("suffix", sorted(WRITERS))
+@pytest.mark.parametrize("suffix", sorted(suffixes_of(written(signal_formats()))))
 def test_a_damaged_recording(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"recording{suffix}"
     values = np.arange(20.0)

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.canlog.formats import LOG_READERS, LOG_WRITERS, is_log, open_log
-from tests.recording.canlog.log_cases import START, as_read, log_frames, mixture, write_log
+from observer_rt.recording.formats import is_log, open_log
+from tests.recording.canlog.log_cases import FORMATS, START, as_read, log_frames, mixture, write_log
 
-SUFFIXES = sorted(LOG_WRITERS)
+SUFFIXES = sorted(FORMATS)
 STREAMED = [suffix for suffix in SUFFIXES if suffix != ".mf4"]  # readable up to where they were cut
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 
@@ -41,7 +41,7 @@ def test_the_first_stamp_is_kept(tmp_path: Path, suffix: str, start: int) -> Non
     path = tmp_path / f"bus{suffix}"
     frames = [LogFrame(Frame(1, b"\1", start + 10_000 * n, False, False), "1") for n in range(3)]
     write_log(path, frames)
-    step = 1000 if suffix == ".trc" else 1
+    step = FORMATS[suffix].stamp_step
     for found, frame in zip(open_log(path), frames, strict=True):
         assert abs(found.frame.stamp_ns - frame.frame.stamp_ns) <= step / 2
 
@@ -159,11 +159,11 @@ def test_a_classic_format_says_that_it_holds_no_fd(tmp_path: Path) -> None:
 def test_kinds_of_files(tmp_path: Path) -> None:
     assert is_log(Path("a.BLF"))
     assert not is_log(Path("a.csv"))
-    with pytest.raises(UserError, match=r"unknown kind of log '\.db'"):
+    with pytest.raises(UserError, match=r"unknown kind of file '\.db'"):
         open_log(tmp_path / "a.db")
 
 
-@pytest.mark.parametrize("suffix", sorted(LOG_READERS))
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_missing_file(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(UserError, match="no such file"):
         list(open_log(tmp_path / f"absent{suffix}"))

@@ -10,9 +10,8 @@ import pytest
 
 from observer_rt.bus.links.link import Frame, Link, LinkDownError
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.recording.canlog.formats import open_log
+from observer_rt.recording.formats import open_log, recorded, suffixes_of
 from observer_rt.recording.record.recorder import (
-    RECORDERS,
     RecordLimits,
     RecordStatistics,
     check_recording_path,
@@ -20,7 +19,7 @@ from observer_rt.recording.record.recorder import (
 )
 from tests.recording.canlog.log_cases import START
 
-SUFFIXES = sorted(RECORDERS)
+SUFFIXES = sorted(suffixes_of(recorded()))
 
 
 class Source(Link):

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.links.link import Frame, Link, open_link
+from observer_rt.bus.links.link import Frame, Link
+from observer_rt.bus.links.open import open_link
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.lateness import LatenessCounter

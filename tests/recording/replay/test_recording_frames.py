@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
-from observer_rt.bus.mapping.signal_range import recorded_out_of_range
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.foundation.errors import UserError
+from observer_rt.recording.replay.clamped import recorded_out_of_range
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.recording_frames import recording_extent, recording_frames
 from observer_rt.recording.signals.recording import Recording

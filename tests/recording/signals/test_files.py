@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.recording.signals.files import read_recording, write_recording
+from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.recording.signals.recording import Recording
 
 CODES = st.integers(0, 0xFFFD)

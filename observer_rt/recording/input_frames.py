@@ -7,8 +7,8 @@ from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogReader
-from observer_rt.recording.canlog.channels import OPTION
-from observer_rt.recording.canlog.formats import open_log
+from observer_rt.recording.channels import OPTION
+from observer_rt.recording.formats import open_log
 
 
 class InputFrames:

@@ -10,9 +10,20 @@ from rich.console import Console
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.logged import read_logged
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.formats import LOG_READERS, LOG_WRITERS, MDF4, is_log, open_log
-from observer_rt.recording.canlog.trc import MICROSECOND, TrcWriter
-from observer_rt.recording.signals.files import READERS, WRITERS, file_errors, read_recording, write_recording
+from observer_rt.foundation.file_errors import file_errors
+from observer_rt.recording.formats import (
+    formats,
+    is_log,
+    log_format,
+    log_formats,
+    open_log,
+    open_writer,
+    read_recording,
+    signal_formats,
+    suffixes_of,
+    write_recording,
+    written,
+)
 from observer_rt.terminal.console import progress_bar, say, say_if_compiling
 from observer_rt.terminal.destinations import check_destination
 
@@ -32,39 +43,34 @@ def convert(
 ) -> str:
     """Convert a file, the formats by suffix; returns one line on what was written.
 
-    A log becomes a recording by a bench file; an `.mf4` target holds signals if there is one, else frames.
+    A log becomes a recording by a bench file; where OUT may hold either it gets signals with one, else frames.
     Raises `UserError` for what does not fit together and for what the target cannot hold; the target is then
     as it was before.
     """
+    holds_frames = is_log(source)
+    check_destination("OUT", target, suffixes_of(written(formats())))
     suffix = target.suffix.lower()
-    _refuse_unknown(source, {**READERS, **LOG_READERS})
-    check_destination("OUT", target, tuple({**WRITERS, **LOG_WRITERS}))
+    takes_signals = suffix in suffixes_of(written(signal_formats()))
+    takes_frames = suffix in suffixes_of(written(log_formats()))
     if target.exists() and not force:
         raise UserError(str(target), "exists already", "name another file, or add --force")
     if target.exists() and target.samefile(source):
         raise UserError(str(target), "is the file to be converted", "name another file")
-    if not is_log(source):
-        if suffix not in WRITERS:
+    if not holds_frames:
+        if not takes_signals:
             raise UserError(
                 f"{source} -> {target}",
                 "a recording of signals has no frames",
                 "replay it onto a bus and record that",
             )
         return _recording(source, target)
-    if suffix in WRITERS and (suffix != MDF4 or bench is not None):
+    if takes_signals and (bench is not None or not takes_frames):
         if bench is None:
             raise UserError(
                 "--bench", "is missing: it says which signals the frames carry", "name a bench file"
             )
         return _decoded(source, target, bench, from_channels, console)
     return _frames(source, target, from_channels, console)
-
-
-def _refuse_unknown(source: Path, known: dict[str, object]) -> None:
-    if source.suffix.lower() not in known:
-        raise UserError(
-            str(source), f"unknown kind of file '{source.suffix}'", f"known suffixes: {', '.join(known)}"
-        )
 
 
 def _recording(source: Path, target: Path) -> str:
@@ -91,6 +97,7 @@ def _decoded(source: Path, target: Path, bench: Bench, from_channels: Sequence[s
 
 def _frames(source: Path, target: Path, channels: Sequence[str], console: Console) -> str:
     log = open_log(source)
+    step = log_format(target).stamp_step
     count = 0
     rounded = 0
     entries = (entry for entry in log if not channels or entry.channel in channels)
@@ -103,18 +110,18 @@ def _frames(source: Path, target: Path, channels: Sequence[str], console: Consol
         progress_bar(console, f"converting {source.name}", 1.0) as progress,
         _replacing(target) as part,
         file_errors(target),
-        LOG_WRITERS[target.suffix.lower()](part, start_ns) as writer,
+        open_writer(part, start_ns) as writer,
     ):
         for entry in chain(first, entries):
             writer.write(entry)
             count += 1
-            rounded += entry.frame.stamp_ns % MICROSECOND != 0
+            rounded += entry.frame.stamp_ns % step != 0
             if count % FRAMES_PER_STEP == 0:
                 progress(log.share_read)
     for note in log.notes():
         say(console, note)
-    if rounded and LOG_WRITERS[target.suffix.lower()] is TrcWriter:
-        say(console, f"{target}: {rounded} stamps are rounded to whole microseconds")
+    if rounded:
+        say(console, f"{target}: {rounded} stamps are rounded to multiples of {step} ns")
     return f"{target}: {count} frames"
 
 

@@ -5,7 +5,7 @@ import time
 from collections.abc import Collection, Mapping
 from contextlib import ExitStack
 
-from observer_rt.bus.links.link import open_link
+from observer_rt.bus.links.open import open_link
 from observer_rt.config.links import LinkConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.replay.remapping import Sent

@@ -6,7 +6,7 @@ from pathlib import Path
 from observer_rt.config.links import NamedLink, of_links
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import ChannelNumbers
-from observer_rt.recording.canlog.formats import open_log
+from observer_rt.recording.formats import open_log
 
 OPTION = "--from-channel"
 

@@ -8,8 +8,8 @@ from observer_rt.bus.links.link import Frame
 from observer_rt.config.links import LinkConfig, NamedLink
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.canlog.channels import chosen_channels
-from observer_rt.recording.canlog.formats import LOG_WRITERS
+from observer_rt.recording.channels import chosen_channels
+from observer_rt.recording.formats import open_writer
 
 BENCH = [
     NamedLink(name, LinkConfig(channel=channel))
@@ -20,7 +20,7 @@ INPUTS = {0, 1}
 
 def log(folder: Path, suffix: str, *channels: str) -> Path:
     path = folder / f"bus{suffix}"
-    with LOG_WRITERS[suffix](path, 1_000_000_000) as writer:
+    with open_writer(path, 1_000_000_000) as writer:
         for n, channel in enumerate(channels):
             frame = Frame(0x100 + n, b"\1", 1_000_000_000 + n * 1_000_000, False, False)
             writer.write(LogFrame(frame, channel))

@@ -1,0 +1,32 @@
+"""The choice of a link's implementation."""
+
+from collections.abc import Sequence
+
+from observer_rt.bus.links.link import Link
+
+
+def open_link(
+    interface: str,
+    channel: str,
+    fd: bool,
+    receive_ids: Sequence[tuple[int, bool]] | None = None,
+    computer_time: bool = False,
+) -> Link:
+    """Connect to `channel` of a python-can interface; `socketcan` is served by a faster implementation.
+
+    `fd`: allow CAN FD frames. `receive_ids`: the (identifier, is extended) pairs wanted; None means all,
+    empty none. `computer_time`: stamp by the clock of this computer even if interface or driver have a better one,
+    so that stamps of several links can be compared.
+
+    Raises:
+        UserError: no such interface.
+        RunError: the interface is there but cannot be used.
+    """
+    # Imported here so that neither python-can's drivers nor Linux are needed by those who use the other.
+    if interface == "socketcan":
+        from observer_rt.bus.links.socketcan import SocketCanLink
+
+        return SocketCanLink(channel, fd, receive_ids, computer_time)
+    from observer_rt.bus.links.python_can import PythonCanLink
+
+    return PythonCanLink(interface, channel, fd, receive_ids, computer_time)

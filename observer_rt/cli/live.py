@@ -1,0 +1,103 @@
+"""Commands of the live observer: `demo`, `run` and `check`."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from observer_rt.cli.options import (
+    BenchOption,
+    EffectsOption,
+    FromChannelOption,
+    JsonOption,
+    LenientOption,
+    ModelOption,
+    StateOption,
+)
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
+from observer_rt.foundation.errors import UserError
+from observer_rt.terminal.console import results
+
+messages = Console(stderr=True)
+
+
+def demo(
+    wear: Annotated[
+        float, typer.Option(help="Nozzle wear v_H: relative change of the orifice flow.", min=-0.5, max=0.5)
+    ] = 0.3,
+    injections: Annotated[int, typer.Option(help="How many injections.", min=3, max=100)] = 12,
+    speed: Annotated[float, typer.Option(help="Replay speed, 1 = real time.", min=0.01, max=1.0)] = 0.05,
+    seed: Annotated[int, typer.Option(help="Seed of the measurement noise.", min=0)] = 1,
+    figure: Annotated[
+        Path, typer.Option(help="Where to write the picture (png, svg, pdf).", metavar="FILE")
+    ] = Path("observer_rt_demo.png"),
+) -> None:
+    """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
+    from observer_rt.cli.demo import run_demo
+
+    run_demo(wear, injections, speed, seed, figure, messages)
+
+
+def run(
+    bench: Annotated[Path | None, typer.Option("--bench", help="Bench file.", metavar="FILE")] = None,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            "--state", help="Learned state: restored at start, saved at a clean stop.", metavar="FILE"
+        ),
+    ] = None,
+    view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,
+    lenient: LenientOption = False,
+    print_example_bench: Annotated[
+        bool, typer.Option("--print-example-bench", help="Print a complete, commented bench file.")
+    ] = False,
+    print_example_injector: Annotated[
+        bool, typer.Option("--print-example-injector", help="Print a complete, commented injector file.")
+    ] = False,
+    effects: EffectsOption = None,
+) -> None:
+    """Run the daemon: frames in, injection rate out, until SIGINT or SIGTERM."""
+    for wanted, path in ((print_example_bench, EXAMPLE_BENCH), (print_example_injector, NOMINAL_INJECTOR)):
+        if wanted:
+            print(path.read_text(encoding="utf-8"), end="")
+            return
+    if bench is None:
+        raise UserError(
+            "--bench",
+            "is missing",
+            "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from",
+        )
+    from observer_rt.service.run import serve
+
+    serve(load_bench(bench, lenient=lenient), state, view, messages)
+
+
+def check(
+    bench: BenchOption = EXAMPLE_BENCH,
+    model: ModelOption = None,
+    state: StateOption = None,
+    log: Annotated[
+        Path | None,
+        typer.Option("--log", help="CAN log of the bench: losses, jitter, noise.", metavar="FILE"),
+    ] = None,
+    from_channel: FromChannelOption = None,
+    lenient: LenientOption = False,
+    as_json: JsonOption = False,
+    effects: EffectsOption = None,
+) -> None:
+    """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
+    from observer_rt.check.checkup import Level, as_json_document, as_table, checkup
+    from observer_rt.check.log import log_findings
+
+    chosen = load_bench(bench, model, lenient)
+    findings = checkup(chosen, state)
+    if log is not None:
+        findings += log_findings(chosen, log, from_channel or ())
+    if as_json:
+        print(json.dumps(as_json_document(findings), indent=2))
+    else:
+        results().print(as_table(findings))
+    if any(finding.level is Level.ERROR for finding in findings):
+        raise typer.Exit(1)

@@ -1,0 +1,27 @@
+"""What a format of CAN logs says of itself."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from observer_rt.recording.canlog.can_log import LogReader, LogRecorder, LogWriter
+
+
+@dataclass(frozen=True)
+class LogFormat:
+    """A kind of file that holds CAN frames; callables take the path, those that write the time of the start [ns]."""
+
+    suffixes: tuple[str, ...]
+    """Of its files, in lower case with their dot."""
+    description: str
+    reader: Callable[[Path], LogReader]
+    writer: Callable[[Path, int], LogWriter] | None = None
+    """None where it is only read."""
+    recorder: Callable[[Path, int], LogRecorder] | None = None
+    """None where what was written so far could not be read after a loss of power."""
+    keeps_fd: bool = True
+    """Whether CAN FD frames can be written."""
+    stamp_step: int = 1
+    """ns to which stamps are written."""
+    holds_frames: Callable[[Path], bool] | None = None
+    """Whether a file holds frames, where files with the same suffix may hold signals; None: always."""

@@ -1,0 +1,156 @@
+"""The one registry of formats: what kinds of files hold recordings or CAN logs, and which of them a file is of.
+
+A further format is one entry of `BUILT_IN` or, in a distribution of its own, an entry point of the group
+`observer_rt.formats` that leads to a `LogFormat` or a `SignalFormat`.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import TypeVar
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
+from observer_rt.recording.canlog.asc_writer import ASC
+from observer_rt.recording.canlog.blf_writer import BLF
+from observer_rt.recording.canlog.can_log import LogReader, LogRecorder, LogWriter
+from observer_rt.recording.canlog.candump import CANDUMP
+from observer_rt.recording.canlog.log_format import LogFormat
+from observer_rt.recording.canlog.trc import TRC
+from observer_rt.recording.mdf4 import MDF4_LOG, MDF4_SIGNALS
+from observer_rt.recording.signals.csv_file import CSV
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.signal_format import SignalFormat
+from observer_rt.terminal.destinations import check_suffix
+
+Format = LogFormat | SignalFormat
+BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, CANDUMP, BLF, ASC, TRC, MDF4_LOG)
+GROUP = "observer_rt.formats"
+F = TypeVar("F", bound=Format)
+
+
+@cache
+def formats() -> tuple[Format, ...]:
+    """Every format, the installed ones last. Raises `UserError` naming the distribution of one that will not do."""
+    known = list(BUILT_IN)
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        known.append(_installed(entry, known))
+    return tuple(known)
+
+
+def log_formats() -> list[LogFormat]:
+    """Every format of CAN logs."""
+    return [each for each in formats() if isinstance(each, LogFormat)]
+
+
+def signal_formats() -> list[SignalFormat]:
+    """Every format of recordings."""
+    return [each for each in formats() if isinstance(each, SignalFormat)]
+
+
+def suffixes_of(known: Iterable[Format]) -> tuple[str, ...]:
+    """The suffixes of some formats, each once."""
+    return tuple(dict.fromkeys(suffix for each in known for suffix in each.suffixes))
+
+
+def written(known: Iterable[F]) -> list[F]:
+    """Those of some formats that can be written."""
+    return [each for each in known if each.writer is not None]
+
+
+def is_log(path: Path) -> bool:
+    """Whether a file holds CAN frames, by its suffix and, where that leaves it open, its content.
+
+    Raises `UserError` for an unknown suffix, and for a file that had to be opened and is not there or damaged.
+    """
+    check_suffix(str(path), path, suffixes_of(formats()))
+    suffix = path.suffix.lower()
+    log = next((each for each in log_formats() if suffix in each.suffixes), None)
+    return log is not None and (log.holds_frames is None or log.holds_frames(path))
+
+
+def log_format(path: Path) -> LogFormat:
+    """The format of a log by its suffix. Raises `UserError` for an unknown one."""
+    return _of(path, log_formats())
+
+
+def open_log(path: Path) -> LogReader:
+    """The reader of a log; nothing is read before it is iterated. Raises `UserError` for an unknown suffix."""
+    return log_format(path).reader(path)
+
+
+def open_writer(path: Path, start_ns: int) -> LogWriter:
+    """The writer of a log that begins at a time [ns]. Raises `UserError` for a suffix that cannot be written."""
+    writer = _of(path, written(log_formats())).writer
+    assert writer is not None
+    return writer(path, start_ns)
+
+
+def open_recorder(path: Path, start_ns: int) -> LogRecorder:
+    """As `open_writer`, of a log into which frames go as they come in."""
+    recorder = _of(path, recorded()).recorder
+    assert recorder is not None
+    return recorder(path, start_ns)
+
+
+def recorded() -> list[LogFormat]:
+    """Formats of logs into which frames can go as they come in."""
+    return [each for each in log_formats() if each.recorder is not None]
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a recording.
+
+    Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
+    """
+    reader = _of(path, signal_formats()).reader
+    with file_errors(path):
+        return reader(path)
+
+
+def write_recording(path: Path, recording: Recording) -> None:
+    """Write a recording, replacing an existing file.
+
+    Raises `UserError` for an unknown suffix or a path that cannot be written, `RunError` when writing fails.
+    """
+    writer = _of(path, written(signal_formats())).writer
+    assert writer is not None
+    with file_errors(path):
+        writer(path, recording)
+
+
+def _of(path: Path, known: Sequence[F]) -> F:
+    check_suffix(str(path), path, suffixes_of(known))
+    return next(each for each in known if path.suffix.lower() in each.suffixes)
+
+
+def _installed(entry: EntryPoint, known: Iterable[Format]) -> Format:
+    """The format an entry point leads to, if it will do beside those known."""
+    origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else "a distribution without a name"
+    place = f"format '{entry.name}' of {origin}"
+    remedy = "mend it, or uninstall that distribution"
+    try:
+        found = entry.load()
+    except Exception as error:  # whatever foreign code raises
+        raise UserError(place, f"{entry.value} cannot be loaded: {error!r}", remedy) from error
+    problem = _problem(found, known)
+    if problem:
+        raise UserError(place, f"{entry.value} {problem}", remedy)
+    return found  # type: ignore[no-any-return]  # as `_problem` found it
+
+
+def _problem(found: object, known: Iterable[Format]) -> str | None:
+    """Why an object is no format that could stand beside those known."""
+    if not isinstance(found, LogFormat | SignalFormat):
+        return f"is a {type(found).__name__}, neither LogFormat nor SignalFormat"
+    if not found.suffixes or any(not re.fullmatch(r"\.[a-z0-9_]+", suffix) for suffix in found.suffixes):
+        return f"has the suffixes {found.suffixes}: each begins with a dot and is in lower case"
+    for other in known:
+        shared = sorted(set(found.suffixes) & set(other.suffixes))
+        log = next((each for each in (found, other) if isinstance(each, LogFormat)), None)
+        is_told_apart = type(found) is not type(other) and log is not None and log.holds_frames is not None
+        if shared and not is_told_apart:
+            return f"has the suffix {shared[0]}, which belongs to '{other.description}'"
+    return None

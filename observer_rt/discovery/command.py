@@ -19,8 +19,9 @@ from observer_rt.discovery.evidence.plausible import (
     refuse_rates_missing,
     refuse_sample_rates,
 )
-from observer_rt.discovery.findings import Findings, as_json
+from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.injector_text import InjectorText, write_amended
+from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.report import Sources, report
 from observer_rt.discovery.report.text import as_text
 from observer_rt.discovery.search.fit_store import FitStore, file_hash, problem_key

@@ -1,28 +1,17 @@
-"""What `discover` answers, as the document findings.json (schema 1)."""
+"""What `discover` answers, with what it rests on."""
 
-import math
 from dataclasses import dataclass
-from typing import Any
 
-from observer_rt.discovery.evidence.standstill import StandstillFigure
+from observer_rt.discovery.comparison.disagreement import Disagreement
+from observer_rt.discovery.comparison.gaps import Gaps
+from observer_rt.discovery.comparison.overlays import Overlay
+from observer_rt.discovery.comparison.standstill import StandstillFigure
 from observer_rt.discovery.opinion import Opinion, contradictions
-from observer_rt.discovery.report.figures import Overlay
-from observer_rt.discovery.report.gaps import Gap, Gaps
-from observer_rt.discovery.report.printed_units import printed
-from observer_rt.discovery.result import (
-    Candidate,
-    Consequence,
+from observer_rt.discovery.search.result import (
     Discovery,
     FittedEffect,
-    FittedParameter,
-    Signal,
 )
-from observer_rt.discovery.search.disagreement import PHASE_NAMES, Disagreement
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
-from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectInForce
-
-SCHEMA = 1
 
 
 @dataclass(frozen=True)
@@ -57,42 +46,6 @@ class Findings:
         return () if self.opinion is None else contradictions(self.discovery, self.opinion)
 
 
-def as_json(findings: Findings) -> dict[str, Any]:
-    """The document, in printed units."""
-    found = findings.discovery
-    unknown = found.unexplained
-    return {
-        "schema": SCHEMA,
-        "verdict": found.verdict.value,
-        "confidence": found.confidence,
-        "confidence_method": found.confidence_method,
-        "effects": [_effect(effect, found) for effect in found.effects],
-        "ranking": [_candidate(candidate, found) for candidate in found.ranking],
-        "detection": {"gain": _finite(found.gain), "threshold": _finite(found.threshold)},
-        "where": [_where(item, findings.points) for item in findings.where],
-        "unknown": None
-        if unknown is None
-        else {
-            "equation": unknown.equation.value,
-            "phase": PHASE_NAMES[unknown.phase],
-            "signal": unknown.signal.value,
-            "depends_on": list(unknown.depends_on),
-            "term": unknown.term,
-        },
-        "decide_by": [
-            {"measurement": item.measurement, "separates": list(item.separates)} for item in found.decide_by
-        ],
-        "gap": _gaps(findings.gaps),
-        "checks": [_check(check, findings.files) for check in findings.checks],
-        "observer": None if findings.opinion is None else _opinion(findings.opinion, findings.contradictions),
-        "healthy_warning": findings.healthy_warning,
-        "amended_model": findings.amended_model,
-        "fitted_on": list(findings.fitted_on),
-        "held_out": list(findings.held_out),
-        "seconds": round(findings.seconds, 3),
-    }
-
-
 def explained_share(found: Discovery) -> float:
     """Share of the disagreement that is explained: of what -2 log L has above that of an adequate model."""
     left = sum(cell.samples * (cell.variance - 1.0) for cell in found.after)
@@ -102,124 +55,3 @@ def explained_share(found: Discovery) -> float:
 def gap_share(found: Discovery, effect: FittedEffect) -> float:
     """An effect's part of that share, by what is lost without it."""
     return explained_share(found) * effect.gain / sum(one.gain for one in found.effects)
-
-
-def _effect(effect: FittedEffect, found: Discovery) -> dict[str, Any]:
-    return {
-        "id": effect.id,
-        "parameters": _parameters(effect.id, effect.parameters),
-        "confidence": found.confidence,
-        "indistinguishable_from": list(effect.indistinguishable_from),
-        "gap_share": gap_share(found, effect),
-        "moves": _moves(effect.moves),
-    }
-
-
-def _parameters(effect_id: str, parameters: tuple[FittedParameter, ...]) -> dict[str, Any]:
-    result = {}
-    for parameter in parameters:
-        shown = printed(effect_id, parameter)
-        result[shown.name] = {"value": shown.value, "ci95": list(shown.ci95), "unit": shown.unit}
-    return result
-
-
-def _candidate(candidate: Candidate, found: Discovery) -> dict[str, Any]:
-    return {
-        "ids": list(candidate.ids),
-        "held_out_chi2": _finite(candidate.held_out),
-        "chi2": _finite(candidate.statistic),
-        "n_effective": found.samples,
-        "parameters": [
-            _parameters(effect_id, parameters)
-            for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=True)
-        ],
-        "plausible": candidate.plausible,
-        "moves": _moves(candidate.moves),
-    }
-
-
-def _moves(moves: Consequence) -> dict[str, float | None]:
-    return {
-        "line_pressure_rms_MPa": _finite(moves.line_pressure / MEGAPASCAL),
-        "injected_mass_mean_mg": _finite(moves.mass / MILLIGRAM),
-    }
-
-
-def _where(item: Disagreement, points: tuple[str, ...]) -> dict[str, Any]:
-    unit, name = (
-        (MEGAPASCAL, "rms_MPa")
-        if item.before.signal is Signal.LINE_PRESSURE
-        else (MM3_PER_MS, "rms_mm3_per_ms")
-    )
-    return {
-        "signal": item.before.signal.value,
-        "phase": PHASE_NAMES[item.before.phase],
-        "equation": None if item.equation is None else item.equation.value,
-        "rail_pressure_MPa": item.before.rail_pressure / MEGAPASCAL,
-        "open_ms": item.before.duration / MILLISECOND,
-        "recording": points[item.before.recording],
-        "nrmse": math.sqrt(item.before.variance),
-        "significance": item.before.excess,
-        name: item.before.rms / unit,
-        "after": {
-            "nrmse": math.sqrt(item.after.variance),
-            "significance": item.after.excess,
-            name: item.after.rms / unit,
-        },
-    }
-
-
-def _check(check: StandstillFigure, files: tuple[str, ...]) -> dict[str, Any]:
-    return {
-        "id": check.id,
-        "recording": None if check.recording is None else files[check.recording],
-        "value": check.value,
-        "sigma": _finite(check.sigma),
-        "unit": check.unit,
-        "passed": check.passed,
-    }
-
-
-def _opinion(opinion: Opinion, against: tuple[str, ...]) -> dict[str, Any]:
-    indicators = {}
-    for indicator in opinion.indicators:
-        parameter = VOCABULARY[indicator.effect_id].parameters[0]
-        indicators[indicator.effect_id] = {
-            "value": indicator.value / parameter.si,
-            "sigma": _finite(indicator.sigma / parameter.si),
-            "unit": parameter.unit,
-        }
-    return {
-        "valid": opinion.valid,
-        "injections": opinion.injections,
-        "reasons": dict(opinion.reasons),
-        "indicators": indicators,
-        "contradictions": list(against),
-    }
-
-
-def _gaps(gaps: Gaps) -> dict[str, Any]:
-    return {
-        "line_pressure": _gap(gaps.line_pressure, "MPa", MEGAPASCAL),
-        "injection_rate": None
-        if gaps.injection_rate is None
-        else _gap(gaps.injection_rate, "mm3_per_ms", MM3_PER_MS),
-        "injected_mass": {
-            "before_mg": _finite(gaps.mass.before / MILLIGRAM),
-            "after_mg": _finite(gaps.mass.after / MILLIGRAM),
-            "measured": gaps.injection_rate is not None,
-        },
-    }
-
-
-def _gap(gap: Gap, unit: str, si: float) -> dict[str, float | None]:
-    return {
-        f"before_{unit}": _finite(gap.before / si),
-        f"after_{unit}": _finite(gap.after / si),
-        f"noise_floor_{unit}": _finite(gap.noise_floor / si),
-    }
-
-
-def _finite(value: float) -> float | None:
-    """JSON has no infinity."""
-    return value if math.isfinite(value) else None

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from observer_rt.discovery.result import Discovery, Verdict
+from observer_rt.discovery.search.result import Discovery, Verdict
 from observer_rt.model.effects import VOCABULARY
 
 SIGNIFICANT = 4.0  # standard deviations

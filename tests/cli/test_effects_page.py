@@ -26,6 +26,7 @@ def example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     use_effects(())
 
 
+@pytest.mark.slow
 def test_the_example_is_found_and_works_in_every_command(command: Command, example: Path) -> None:
     lines = re.findall(r"^    \$ observer-rt (.*)$", PAGE, re.MULTILINE)
     assert len(lines) == 4

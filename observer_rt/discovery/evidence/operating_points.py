@@ -30,8 +30,12 @@ class OperatingPoint:
     @property
     def name(self) -> str:
         """Such as `100 MPa, 1.93 ms`."""
-        pressure = self.measurement.rail_pressure / MEGAPASCAL
-        return f"{pressure:.0f} MPa, {self.measurement.duration / MILLISECOND:.2f} ms"
+        return point_name(self.measurement.rail_pressure, self.measurement.duration)
+
+
+def point_name(rail_pressure: float, duration: float) -> str:
+    """An operating point [Pa, s], such as `100 MPa, 1.93 ms`."""
+    return f"{rail_pressure / MEGAPASCAL:.0f} MPa, {duration / MILLISECOND:.2f} ms"
 
 
 def by_operating_point(found: Sequence[Measurement]) -> tuple[OperatingPoint, ...]:

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
-from observer_rt.discovery.report.gaps import Gap
+from observer_rt.discovery.comparison.gaps import Gap
+from observer_rt.discovery.comparison.overlays import Overlay
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
 
 MEASURED, NOMINAL, AMENDED = "#1b1f24", "#c0392b", "#1f77b4"
@@ -33,25 +33,6 @@ _STYLE = {
 }
 
 _NO_METADATA = dict.fromkeys(("Date", "Creator", "Type", "Format"))
-
-
-@dataclass(frozen=True, eq=False)
-class Overlay:
-    """One injection: time [s] (n,) from its opening, and signals (n,) in SI; None for what there is not.
-
-    noise_floor: of the line pressure [Pa]: what noise alone leaves between model and measurement.
-    """
-
-    title: str
-    time: NDArray[np.float64]
-    lift: NDArray[np.float64]
-    line_pressure: NDArray[np.float64]
-    nominal_pressure: NDArray[np.float64]
-    amended_pressure: NDArray[np.float64] | None
-    measured_rate: NDArray[np.float64] | None
-    nominal_rate: NDArray[np.float64]
-    amended_rate: NDArray[np.float64] | None
-    noise_floor: float
 
 
 def overlay_figure(overlays: Sequence[Overlay]) -> str:

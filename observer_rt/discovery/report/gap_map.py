@@ -4,11 +4,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from observer_rt.discovery.comparison.disagreement import PHASE_NAMES, Disagreement
+from observer_rt.discovery.evidence.operating_points import point_name
 from observer_rt.discovery.report.printed_units import UNITS
-from observer_rt.discovery.result import Cell, Signal
-from observer_rt.discovery.search.disagreement import PHASE_NAMES, SIGNIFICANT, Disagreement
+from observer_rt.discovery.search.adequacy import SIGNIFICANT
+from observer_rt.discovery.search.result import Cell, Signal
 from observer_rt.estimation.phases import Phase
-from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 
 _NAMES = {Signal.LINE_PRESSURE: "line pressure", Signal.INJECTION_RATE: "injection rate"}
 _UNITS = {Signal.LINE_PRESSURE: "MPa", Signal.INJECTION_RATE: "mm³/ms"}
@@ -46,18 +47,12 @@ class GapMap:
     rows: tuple[ShownRow, ...]
 
 
-def point_name(cell: Cell) -> str:
-    """An operating point, such as `100 MPa, 1.93 ms`."""
-    return f"{cell.rail_pressure / MEGAPASCAL:.0f} MPa, {cell.duration / MILLISECOND:.2f} ms"
-
-
 def gap_map(title: str, cells: Sequence[tuple[Cell, Disagreement]], recordings: Sequence[str]) -> GapMap:
     """Every cell of every recording, by rail pressure, then duration."""
     present = {(cell.signal, cell.phase) for cell, _ in cells}
     columns = [(signal, phase) for signal in Signal for phase in Phase if (signal, phase) in present]
     shown = {(cell.recording, cell.signal, cell.phase): _shown(cell, item) for cell, item in cells}
-    first = {cell.recording: cell for cell, _ in reversed(cells)}
-    places = sorted((cell.rail_pressure, cell.duration, recording) for recording, cell in first.items())
+    places = {cell.recording: (cell.rail_pressure, cell.duration) for cell, _ in cells}
     groups = [(_NAMES[signal], sum(of is signal for of, _ in columns)) for signal in Signal]
     return GapMap(
         title,
@@ -65,11 +60,11 @@ def gap_map(title: str, cells: Sequence[tuple[Cell, Disagreement]], recordings: 
         tuple(PHASE_NAMES[phase] for _, phase in columns),
         tuple(
             ShownRow(
-                point_name(first[recording]),
+                point_name(*places[recording]),
                 recordings[recording],
                 tuple(shown.get((recording, *column)) for column in columns),
             )
-            for _, _, recording in places
+            for recording in sorted(places, key=lambda recording: (*places[recording], recording))
         ),
     )
 

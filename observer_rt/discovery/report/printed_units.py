@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from observer_rt.discovery.result import FittedParameter
+from observer_rt.discovery.search.result import FittedParameter
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effect import EffectParameter
 from observer_rt.model.effects import VOCABULARY

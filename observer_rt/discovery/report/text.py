@@ -2,7 +2,7 @@
 
 from observer_rt.discovery.findings import Findings, gap_share
 from observer_rt.discovery.report.printed_units import printed
-from observer_rt.discovery.result import Discovery, FittedEffect, Verdict
+from observer_rt.discovery.search.result import Discovery, FittedEffect, Verdict
 from observer_rt.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effect import Equation

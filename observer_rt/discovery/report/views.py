@@ -4,16 +4,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from observer_rt.discovery.evidence.standstill import StandstillFigure
+from observer_rt.discovery.comparison.gaps import Gap, Gaps
+from observer_rt.discovery.comparison.standstill import StandstillFigure
+from observer_rt.discovery.evidence.operating_points import point_name
 from observer_rt.discovery.findings import Findings, explained_share
 from observer_rt.discovery.opinion import Indicator
 from observer_rt.discovery.report.figures import Bars, gap_figure
-from observer_rt.discovery.report.gap_map import point_name
-from observer_rt.discovery.report.gaps import Gap, Gaps
 from observer_rt.discovery.report.printed_units import UNITS, Printed, printed, shown, sign, significant
 from observer_rt.discovery.report.text import effects_words, where_words
-from observer_rt.discovery.result import Candidate, Consequence, Discovery, FittedParameter, Verdict
 from observer_rt.discovery.search import search
+from observer_rt.discovery.search.result import Candidate, Consequence, Discovery, FittedParameter, Verdict
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effect import Apparent
 from observer_rt.model.effects import VOCABULARY
@@ -112,8 +112,8 @@ def tiles(findings: Findings) -> list[Tile]:
 def held_out_figure(findings: Findings) -> str:
     """The gaps at operating points the sizes were not fitted to, as <svg>."""
     gaps, amended = findings.gaps, bool(findings.discovery.effects)
-    first = {item.before.recording: item.before for item in findings.where}
-    labels = [point_name(first[point.recording]).replace(", ", "\n") for point in gaps.points]
+    places = {i.before.recording: (i.before.rail_pressure, i.before.duration) for i in findings.where}
+    labels = [point_name(*places[point.recording]).replace(", ", "\n") for point in gaps.points]
     pressures = tuple(point.line_pressure for point in gaps.points)
     groups = [Bars("line pressure", "MPa", MEGAPASCAL, pressures, amended)]
     rates = tuple(point.injection_rate for point in gaps.points if point.injection_rate is not None)

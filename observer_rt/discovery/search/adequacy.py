@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.result import Cell, Signal
 from observer_rt.discovery.search.likelihood import Evidence, Judged, Trial
+from observer_rt.discovery.search.result import Cell, Signal
 from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.model.effective import EffectiveModel
 
 VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
 COLOUR_LIMIT = {Signal.LINE_PRESSURE: 2.0, Signal.INJECTION_RATE: 4.0}
-EXCESS_LIMIT = 5.0  # standard deviations
+SIGNIFICANT = 5.0  # standard deviations
 
 Pool = Mapping[Signal, PhaseStatistics]
 """Statistics of each signal, pooled over recordings."""
@@ -109,7 +109,7 @@ class Worst:
 
 
 def worst(pool: Pool, baseline: HealthyBaseline = NO_BASELINE) -> Worst:
-    """Where the model is least adequate; what lies within EXCESS_LIMIT of noise counts as explained."""
+    """Where the model is least adequate; what lies within SIGNIFICANT of noise counts as explained."""
     ranked = []
     for signal, statistics in pool.items():
         for phase in Phase:
@@ -117,7 +117,7 @@ def worst(pool: Pool, baseline: HealthyBaseline = NO_BASELINE) -> Worst:
             variance = statistics.variance(phase) / baseline.variance.get(key, 1.0)
             colour = statistics.colour(phase) / baseline.colour.get(key, 1.0)
             ratio = max(variance / VARIANCE_LIMIT[signal], colour / COLOUR_LIMIT[signal])
-            if statistics.excess(phase) < EXCESS_LIMIT:
+            if statistics.excess(phase) < SIGNIFICANT:
                 ratio = min(ratio, 1.0)
             ranked.append(Worst(signal, phase, ratio))
     return max(ranked, key=lambda item: item.ratio)

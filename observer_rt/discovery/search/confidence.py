@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from observer_rt.discovery.result import Candidate
+from observer_rt.discovery.search.result import Candidate
 from observer_rt.discovery.search.search import Outcome, price
 
 METHOD = (

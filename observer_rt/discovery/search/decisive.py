@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from itertools import combinations
 
-from observer_rt.discovery.result import Decisive
+from observer_rt.discovery.search.result import Decisive
 from observer_rt.model.effect import Effect, Place
 from observer_rt.model.effects import VOCABULARY
 

@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.discovery.evidence.measurement import Measurement
+from observer_rt.discovery.evidence.open_loop import SPARE_SUBSTEPS
 from observer_rt.discovery.evidence.windows import Batch, Rows, TrueInputs, batch_of, latest, phases
 from observer_rt.discovery.search.bounded_fit import Residuals
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
@@ -19,7 +20,6 @@ from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
-_SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
 _MOST_GAINS = 4096  # kept: those round a few candidates
 
 
@@ -64,7 +64,7 @@ class Trial:
         self._latest = latest(measurement)
         rate = measurement.recording.sample_rate
         needed = substeps_needed(nominal.injector, rate, nominal.departures)
-        self._substeps = min(needed + _SPARE_SUBSTEPS, MAX_SUBSTEPS)
+        self._substeps = min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS)
         self._gains: dict[tuple[float, float, float, float], GainSchedule] = {}
         self._nominal_key = _input_key(nominal)
         self._nominal_inputs = TrueInputs(measurement, nominal.inputs, nominal.coefficients)

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.result import Candidate, Signal, Unexplained
-from observer_rt.discovery.search.adequacy import Worst
+from observer_rt.discovery.search.adequacy import SIGNIFICANT, Worst
 from observer_rt.discovery.search.likelihood import Evidence, Judged
+from observer_rt.discovery.search.result import Candidate, Signal, Unexplained
 from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
 
 BLOCK = 8  # samples whose mean is looked at
-SIGNIFICANT = 5.0  # standard deviations of a slope
 MATTERS = 0.1  # of the largest standardised slope, below which a dependence is not named
 
 

@@ -7,15 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from observer_rt.discovery.evidence.measurement import Measurement, every_second_point
-from observer_rt.discovery.result import (
-    Candidate,
-    Cell,
-    Consequence,
-    Discovery,
-    FittedEffect,
-    Unexplained,
-    Verdict,
-)
 from observer_rt.discovery.search.adequacy import (
     NO_BASELINE,
     HealthyBaseline,
@@ -31,6 +22,15 @@ from observer_rt.discovery.search.consequences import consequence
 from observer_rt.discovery.search.decisive import decide_by
 from observer_rt.discovery.search.hypothesis import Sizing
 from observer_rt.discovery.search.likelihood import Evidence, evidence_of
+from observer_rt.discovery.search.result import (
+    Candidate,
+    Cell,
+    Consequence,
+    Discovery,
+    FittedEffect,
+    Unexplained,
+    Verdict,
+)
 from observer_rt.discovery.search.search import Outcome, Search, indistinguishable, representatives
 from observer_rt.discovery.search.unexplained import unexplained
 from observer_rt.estimation.gain import NoiseLevels

@@ -3,7 +3,7 @@
 import pytest
 
 from observer_rt.discovery.report.printed_units import printed, shown
-from observer_rt.discovery.result import FittedParameter
+from observer_rt.discovery.search.result import FittedParameter
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 
 from observer_rt.discovery.opinion import Opinion
 from observer_rt.discovery.report.report import Sources, report
-from observer_rt.discovery.result import Decisive, Discovery, Signal, Unexplained, Verdict
+from observer_rt.discovery.search.result import Decisive, Discovery, Signal, Unexplained, Verdict
 from observer_rt.estimation.phases import Phase
 from observer_rt.model.effect import Equation
 from tests.discovery.conftest import Worn

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.discovery.evidence.measurement import measurements
-from observer_rt.discovery.result import Discovery, Signal, Verdict
+from observer_rt.discovery.search.result import Discovery, Signal, Verdict
 from observer_rt.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect

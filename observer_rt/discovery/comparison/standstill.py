@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.discovery.evidence.measurement import Measurement
+from observer_rt.discovery.search.adequacy import SIGNIFICANT
 from observer_rt.discovery.search.likelihood import Evidence
 from observer_rt.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
@@ -18,7 +19,6 @@ from observer_rt.model.effects import VOCABULARY
 from observer_rt.observer.stream.front_end import dead_band
 
 SETTLED = 15e-3  # s after a closing, from which the line is at rest but for some ringing
-SIGNIFICANT = 5.0  # standard deviations
 _FEWEST_BLOCKS = 4
 _TOLERATED = {"rail_line_offset": 0.02 * MEGAPASCAL, "line_pressure_slope": 2 * MEGAPASCAL}  # SI
 

@@ -15,7 +15,7 @@ from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import substeps_needed
 
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
-_SPARE_SUBSTEPS = 1
+SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
     batch = batch_of(measurement, rows, inputs, late, sensor.offset, c)
     sample_rate = measurement.recording.sample_rate
     gains = gain_schedule(c, measurement.noise, sample_rate, sensor.lag, share).gains
-    substeps = substeps_needed(model.injector, sample_rate, model.departures) + _SPARE_SUBSTEPS
+    substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
     offset = sensor.offset / c.pressure_scale
     setting = Setting(interval, substeps, c, gains[-1].copy(), share, sensor.lag, offset)
     learned = nothing_learned()

@@ -1,9 +1,9 @@
 """The map of disagreement."""
 
+from observer_rt.discovery.comparison.disagreement import disagreements
 from observer_rt.discovery.evidence.measurement import measurements
-from observer_rt.discovery.result import Signal, Verdict
-from observer_rt.discovery.search.disagreement import disagreements
 from observer_rt.discovery.search.likelihood import evidence_of
+from observer_rt.discovery.search.result import Signal, Verdict
 from observer_rt.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.estimation.phases import Phase
 from observer_rt.model.effect import Equation

@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 
-from observer_rt.discovery.result import Cell, Discovery, Signal, Verdict
-from observer_rt.discovery.search.adequacy import cells_of
+from observer_rt.discovery.search.adequacy import SIGNIFICANT, cells_of
 from observer_rt.discovery.search.likelihood import Evidence
+from observer_rt.discovery.search.result import Cell, Discovery, Signal, Verdict
 from observer_rt.estimation.phases import Phase
 from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
 
-SIGNIFICANT = 5.0  # standard deviations
 PHASE_NAMES = {
     Phase.STANDSTILL: "closed",
     Phase.OPENING: "opening",

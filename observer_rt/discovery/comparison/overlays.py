@@ -1,16 +1,38 @@
 """Which injections the report shows, and their signals: measured, by the model as given, by the amended one."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.discovery.comparison.gaps import Gaps, PointGap
 from observer_rt.discovery.evidence.measurement import Measurement
-from observer_rt.discovery.report.figures import Overlay
-from observer_rt.discovery.report.gaps import Gaps, PointGap
-from observer_rt.discovery.report.open_loop import Simulated, simulated
-from observer_rt.discovery.result import Discovery
+from observer_rt.discovery.evidence.open_loop import Simulated, simulated
+from observer_rt.discovery.search.result import Discovery
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.model.effective import EffectiveModel
 
 SHOWN_RINGING = 6e-3  # s after the last closing
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One injection: time [s] (n,) from its opening, and signals (n,) in SI; None for what there is not.
+
+    noise_floor: of the line pressure [Pa]: what noise alone leaves between model and measurement.
+    """
+
+    title: str
+    time: NDArray[np.float64]
+    lift: NDArray[np.float64]
+    line_pressure: NDArray[np.float64]
+    nominal_pressure: NDArray[np.float64]
+    amended_pressure: NDArray[np.float64] | None
+    measured_rate: NDArray[np.float64] | None
+    nominal_rate: NDArray[np.float64]
+    amended_rate: NDArray[np.float64] | None
+    noise_floor: float
 
 
 def typical_overlays(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.discovery.evidence.measurement import Measurement, measurements
-from observer_rt.discovery.report.open_loop import mass, measured_mass, noisier, simulated
+from observer_rt.discovery.evidence.open_loop import mass, measured_mass, noisier, simulated
 from observer_rt.estimation.gain import NoiseLevels as Levels
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized

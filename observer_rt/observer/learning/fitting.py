@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gating import Gate, best_subset
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import Linearisation
-from observer_rt.observer.learning.knowledge import LONGEST_STEP, theta_bounds
+from observer_rt.estimation.scalars import SCALARS
 
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # of the decrease, in units of chi2 / 2: less is no longer sought
@@ -42,8 +42,7 @@ class Limits:
 
 def theta_limits(pressure_scale: float) -> Limits:
     """Limits of what the observer learns, (PARAMETERS,); pressure_scale p_0 [Pa]."""
-    lowest, highest = theta_bounds(pressure_scale)
-    return Limits(lowest, highest, LONGEST_STEP.vector(pressure_scale))
+    return Limits(*SCALARS.bounds(pressure_scale), SCALARS.longest_step(pressure_scale))
 
 
 @dataclass(frozen=True)

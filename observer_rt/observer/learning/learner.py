@@ -20,6 +20,7 @@ from observer_rt.estimation.phases import (
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Setting, Window, open_loop_error
+from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.sensor import LAG_UNIT
@@ -36,9 +37,7 @@ from observer_rt.observer.learning.fitting import EventFitter, Fit, theta_limits
 from observer_rt.observer.learning.indicators import nozzle_change
 from observer_rt.observer.learning.interval import resimulated
 from observer_rt.observer.learning.knowledge import (
-    DEFAULT_RULES,
     Knowledge,
-    LearningRules,
     Outcome,
     Verdict,
     no_knowledge,
@@ -63,11 +62,9 @@ CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 class Learner:
     """Learns event after event. Pure: no clock, no thread; the caller decides where it runs."""
 
-    def __init__(
-        self, constants: Constants, knowledge: Knowledge, rules: LearningRules = DEFAULT_RULES
-    ) -> None:
+    def __init__(self, constants: Constants, knowledge: Knowledge, scalars: Scalars = SCALARS) -> None:
         self._constants = constants
-        self._rules = rules
+        self._scalars = scalars
         self._scale = constants.coefficients.pressure_scale
         self._belief = knowledge.belief
         self._theta = knowledge.in_force
@@ -118,8 +115,8 @@ class Learner:
             if fit is None:
                 return self._outcome(Verdict.FAILED, window, in_force)
             statistics = self._event_statistics(window, fit.innovations)
-            lag = lag_score(window, self._setting(), fit, cost, self._rules.prior.vector(self._scale))
-            carried = carried_covariance(in_force, fit.prior, self._rules.gate, self._active)
+            lag = lag_score(window, self._setting(), fit, cost, self._scalars.prior(self._scale))
+            carried = carried_covariance(in_force, fit.prior, self._scalars.gate, self._active)
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
             return self._outcome(Verdict.FAILED, window, in_force)
@@ -142,14 +139,14 @@ class Learner:
             nominal = replace(outcome.knowledge, in_force=np.zeros(PARAMETERS))
             found = outcome.findings or (because,)
             return replace(outcome, verdict=Verdict.SET_ASIDE, knowledge=nominal, findings=found)
-        now = carried_covariance(self._theta, self._belief, self._rules.gate, self._active)
+        now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried)
         return replace(outcome, resimulated=event)
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
         if self._events > 0:
-            return self._belief.drifted(self._rules.drift.vector(self._scale))
+            return self._belief.drifted(self._scalars.drift(self._scale))
         if standstill.samples < STANDSTILL_ENOUGH:
             return self._belief
         mean = self._belief.mean.copy()
@@ -163,18 +160,18 @@ class Learner:
         first = cost.linearised(self._theta)
         if not np.isfinite(first.value):
             return None
-        fitter = EventFitter(cost, self._rules.gate, self._active, theta_limits(self._scale))
+        fitter = EventFitter(cost, self._scalars.gate, self._active, theta_limits(self._scale))
         if self._events == 0:
             return fitter.fit(first, prior, FIRST_ITERATIONS)
         score = first.score(prior.covariance)
         if QUICKER_SCORE < score <= CHANGE_SCORE:
-            prior = prior.widened(QUICKER * self._rules.drift.vector(self._scale))
-        drift = self._rules.drift.vector(self._scale)
+            prior = prior.widened(QUICKER * self._scalars.drift(self._scale))
+        drift = self._scalars.drift(self._scale)
         prior = prior.widened(self._trend.extra_after(first.standard_scores(prior.covariance), drift))
         fit = fitter.fit(first, prior, ITERATIONS)
         if score <= CHANGE_SCORE:
             return fit
-        wide = prior.widened(self._rules.prior.vector(self._scale))
+        wide = prior.widened(self._scalars.prior(self._scale))
         # where nothing explained the events before, many steps would be lost on this one
         iterations = ITERATIONS if self._mistrust.lasts else FIRST_ITERATIONS
         other = fitter.fit(fit.linearisation, wide, iterations)
@@ -214,7 +211,7 @@ class Learner:
         """Fall back to phi = 0 and forget: what was learned belongs to another line. No event is valid meanwhile."""
         outcome = self._outcome(Verdict.FROZEN, window, in_force)
         found = outcome.findings or (Finding(Reason.MODEL_INADEQUATE, Phase.STANDSTILL),)
-        fresh = no_knowledge(self._noise, self._scale, self._rules)
+        fresh = no_knowledge(self._noise, self._scale, self._scalars)
         self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
         self._events = 0
         self._previous = None
@@ -242,7 +239,7 @@ class Learner:
             schedule=self._schedule,
             findings=self._findings(verdict, window, doubts),
             estimate=self._theta.copy(),
-            covariance=gated_covariance(self._belief, self._rules.gate, self._active),
+            covariance=gated_covariance(self._belief, self._scalars.gate, self._active),
         )
 
     def _findings(self, verdict: Verdict, window: Window, doubts: Sequence[Reason]) -> tuple[Finding, ...]:

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import BenchInjector, load_bench
-from observer_rt.estimation.gating import Gate
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.scalars import NOZZLE, OFFSET, SCALARS, SEAT, Scalars
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.effect import SizedEffect
@@ -20,9 +20,7 @@ from observer_rt.model.effects import sized
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import flow_changes
 from observer_rt.observer.learning.knowledge import (
-    DEFAULT_RULES,
     Knowledge,
-    LearningRules,
     Verdict,
     no_knowledge,
 )
@@ -91,12 +89,12 @@ class Run:
 
 
 @cache
-def run(name: str, rules: LearningRules = DEFAULT_RULES) -> Run:
+def run(name: str, scalars: Scalars = SCALARS) -> Run:
     """Eight events at three pressures and two durations, 50 kHz, with noise; learning in lockstep."""
 
     def learner_of(_: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
         scale = constants.coefficients.pressure_scale
-        return Learner(constants, no_knowledge(knowledge.noise, scale, rules), rules)
+        return Learner(constants, no_knowledge(knowledge.noise, scale, scalars), scalars)
 
     schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
     made = simulate(NOMINAL, schedule, SAMPLE_RATE, CASES[name].effects, NoiseLevels(), seed=len(name))
@@ -121,9 +119,9 @@ def test_without_learning_the_worn_masses_are_wrong(name: str, error: float) -> 
 def test_wear_indicators(name: str) -> None:
     last = run(name).history.evaluations[0].reports[-1].indicators
     case = CASES[name]
-    assert last.nozzle.value == pytest.approx(case.v_h, abs=0.02)
-    assert last.seat.value == pytest.approx(case.v_s, abs=0.1)
-    for estimate, true in ((last.nozzle, case.v_h), (last.seat, case.v_s)):
+    assert last[NOZZLE].value == pytest.approx(case.v_h, abs=0.02)
+    assert last[SEAT].value == pytest.approx(case.v_s, abs=0.1)
+    for estimate, true in ((last[NOZZLE], case.v_h), (last[SEAT], case.v_s)):
         assert estimate.sigma is not None
         assert abs(estimate.value - true) < 4 * estimate.sigma + 0.005
 
@@ -131,7 +129,7 @@ def test_wear_indicators(name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_offset_of_the_line_sensor_is_told_from_wear(name: str) -> None:
     last = run(name).history.evaluations[0].reports[-1].indicators
-    offset = last.line_pressure_offset.value * NOMINAL.scaling.pressure
+    offset = last[OFFSET].value * NOMINAL.scaling.pressure
     assert offset == pytest.approx(CASES[name].offset, abs=0.03e6)
 
 
@@ -141,23 +139,23 @@ def test_healthy_injector_stays_with_the_nominal_model() -> None:
 
 
 def test_uncertainty_shrinks_with_every_event() -> None:
-    sigmas = [report.indicators.nozzle.sigma for report in run("eroded").history.evaluations[0].reports]
+    sigmas = [report.indicators[NOZZLE].sigma for report in run("eroded").history.evaluations[0].reports]
     known = [sigma for sigma in sigmas if sigma is not None]
     assert len(known) == EVENTS
     assert known[-1] < 0.7 * known[0]
 
 
-def test_a_learner_goes_by_the_rules_it_is_given() -> None:
+def test_a_learner_goes_by_the_table_it_is_given() -> None:
     """A prior that knows the seat is new: its wear is not found, while the line's terms, not gated, all are used."""
-    known_seat = replace(DEFAULT_RULES.prior, seat_bias=1e-6)
-    rules = LearningRules(
-        prior=known_seat, drift=replace(DEFAULT_RULES.drift, seat_bias=0.0), gate=Gate((), ())
+    rows = tuple(
+        replace(row, prior=1e-6, drift=0.0) if row.name == "seat_bias" else replace(row, gated_from=None)
+        for row in SCALARS.rows
     )
-    last = run("worn seat", rules).history.evaluations[0].reports[-1].indicators
-    assert abs(last.seat.value) < 1e-4
-    assert last.line_friction.value != 0.0
-    assert last.guide_leakage.sigma is not None
-    assert last.guide_leakage.sigma > 0.0
+    last = run("worn seat", Scalars(rows)).history.evaluations[0].reports[-1].indicators
+    assert abs(last[SEAT].value) < 1e-4
+    assert last["line_friction"].value != 0.0
+    assert last["guide_leakage"].sigma is not None
+    assert last["guide_leakage"].sigma > 0.0
 
 
 # One event at a time ----------------------------------------------------------------------------------------

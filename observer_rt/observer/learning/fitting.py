@@ -46,7 +46,7 @@ def theta_limits(pressure_scale: float) -> Limits:
 
 
 @dataclass(frozen=True)
-class Fit:
+class EventFit:
     """One event fitted: the active columns, the cost round the estimate, its prior.
 
     innovations: at the estimate (n,); slopes: where it was last linearised (n, m).
@@ -69,7 +69,7 @@ class EventFitter:
     active: frozenset[int]
     limits: Limits
 
-    def fit(self, start: Linearisation, prior: Belief, iterations: int) -> Fit:
+    def fit(self, start: Linearisation, prior: Belief, iterations: int) -> EventFit:
         """Minimise cost and distance from the prior, at most so many steps from `start`.
 
         A step that lowers the total as its linearisation says is the last: there is nothing to be learned from
@@ -103,7 +103,7 @@ class EventFitter:
             here, here_total = there, total(there.theta, there.value)
             if abs(before - here_total) < TOLERANCE:
                 break
-        return Fit(active, here, self.cost.innovations.copy(), self.cost.slopes.copy(), prior)
+        return EventFit(active, here, self.cost.innovations.copy(), self.cost.slopes.copy(), prior)
 
     def _within_reach(self, here: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """The target, or as far towards it as the slopes are good for; within bounds."""

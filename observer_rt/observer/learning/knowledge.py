@@ -13,14 +13,14 @@ from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.estimation.sensitivity import PARAMETERS
-from observer_rt.observer.learning.adequacy import Finding
+from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.interval import Resimulated
 from observer_rt.observer.stream.phi import Phi, StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
 
 
-class Verdict(StrEnum):
+class Adoption(StrEnum):
     """What came of learning from an event."""
 
     ADOPTED = "adopted"
@@ -62,10 +62,10 @@ class Outcome:
     estimate, None where nothing usable was learned from it. phi: what x^ is to carry.
     """
 
-    verdict: Verdict
+    adoption: Adoption
     knowledge: Knowledge
     schedule: GainSchedule
-    findings: tuple[Finding, ...]
+    objections: tuple[Objection, ...]
     estimate: NDArray[np.float64]
     covariance: NDArray[np.float64] | None
     resimulated: Resimulated | None = None

@@ -65,7 +65,7 @@ def report_of(
     it opened.
     """
     c = fuel.constants.coefficients
-    judgement = outcome.findings[0].reason if outcome is not None and outcome.findings else Reason.NONE
+    judgement = outcome.objections[0].reason if outcome is not None and outcome.objections else Reason.NONE
     reason = Reason(int(injection["reason"])) or judgement
     indicators = indicators_of(
         in_force if outcome is None else outcome.estimate,

@@ -20,8 +20,8 @@ from observer_rt.model.effects import sized
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import flow_changes
 from observer_rt.observer.learning.knowledge import (
+    Adoption,
     Knowledge,
-    Verdict,
     no_knowledge,
 )
 from observer_rt.observer.learning.learner import Learner
@@ -204,7 +204,7 @@ def test_better_phi_is_adopted() -> None:
     outcome = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0)).learn(
         event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0)
     )
-    assert outcome.verdict is Verdict.ADOPTED
+    assert outcome.adoption is Adoption.ADOPTED
     assert wear_of(outcome.estimate) == pytest.approx(0.3, abs=0.02)
 
 
@@ -216,7 +216,7 @@ def test_phi_that_predicts_worse_is_rejected_and_the_old_one_stays() -> None:
     knowledge = Knowledge(belief_in(0.0, 1e-4), true, NOISE, phi_version=3)
     observer = make_observer(constants, knowledge, learner)
     outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
-    assert outcome.verdict is Verdict.REJECTED
+    assert outcome.adoption is Adoption.REJECTED
     judge(observer, outcome)
     np.testing.assert_array_equal(in_force(observer), true)
     assert int(observer.memory["phi_version"][0]) == 3
@@ -248,13 +248,13 @@ def test_event_that_cannot_be_learned_from_changes_nothing(
     learner = learner_with(belief_in(0.1, 0.3), nozzle_wear(0.1))
     broken = event(0.3, seed=1)
     outcome = learner.learn(broken._replace(output=damage(broken.output)), NO_STANDSTILL, nozzle_wear(0.1))
-    assert outcome.verdict is Verdict.FAILED
+    assert outcome.adoption is Adoption.FAILED
     np.testing.assert_array_equal(outcome.knowledge.in_force, nozzle_wear(0.1))
     np.testing.assert_array_equal(outcome.estimate, nozzle_wear(0.1))
     np.testing.assert_array_equal(outcome.knowledge.belief.mean, nozzle_wear(0.1))
     # and the next event is learned from as if it had not been
     after = learner.learn(event(0.3, seed=2), NO_STANDSTILL, nozzle_wear(0.1))
-    assert after.verdict is Verdict.ADOPTED
+    assert after.adoption is Adoption.ADOPTED
     assert wear_of(after.estimate) == pytest.approx(0.3, abs=0.02)
 
 
@@ -273,23 +273,23 @@ def test_standstill_that_contradicts_the_model_freezes_learning() -> None:
     """Something swings in the shut line that the model does not know: phi falls back to 0 until it is over."""
     learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
     carried = nozzle_wear(0.0)
-    verdicts = []
+    adoptions = []
     for number in range(12):
         window = event(0.3, seed=number)
         if number < 3:
             window.output[:100] += 4e-3 * np.sin(np.arange(100) / 8)
         outcome = learner.learn(window, NO_STANDSTILL, carried)
         carried = outcome.knowledge.in_force
-        verdicts.append(outcome.verdict)
-        if outcome.verdict is Verdict.FROZEN:
+        adoptions.append(outcome.adoption)
+        if outcome.adoption is Adoption.FROZEN:
             assert not carried.any()
             assert not outcome.knowledge.belief.mean.any()
             assert (
-                outcome.findings
+                outcome.objections
             )  # nothing is valid while frozen, the good events before the release included
-    assert verdicts[:3] == [Verdict.ADOPTED, Verdict.FROZEN, Verdict.FROZEN]
-    assert verdicts[5] is Verdict.FROZEN  # fewer than three good events since
-    assert Verdict.FROZEN not in verdicts[-2:]
+    assert adoptions[:3] == [Adoption.ADOPTED, Adoption.FROZEN, Adoption.FROZEN]
+    assert adoptions[5] is Adoption.FROZEN  # fewer than three good events since
+    assert Adoption.FROZEN not in adoptions[-2:]
     assert wear_of(carried) == pytest.approx(0.3, abs=0.02)
 
 
@@ -297,16 +297,16 @@ def test_what_explains_nothing_is_not_carried() -> None:
     """The open line swings as no model of it does: phi = 0 from the second such event on, and back afterwards."""
     learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
     carried = nozzle_wear(0.0)
-    verdicts = []
+    adoptions = []
     for number in range(16):
         window = event(0.3, seed=number)
         if number in (2, 3, 4):
             window.output[120:260] += 0.02 * np.sin(np.arange(140) / 6)
         outcome = learner.learn(window, NO_STANDSTILL, carried)
         carried = outcome.knowledge.in_force
-        verdicts.append(outcome.verdict)
-        assert carried.any() == (outcome.verdict is not Verdict.SET_ASIDE)
-    assert Verdict.SET_ASIDE not in verdicts[:3]  # one such event alone does not
-    assert verdicts[3:5] == [Verdict.SET_ASIDE, Verdict.SET_ASIDE]
-    assert Verdict.SET_ASIDE not in verdicts[-2:]
+        adoptions.append(outcome.adoption)
+        assert carried.any() == (outcome.adoption is not Adoption.SET_ASIDE)
+    assert Adoption.SET_ASIDE not in adoptions[:3]  # one such event alone does not
+    assert adoptions[3:5] == [Adoption.SET_ASIDE, Adoption.SET_ASIDE]
+    assert Adoption.SET_ASIDE not in adoptions[-2:]
     assert wear_of(carried) == pytest.approx(0.3, abs=0.02)

@@ -107,7 +107,7 @@ def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
 
 
 def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
-    """One recording of the JSON document (design 4.1)."""
+    """One recording of the JSON document."""
     results = injection_results(evaluation)
     valid = sum(result.report.valid for result in results)
     return {

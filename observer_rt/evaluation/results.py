@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.foundation.units import (
     MEGAPASCAL,
@@ -106,7 +107,7 @@ def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
 
 
 def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
-    """One recording of the JSON document (design 4.1)."""
+    """One recording of the JSON document."""
     results = injection_results(evaluation)
     valid = sum(result.report.valid for result in results)
     return {
@@ -162,7 +163,6 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
 
 def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
     report = result.report
-    wear = report.indicators
     temperature = report.fuel_temperature
     fuel = {} if temperature is None else {"fuel_temperature_degC": temperature - ZERO_CELSIUS}
     return {
@@ -184,16 +184,10 @@ def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
         "phi_version": report.phi_version,
         **fuel,
         "indicators": {
-            "nozzle_v_H": _estimate(wear.nozzle, 1.0, "-"),
-            "seat_v_S": _estimate(wear.seat, 1.0, "-"),
-            "line_friction": _estimate(wear.line_friction, 1.0, "-"),
-            "guide_leakage": _estimate(wear.guide_leakage, c.flow_scale / c.pressure_scale, "m3/(s Pa)"),
-            "line_pressure_sensor_offset": _estimate(
-                wear.line_pressure_offset, c.pressure_scale / MEGAPASCAL, "MPa"
-            ),
-            "line_pressure_sensor_lag": _estimate(wear.line_pressure_lag, 1.0, "s"),
-            "bulk_modulus": _estimate(wear.bulk_modulus, 1.0, "-"),
-            "entrained_air": _estimate(wear.entrained_air, c.compression, "-"),
+            shown.key or shown.effect: _estimate(
+                report.indicators[shown.effect], shown.factor(c), shown.unit[0]
+            )
+            for _, shown in SCALARS.shown()
         },
     }
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.discovery.opinion import Indicator, Opinion
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model
@@ -36,17 +37,11 @@ def second_opinion(parameters: InjectorParameters, recordings: Sequence[Recordin
 
 def _indicators(learned: Indicators, c: Coefficients) -> tuple[Indicator, ...]:
     """By the effects they stand for, SI."""
-    terms = (
-        ("orifice_area", learned.nozzle, 1.0),
-        ("seat_area", learned.seat, 1.0),
-        ("line_friction", learned.line_friction, 1.0),
-        ("guide_leakage", learned.guide_leakage, c.flow_scale / c.pressure_scale),
-        ("bulk_modulus", learned.bulk_modulus, 1.0),
-        ("entrained_air", learned.entrained_air, c.compression),
-        ("line_pressure_sensor_offset", learned.line_pressure_offset, c.pressure_scale),
-        ("line_pressure_sensor_lag", learned.line_pressure_lag, 1.0),
-    )
     return tuple(
-        Indicator(name, estimate.value * si, float("nan") if estimate.sigma is None else estimate.sigma * si)
-        for name, estimate, si in terms
+        Indicator(
+            shown.effect,
+            learned[shown.effect].value * shown.si(c),
+            float("nan") if (sigma := learned[shown.effect].sigma) is None else sigma * shown.si(c),
+        )
+        for _, shown in SCALARS.shown()
     )

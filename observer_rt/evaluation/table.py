@@ -7,9 +7,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT
 from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.evaluation.results import InjectionResult, checks, injection_results
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.stream.state import Reason
 from observer_rt.terminal.console import say
@@ -78,8 +79,8 @@ def _table(injections: Sequence[InjectionResult], measured: bool) -> Table:
             f"{report.rail_pressure / MEGAPASCAL:.1f}",
             _number(report.mass / MILLIGRAM),
             *([nominal, *comparison] if measured else [_range(report.mass_ci95), nominal]),
-            f"{report.indicators.nozzle.value:+.3f}",
-            f"{report.indicators.seat.value:+.3f}",
+            f"{report.indicators[NOZZLE].value:+.3f}",
+            f"{report.indicators[SEAT].value:+.3f}",
             "yes" if report.valid else "no",
         )
     return table
@@ -118,17 +119,11 @@ def _line_side(injections: Sequence[InjectionResult], c: Coefficients) -> list[s
     if not injections:
         return []
     found = injections[-1].report.indicators
-    matters = (
-        ("line friction k", found.line_friction, 1.0, "-"),
-        ("guide leakage c", found.guide_leakage, c.flow_scale / c.pressure_scale, "m3/(s Pa)"),
-        ("bulk modulus r", found.bulk_modulus, 1.0, "-"),
-        ("entrained air g", found.entrained_air, c.compression, "-"),
-        ("line pressure sensor lag", found.line_pressure_lag, 1.0 / MICROSECOND, "us"),
-        ("line pressure sensor offset", found.line_pressure_offset, c.pressure_scale / MEGAPASCAL, "MPa"),
-    )
-    return [
-        f"beside the rate: {name} = {estimate.value * factor:+.3g} "
-        f"± {1.96 * estimate.sigma * factor:.2g} {unit}"
-        for name, estimate, factor, unit in matters
-        if estimate.sigma and abs(estimate.value) > NOTEWORTHY * estimate.sigma
-    ]
+    result = []
+    for _, shown in SCALARS.shown():
+        estimate, unit = found[shown.effect], shown.screen_unit or shown.unit
+        if shown.label and estimate.sigma and abs(estimate.value) > NOTEWORTHY * estimate.sigma:
+            factor = shown.factor(c, unit)
+            value, halfwidth = estimate.value * factor, 1.96 * estimate.sigma * factor
+            result.append(f"beside the rate: {shown.label} = {value:+.3g} ± {halfwidth:.2g} {unit[0]}")
+    return result

@@ -15,7 +15,7 @@ from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
-from observer_rt.observer.learning.knowledge import EventLearner, Knowledge, Outcome, Verdict
+from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
 from observer_rt.observer.stream.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
 from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
@@ -176,9 +176,9 @@ def judge(observer: Observer, outcome: Outcome | None) -> None:
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge.in_force, outcome.knowledge.noise.needle_lift)
     put_into(observer.phi, outcome.phi)
-    if outcome.verdict is Verdict.ADOPTED:
+    if outcome.adoption is Adoption.ADOPTED:
         memory["phi_version"] += 1
-    memory["judgement"] = outcome.findings[0].reason if outcome.findings else Reason.NONE
+    memory["judgement"] = outcome.objections[0].reason if outcome.objections else Reason.NONE
 
 
 def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: float) -> None:

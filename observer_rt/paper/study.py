@@ -10,7 +10,7 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.laws import root
-from observer_rt.observer.learning.knowledge import Verdict, no_knowledge
+from observer_rt.observer.learning.knowledge import Adoption, no_knowledge
 from observer_rt.observer.paper_scheme.gain import check_gain
 from observer_rt.observer.paper_scheme.learner import PaperLearner
 from observer_rt.observer.paper_scheme.network import FreeNetwork
@@ -23,7 +23,7 @@ from observer_rt.observer.paper_scheme.training import (
     train,
 )
 from observer_rt.observer.stream.standstill import Standstill
-from observer_rt.paper.comparison import Estimate, Estimator, GainCase, Study, WearCase
+from observer_rt.paper.comparison import Curves, Estimator, GainCase, Study, WearCase
 from observer_rt.paper.event import (
     InjectionWindow,
     injection_windows,
@@ -88,7 +88,7 @@ def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> We
     return WearCase(
         nozzle_wear=wear,
         time=single.truth.time[span] - FIRST_EVENT,
-        truth=Estimate(x[:, 2], true_fault(x, u, c, wear), single.truth.injection_rate[span]),
+        truth=Curves(x[:, 2], true_fault(x, u, c, wear), single.truth.injection_rate[span]),
         estimates={
             Estimator.MODEL: scheme.estimate(scheme.trained(0)),
             Estimator.PAPER: paper,
@@ -102,12 +102,12 @@ def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> We
     )
 
 
-def _ours(bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow) -> Estimate:
+def _ours(bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow) -> Curves:
     """What our observer, having learned from one recording, says of an injection of another, or the same."""
     knowledge = evaluate(bench, [learned_from.recording]).knowledge
     (evaluation,) = evaluate(bench, [seen.recording], knowledge, learning=False).evaluations
     trace, span = evaluation.trace, injection.span
-    return Estimate(trace.x[span, 2], trace.phi[span], trace.injection_rate[span])
+    return Curves(trace.x[span, 2], trace.phi[span], trace.injection_rate[span])
 
 
 def _gain_case(bench: Bench, sample_rate: float, gain: float) -> GainCase:
@@ -157,10 +157,10 @@ class _Scheme:
         rejected = 0
         for _ in range(trainings):
             outcome = learner.learn(self._window, Standstill(0, 0.0, None), np.zeros(PARAMETERS))
-            rejected += outcome.verdict is not Verdict.ADOPTED
+            rejected += outcome.adoption is not Adoption.ADOPTED
         return learner.network, rejected
 
-    def estimate(self, network: FreeNetwork) -> Estimate:
+    def estimate(self, network: FreeNetwork) -> Curves:
         """The observer with this network over the injection."""
         seen = swept(self._window, self._setting, network)
-        return Estimate(seen.x[self._span, 2], seen.phi[self._span], seen.rate[self._span])
+        return Curves(seen.x[self._span, 2], seen.phi[self._span], seen.rate[self._span])

@@ -13,6 +13,7 @@ from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, ZERO_CELSIUS
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.core.constants import bench_constants
@@ -182,7 +183,7 @@ def _line(report: InjectionReport) -> str:
     fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
     return (
         f"injection {report.number} at index {report.start_index}: {report.mass / MILLIGRAM:.2f} mg, "
-        f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, v_H {report.indicators.nozzle.value:+.3f}, "
+        f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, v_H {report.indicators[NOZZLE].value:+.3f}, "
         f"phi {report.phi_version}, {fuel}{verdict}"
         + (f", {report.commanded.as_text()}" if report.commanded else "")
     )

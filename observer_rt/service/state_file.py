@@ -15,11 +15,12 @@ from observer_rt import __version__
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.parameters import InjectorParameters, Scaling
-from observer_rt.observer.learning.knowledge import GATE, Knowledge, theta_bounds
+from observer_rt.observer.learning.knowledge import Knowledge
 
 VERSION = 3
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
@@ -231,7 +232,7 @@ def _count(content: Any) -> int:
 
 
 def _column(content: Any) -> int:
-    if type(content) is not int or content not in GATE.columns:
+    if type(content) is not int or content not in SCALARS.gate.columns:
         raise _UnusableError(f"{content!r} is no parameter that can be left out")
     return content
 
@@ -243,7 +244,7 @@ def _statistics(content: Any) -> PhaseStatistics:
 
 def _problem(knowledge: Knowledge, pressure_scale: float) -> str | None:
     """What makes knowledge impossible or implausible; None if nothing does."""
-    lowest, highest = theta_bounds(pressure_scale)
+    lowest, highest = SCALARS.bounds(pressure_scale)
     for name, theta in (("the mean", knowledge.belief.mean), ("the parameters in force", knowledge.in_force)):
         if not np.all(np.isfinite(theta)):
             return f"{name} are not finite numbers"

@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.bus.alignment.message_timing import summary_of
+from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
 from observer_rt.service.core.injection_report import InjectionReport
 from observer_rt.service.daemon import Daemon
@@ -159,7 +160,7 @@ def _table(shown: Sequence[_Shown]) -> Table:
         table.add_column(Text(heading), justify="right", no_wrap=True)
     for item in shown:
         report = item.report
-        wear = report.indicators.nozzle
+        wear = report.indicators[NOZZLE]
         sigma = "" if wear.sigma is None else f" ±{1.96 * wear.sigma:.3f}"
         table.add_row(
             str(report.number),

@@ -6,10 +6,13 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.config.bench import load_injector
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import EffectInForce, EffectValue
-from observer_rt.observer.learning.indicators import Estimate, Indicators
+from observer_rt.observer.learning.indicators import Estimate
 from observer_rt.service.core.injection_report import InjectionReport
 from tools.benchmarks.plant import Bench, Event, Needle, Shot, record
 from tools.benchmarks.plant_parameters import Faults, Injector
@@ -18,6 +21,7 @@ from tools.benchmarks.windows import windows_of
 
 EVENTS = 10
 HEALTHY = Faults()
+GATED = {row.shown.effect for row in SCALARS.rows if row.shown is not None and row.gated_from is not None}
 RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
 DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s, of the openings
 
@@ -39,11 +43,13 @@ class PlantRun:
         """Relative error of the masses of the events from number `first` (from 1) on, together."""
         return float(self.estimated[first - 1 :].sum() / self.true[first - 1 :].sum() - 1.0)
 
-    def indicator(self, name: str) -> Estimate:
-        """An indicator after the last event. Raises AttributeError for an unknown name."""
-        indicators: Indicators = self.reports[-1].indicators
-        estimate: Estimate = getattr(indicators, name)
-        return estimate
+    def indicator(self, effect: str) -> Estimate:
+        """An indicator after the last event, SI."""
+        estimate = self.reports[-1].indicators[effect]
+        si = next(
+            shown.si(coefficients(load_injector())) for _, shown in SCALARS.shown() if shown.effect == effect
+        )
+        return Estimate(estimate.value * si, None if estimate.sigma is None else estimate.sigma * si)
 
 
 def in_force(known: SizedEffect) -> EffectInForce:

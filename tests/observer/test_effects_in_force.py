@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_injector
+from observer_rt.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, sized
 from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.stream.front_end import LOOKAHEAD
-from tests.observer.plant_runs import in_force, run_plant
+from tests.observer.plant_runs import GATED, in_force, run_plant
 from tests.observer.sample_stream import RAIL, Stream
 from tools.benchmarks.plant_parameters import Faults
 
@@ -68,11 +69,11 @@ def test_right_from_the_first_injection(faults: Faults, effect: SizedEffect) -> 
 def test_what_is_learned_stays_near_zero(faults: Faults, effect: SizedEffect) -> None:
     """Terms are relative to the model in force: what it has is not learned again."""
     run = run_plant(faults, EVENTS, known=effect)
-    for name in ("line_friction", "guide_leakage", "bulk_modulus", "line_pressure_lag", "entrained_air"):
+    for name in GATED:
         assert run.indicator(name).value == 0.0
-    assert abs(run.indicator("nozzle").value) < 0.02
-    assert abs(run.indicator("seat").value) < 0.03
-    assert abs(run.indicator("line_pressure_offset").value) * INJECTOR.scaling.pressure < 0.02e6
+    assert abs(run.indicator(NOZZLE).value) < 0.02
+    assert abs(run.indicator(SEAT).value) < 0.03
+    assert abs(run.indicator(OFFSET).value) < 0.02e6
 
 
 @pytest.mark.parametrize("name", ["eroded", "lift too low", "rail offset", "line offset"])

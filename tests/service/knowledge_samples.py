@@ -5,8 +5,9 @@ import numpy as np
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS
-from observer_rt.observer.learning.knowledge import GATE, Knowledge, theta_bounds
+from observer_rt.observer.learning.knowledge import Knowledge
 
 PRESSURE_SCALE = 1e8  # Pa
 
@@ -16,12 +17,12 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
     root = 0.1 * random.normal(size=(PARAMETERS, PARAMETERS))
     covariance = root @ root.T + 1e-6 * np.eye(PARAMETERS)
     covariance = 0.5 * (covariance + covariance.T)
-    lowest, highest = theta_bounds(PRESSURE_SCALE)
+    lowest, highest = SCALARS.bounds(PRESSURE_SCALE)
     return Knowledge(
         belief=Belief(random.uniform(-0.09, 0.09, PARAMETERS), covariance, 0.6 * covariance),
         in_force=np.clip(random.uniform(-0.09, 0.09, PARAMETERS), lowest, highest),
         noise=NoiseLevels(*(random.uniform(0.1, 1.0, 3) * [1e6, 1e6, 1e-6]).tolist()),
-        active=frozenset(column for column in GATE.columns if random.random() < 0.5),
+        active=frozenset(column for column in SCALARS.gate.columns if random.random() < 0.5),
         phi_version=phi_version,
         events=events,
         statistics=PhaseStatistics(

@@ -16,6 +16,7 @@ from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import STATUS_SIGNALS
 from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
+from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.replay.player import play
@@ -186,7 +187,7 @@ def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
         assert summary["Valid"] == report.valid
         assert summary["Reason"] == report.reason
         assert summary["Mass"] == pytest.approx(report.mass / 1e-6, abs=0.005)
-        assert summary["NozzleWear"] == pytest.approx(report.indicators.nozzle.value, abs=5e-5)
+        assert summary["NozzleWear"] == pytest.approx(report.indicators[NOZZLE].value, abs=5e-5)
         assert summary["RailPressureAtStart"] == pytest.approx(report.rail_pressure / 1e6, abs=0.0025)
 
 

@@ -115,11 +115,11 @@ def test_tied_rows_are_the_model_itself_at_zero_and_leave_it_with_the_bias(
 
 
 def test_variants_know_beforehand_what_they_do_not_learn() -> None:
-    sigmas = RULES["no seat term"].prior.vector(SCALE)
-    usual = RULES["scalars always active"].prior.vector(SCALE)
+    sigmas = RULES["no seat term"].prior(SCALE)
+    usual = RULES["scalars always active"].prior(SCALE)
     changed = np.flatnonzero(sigmas != usual)
     assert changed.tolist() == [Parameter.SEAT_BIAS]
-    assert RULES["no line or sensor terms"].drift.vector(SCALE)[Parameter.LINE_FRICTION] == 0.0
+    assert RULES["no line or sensor terms"].drift(SCALE)[Parameter.LINE_FRICTION] == 0.0
     assert RULES["scalars always active"].gate.columns == ()
 
 

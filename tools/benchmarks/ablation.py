@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from rich.console import Console
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.estimation.gating import Gate
+from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.observer.learning.knowledge import Knowledge, LearningRules, Scales, no_knowledge
+from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.stream.state import Constants
 from observer_rt.service.core.constants import bench_constants, configured_noise
@@ -54,7 +54,6 @@ CLASSES_TRIED = (
 )
 SHIPPED, FREE_ROWS = "as shipped", "free rows: the paper's scheme"
 _LINE_AND_SENSOR = ("offset", "friction", "leakage", "stiffness", "lag", "air")
-_ALWAYS = Gate(columns=(), lowest=())
 
 
 @dataclass(frozen=True)
@@ -79,21 +78,21 @@ class AblationScore:
     variants: tuple[VariantScore, ...]
 
 
-def without(*groups: str) -> LearningRules:
-    """Rules by which some groups of parameters are known beforehand.
+def without(*names: str) -> Scalars:
+    """What is learned when some of it is known beforehand.
 
     An offset is then what the first standstill shows.
     """
-    rules = LearningRules()
-
-    def changed(scales: Scales, share: float) -> Scales:
-        return replace(scales, **{group: share * getattr(scales, group) for group in groups})
-
-    return replace(rules, prior=changed(rules.prior, KNOWN), drift=changed(rules.drift, 0.0))
+    return Scalars(
+        tuple(
+            replace(row, prior=KNOWN * row.prior, drift=0.0) if row.name in names else row
+            for row in SCALARS.rows
+        )
+    )
 
 
 RULES = {
-    "scalars always active": replace(LearningRules(), gate=_ALWAYS),
+    "scalars always active": Scalars(tuple(replace(row, gated_from=None) for row in SCALARS.rows)),
     "no line or sensor terms": without(*_LINE_AND_SENSOR),
     "no seat term": without("seat_bias"),
     "no network, bias only": without("nozzle_weight"),
@@ -162,10 +161,10 @@ def _of_observer(name: str, score: CaseScore) -> VariantScore:
     )
 
 
-def _learner_by(rules: LearningRules) -> LearnerFactory:
+def _learner_by(scalars: Scalars) -> LearnerFactory:
     def learner_of(_: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
         scale = constants.coefficients.pressure_scale
-        return Learner(constants, no_knowledge(knowledge.noise, scale, rules), rules)
+        return Learner(constants, no_knowledge(knowledge.noise, scale, scalars), scalars)
 
     return learner_of
 

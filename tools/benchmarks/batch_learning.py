@@ -17,11 +17,12 @@ from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.prediction_error import Linearisation
 from observer_rt.estimation.predictor import Setting, Window
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.observer.learning.fitting import TOLERANCE, Cost, EventFitter, Limits
-from observer_rt.observer.learning.knowledge import GATE, EventLearner, Outcome
+from observer_rt.observer.learning.knowledge import EventLearner, Outcome
 from observer_rt.observer.learning.learner import BURN_IN, FIRST_ITERATIONS, ITERATIONS
 from observer_rt.observer.paper_scheme.bfgs import minimise
 from observer_rt.observer.stream.phi import Phi
@@ -145,7 +146,9 @@ def learn_events(
 
 def gauss_newton(cost: Cost, start: Start) -> tuple[Linearisation, frozenset[int]]:
     """As the observer's learner searches."""
-    fit = EventFitter(cost, GATE, start.active, start.limits).fit(start.here, start.prior, start.iterations)
+    fit = EventFitter(cost, SCALARS.gate, start.active, start.limits).fit(
+        start.here, start.prior, start.iterations
+    )
     return fit.linearisation, fit.active
 
 
@@ -156,8 +159,10 @@ def bfgs(cost: Cost, start: Start) -> tuple[Linearisation, frozenset[int]]:
     for _ in range(SUBSETS_TRIED):
         total_information = information + here.information
         before = active
-        _, active = best_subset(total_information, information @ start.prior.mean + here.vector, GATE, active)
-        columns = [i for i in range(here.theta.size) if i not in GATE.columns or i in active]
+        _, active = best_subset(
+            total_information, information @ start.prior.mean + here.vector, SCALARS.gate, active
+        )
+        columns = [i for i in range(here.theta.size) if i not in SCALARS.gate.columns or i in active]
         theta = np.zeros_like(here.theta)
         theta[columns] = here.theta[columns]
         objective = _Restricted(cost, start, information, columns)

@@ -9,11 +9,11 @@ from observer_rt.estimation.learned import Learned, learned_of
 from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.prediction_error import HUBER, EventCost, Linearisation, robust_cost
 from observer_rt.estimation.predictor import Setting, Window, innovations
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.network import ARGUMENTS, HIDDEN, constant_network, zero_network
 from observer_rt.observer.learning.fitting import Limits, theta_limits
-from observer_rt.observer.learning.knowledge import DRIFT, PRIOR
 from observer_rt.observer.paper_scheme.network import FreeNetwork
 from observer_rt.observer.paper_scheme.systems import PaperSetting, design_vector
 from tools.benchmarks.batch_learning import Model
@@ -67,13 +67,13 @@ class DifferencedCost:
 
 def shipped_model(scale: float) -> Model:
     """The observer's own: nozzle and seat factors with V fixed, line and sensor terms. scale: p_0 [Pa]."""
-    return Model(PRIOR.vector(scale), DRIFT.vector(scale), theta_limits(scale), EventCost, _structured_rate)
+    return Model(SCALARS.prior(scale), SCALARS.drift(scale), theta_limits(scale), EventCost, _structured_rate)
 
 
 def trained_hidden_model(scale: float) -> Model:
     """The same with V (5, 6) learned, appended to theta as the change from where it starts."""
-    prior = np.append(PRIOR.vector(scale), np.full(HIDDEN * ARGUMENTS, HIDDEN_PRIOR))
-    drift = np.append(DRIFT.vector(scale), np.full(HIDDEN * ARGUMENTS, HIDDEN_DRIFT))
+    prior = np.append(SCALARS.prior(scale), np.full(HIDDEN * ARGUMENTS, HIDDEN_PRIOR))
+    drift = np.append(SCALARS.drift(scale), np.full(HIDDEN * ARGUMENTS, HIDDEN_DRIFT))
     far = np.full(HIDDEN * ARGUMENTS, 10.0 * HIDDEN_PRIOR)
 
     def cost(window: Window, setting: Setting, sigma: float, burn_in: int) -> DifferencedCost:
@@ -95,7 +95,7 @@ def trained_hidden_model(scale: float) -> Model:
 
 def tied_rows_model(scale: float) -> Model:
     """phi = L (w tanh(V z) + b), L = [1 0 a6/a2], in place of nozzle and seat factors; line and sensor terms stay."""
-    prior, drift = PRIOR.vector(scale), DRIFT.vector(scale)
+    prior, drift = SCALARS.prior(scale), SCALARS.drift(scale)
     prior[_NOZZLE_WEIGHTS] = TIED_PRIOR
     steps = DIFFERENCE * prior
     prior[Parameter.SEAT_BIAS] *= KNOWN

@@ -28,7 +28,7 @@ LARGEST_LAG = 0.2e-3  # s
 
 
 @dataclass(frozen=True)
-class Finding:
+class Objection:
     """Why an event is not believed, and the phase in which it shows."""
 
     reason: Reason
@@ -65,19 +65,19 @@ def tempering(statistics: PhaseStatistics) -> float:
     )
 
 
-def findings(statistics: PhaseStatistics, offset: float, lag: float) -> list[Finding]:
+def objections(statistics: PhaseStatistics, offset: float, lag: float) -> list[Objection]:
     """What speaks against an event; offset [Pa] and lag [s] as identified.
 
     Empty: it passed. What names a cause comes first.
     """
     result = []
     if abs(offset) > LARGEST_OFFSET:
-        result.append(Finding(Reason.PRESSURE_OFFSET))
+        result.append(Objection(Reason.PRESSURE_OFFSET))
     if lag > LARGEST_LAG:
-        result.append(Finding(Reason.SENSOR_LAG))
+        result.append(Objection(Reason.SENSOR_LAG))
     phase = inadequate_phase(statistics)
     if phase is not None:
-        result.append(Finding(Reason.MODEL_INADEQUATE, phase))
+        result.append(Objection(Reason.MODEL_INADEQUATE, phase))
     return result
 
 
@@ -96,16 +96,16 @@ class Mistrust:
     def __init__(self) -> None:
         self._events = 0
         self._passed = 0
-        self._because: Finding | None = None
+        self._because: Objection | None = None
 
     @property
     def lasts(self) -> bool:
         """Whether what was learned is set aside."""
         return self._because is not None
 
-    def after(self, found: Collection[Finding]) -> Finding | None:
+    def after(self, found: Collection[Objection]) -> Objection | None:
         """Take in what an event was found to be; why the nominal model is to be carried from it on, None if not."""
-        unexplained = next((finding for finding in found if finding.reason in UNEXPLAINED), None)
+        unexplained = next((objection for objection in found if objection.reason in UNEXPLAINED), None)
         if unexplained is not None:
             counts = SET_ASIDE_AFTER if unexplained.reason is Reason.AMBIGUOUS_SCALE else 1
             self._events, self._passed = self._events + counts, 0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gating import Gate, best_subset
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import Linearisation
-from observer_rt.observer.learning.knowledge import LONGEST_STEP, theta_bounds
+from observer_rt.estimation.scalars import SCALARS
 
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # of the decrease, in units of chi2 / 2: less is no longer sought
@@ -42,12 +42,11 @@ class Limits:
 
 def theta_limits(pressure_scale: float) -> Limits:
     """Limits of what the observer learns, (PARAMETERS,); pressure_scale p_0 [Pa]."""
-    lowest, highest = theta_bounds(pressure_scale)
-    return Limits(lowest, highest, LONGEST_STEP.vector(pressure_scale))
+    return Limits(*SCALARS.bounds(pressure_scale), SCALARS.longest_step(pressure_scale))
 
 
 @dataclass(frozen=True)
-class Fit:
+class EventFit:
     """One event fitted: the active columns, the cost round the estimate, its prior.
 
     innovations: at the estimate (n,); slopes: where it was last linearised (n, m).
@@ -70,7 +69,7 @@ class EventFitter:
     active: frozenset[int]
     limits: Limits
 
-    def fit(self, start: Linearisation, prior: Belief, iterations: int) -> Fit:
+    def fit(self, start: Linearisation, prior: Belief, iterations: int) -> EventFit:
         """Minimise cost and distance from the prior, at most so many steps from `start`.
 
         A step that lowers the total as its linearisation says is the last: there is nothing to be learned from
@@ -104,7 +103,7 @@ class EventFitter:
             here, here_total = there, total(there.theta, there.value)
             if abs(before - here_total) < TOLERANCE:
                 break
-        return Fit(active, here, self.cost.innovations.copy(), self.cost.slopes.copy(), prior)
+        return EventFit(active, here, self.cost.innovations.copy(), self.cost.slopes.copy(), prior)
 
     def _within_reach(self, here: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """The target, or as far towards it as the slopes are good for; within bounds."""

@@ -1,15 +1,16 @@
 """Wear of nozzle and seat, and line-side and sensor matters, as numbers with a standard deviation."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.scalars import NOZZLE, SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.network import HIDDEN, activation, back_pressure_at, flow_changes
-from observer_rt.model.sensor import LAG_UNIT
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
 
@@ -29,22 +30,8 @@ class Estimate:
         return self.value - 1.96 * self.sigma, self.value + 1.96 * self.sigma
 
 
-@dataclass(frozen=True)
-class Indicators:
-    """What the parameters say of the injector at one operating point.
-
-    nozzle, seat: equivalents of v_H and v_S in (27). Line-side and sensor matters, none of which enters Q_H^:
-    friction k, leakage c p_0 / Q_0, bulk modulus r, line pressure offset o in units of p_0, lag in s, air K g / p_0.
-    """
-
-    nozzle: Estimate
-    seat: Estimate
-    line_friction: Estimate
-    guide_leakage: Estimate
-    bulk_modulus: Estimate
-    line_pressure_offset: Estimate
-    line_pressure_lag: Estimate
-    entrained_air: Estimate
+Indicators = Mapping[str, Estimate]
+"""By the effects they stand for, as theta counts them; those of nozzle and seat are v_H and v_S of (27)."""
 
 
 def indicators_of(
@@ -53,27 +40,22 @@ def indicators_of(
     x: NDArray[np.float64],
     u: NDArray[np.float64],
 ) -> Indicators:
-    """Indicators for theta (m,) at state x (3,) and inputs u (2,), sigmas from its covariance (m, m)."""
+    """What theta (m,) says of the injector at state x (3,) and inputs u (2,), sigmas from its covariance (m, m).
+
+    None but those of nozzle and seat enters Q_H^.
+    """
     state = (float(x[0]), float(x[1]), float(x[2]))
     inputs = (float(u[0]), float(u[1]))
     nozzle, slopes = nozzle_change(theta, state, inputs)
 
-    def scalar(parameter: Parameter, unit: float = 1.0) -> Estimate:
-        value = float(theta[parameter]) * unit
-        if covariance is None:
-            return Estimate(value)
-        return Estimate(value, float(np.sqrt(covariance[parameter, parameter])) * unit)
+    def estimate(effect: str, column: int) -> Estimate:
+        if effect == NOZZLE:
+            value, variance = nozzle, None if covariance is None else slopes @ covariance @ slopes
+        else:
+            value, variance = theta[column], None if covariance is None else covariance[column, column]
+        return Estimate(float(value), None if variance is None else float(np.sqrt(variance)))
 
-    return Indicators(
-        nozzle=Estimate(nozzle, None if covariance is None else float(np.sqrt(slopes @ covariance @ slopes))),
-        seat=scalar(Parameter.SEAT_BIAS),
-        line_friction=scalar(Parameter.LINE_FRICTION),
-        guide_leakage=scalar(Parameter.GUIDE_LEAKAGE),
-        bulk_modulus=scalar(Parameter.BULK_MODULUS),
-        line_pressure_offset=scalar(Parameter.LINE_PRESSURE_OFFSET),
-        line_pressure_lag=scalar(Parameter.SENSOR_LAG, LAG_UNIT),
-        entrained_air=scalar(Parameter.ENTRAINED_AIR),
-    )
+    return {shown.effect: estimate(shown.effect, column) for column, shown in SCALARS.shown()}
 
 
 def nozzle_change(

@@ -14,8 +14,8 @@ from observer_rt.estimation.prediction_error import HUBER, EventCost
 from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.sensor import LAG_UNIT
-from observer_rt.observer.learning.fitting import Fit
-from observer_rt.observer.learning.recent_scores import RecentScores
+from observer_rt.observer.learning.fitting import EventFit
+from observer_rt.observer.learning.trend import RecentScores
 
 LEAST_LAG = 5e-6  # s, below which the two are the same to the eye
 REMEMBERED = 0.85  # weight of the score before this event
@@ -23,7 +23,7 @@ SIGNIFICANT = 4.5  # standard deviations: below 1e-5 an event where it is a lag
 
 
 def lag_score(
-    window: Window, setting: Setting, fit: Fit, cost: EventCost, prior: NDArray[np.float64]
+    window: Window, setting: Setting, fit: EventFit, cost: EventCost, prior: NDArray[np.float64]
 ) -> float | None:
     """Score test of a fit's lag against a delay as long: standard normal if it is a lag, negative if it is none.
 

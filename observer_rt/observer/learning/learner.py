@@ -20,27 +20,26 @@ from observer_rt.estimation.phases import (
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Setting, Window, open_loop_error
+from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.adequacy import (
-    Finding,
     Freezer,
     Mistrust,
-    findings,
+    Objection,
     looks_like_inertance,
+    objections,
     pooled,
     tempering,
 )
-from observer_rt.observer.learning.fitting import EventFitter, Fit, theta_limits
+from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.indicators import nozzle_change
 from observer_rt.observer.learning.interval import resimulated
 from observer_rt.observer.learning.knowledge import (
-    DEFAULT_RULES,
+    Adoption,
     Knowledge,
-    LearningRules,
     Outcome,
-    Verdict,
     no_knowledge,
 )
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
@@ -63,11 +62,9 @@ CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 class Learner:
     """Learns event after event. Pure: no clock, no thread; the caller decides where it runs."""
 
-    def __init__(
-        self, constants: Constants, knowledge: Knowledge, rules: LearningRules = DEFAULT_RULES
-    ) -> None:
+    def __init__(self, constants: Constants, knowledge: Knowledge, scalars: Scalars = SCALARS) -> None:
         self._constants = constants
-        self._rules = rules
+        self._scalars = scalars
         self._scale = constants.coefficients.pressure_scale
         self._belief = knowledge.belief
         self._theta = knowledge.in_force
@@ -116,13 +113,13 @@ class Learner:
             cost = self._cost(window)
             fit = self._fit(cost, self._prior(standstill))
             if fit is None:
-                return self._outcome(Verdict.FAILED, window, in_force)
+                return self._outcome(Adoption.FAILED, window, in_force)
             statistics = self._event_statistics(window, fit.innovations)
-            lag = lag_score(window, self._setting(), fit, cost, self._rules.prior.vector(self._scale))
-            carried = carried_covariance(in_force, fit.prior, self._rules.gate, self._active)
+            lag = lag_score(window, self._setting(), fit, cost, self._scalars.prior(self._scale))
+            carried = carried_covariance(in_force, fit.prior, self._scalars.gate, self._active)
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
-            return self._outcome(Verdict.FAILED, window, in_force)
+            return self._outcome(Adoption.FAILED, window, in_force)
         self._events += 1
         self._statistics = pooled(self._statistics, statistics)
         doubts = []
@@ -135,21 +132,21 @@ class Learner:
         self._previous = window, self._constants
         if self._freezer.is_frozen_after(self._statistics):
             return self._frozen(window, in_force)
-        verdict = Verdict.ADOPTED if better else Verdict.REJECTED
-        outcome = self._outcome(verdict, window, in_force, doubts)
-        because = self._mistrust.after(outcome.findings)
+        adoption = Adoption.ADOPTED if better else Adoption.REJECTED
+        outcome = self._outcome(adoption, window, in_force, doubts)
+        because = self._mistrust.after(outcome.objections)
         if because is not None:
             nominal = replace(outcome.knowledge, in_force=np.zeros(PARAMETERS))
-            found = outcome.findings or (because,)
-            return replace(outcome, verdict=Verdict.SET_ASIDE, knowledge=nominal, findings=found)
-        now = carried_covariance(self._theta, self._belief, self._rules.gate, self._active)
+            found = outcome.objections or (because,)
+            return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=found)
+        now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried)
         return replace(outcome, resimulated=event)
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
         if self._events > 0:
-            return self._belief.drifted(self._rules.drift.vector(self._scale))
+            return self._belief.drifted(self._scalars.drift(self._scale))
         if standstill.samples < STANDSTILL_ENOUGH:
             return self._belief
         mean = self._belief.mean.copy()
@@ -158,30 +155,30 @@ class Learner:
         self._theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
         return replace(self._belief, mean=mean)
 
-    def _fit(self, cost: EventCost, prior: Belief) -> Fit | None:
+    def _fit(self, cost: EventCost, prior: Belief) -> EventFit | None:
         """Fit the event; after a sudden change from a wide prior, if that explains it much better."""
         first = cost.linearised(self._theta)
         if not np.isfinite(first.value):
             return None
-        fitter = EventFitter(cost, self._rules.gate, self._active, theta_limits(self._scale))
+        fitter = EventFitter(cost, self._scalars.gate, self._active, theta_limits(self._scale))
         if self._events == 0:
             return fitter.fit(first, prior, FIRST_ITERATIONS)
         score = first.score(prior.covariance)
         if QUICKER_SCORE < score <= CHANGE_SCORE:
-            prior = prior.widened(QUICKER * self._rules.drift.vector(self._scale))
-        drift = self._rules.drift.vector(self._scale)
+            prior = prior.widened(QUICKER * self._scalars.drift(self._scale))
+        drift = self._scalars.drift(self._scale)
         prior = prior.widened(self._trend.extra_after(first.standard_scores(prior.covariance), drift))
         fit = fitter.fit(first, prior, ITERATIONS)
         if score <= CHANGE_SCORE:
             return fit
-        wide = prior.widened(self._rules.prior.vector(self._scale))
+        wide = prior.widened(self._scalars.prior(self._scale))
         # where nothing explained the events before, many steps would be lost on this one
         iterations = ITERATIONS if self._mistrust.lasts else FIRST_ITERATIONS
         other = fitter.fit(fit.linearisation, wide, iterations)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
 
-    def _take_in(self, fit: Fit, temper: float) -> None:
+    def _take_in(self, fit: EventFit, temper: float) -> None:
         """The fitted event into the belief, its information divided by `temper`."""
         here = fit.linearisation
         self._belief = fit.prior.updated(here.information / temper, here.vector / temper)
@@ -212,48 +209,50 @@ class Learner:
 
     def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         """Fall back to phi = 0 and forget: what was learned belongs to another line. No event is valid meanwhile."""
-        outcome = self._outcome(Verdict.FROZEN, window, in_force)
-        found = outcome.findings or (Finding(Reason.MODEL_INADEQUATE, Phase.STANDSTILL),)
-        fresh = no_knowledge(self._noise, self._scale, self._rules)
+        outcome = self._outcome(Adoption.FROZEN, window, in_force)
+        found = outcome.objections or (Objection(Reason.MODEL_INADEQUATE, Phase.STANDSTILL),)
+        fresh = no_knowledge(self._noise, self._scale, self._scalars)
         self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
         self._events = 0
         self._previous = None
         knowledge = replace(fresh, events=outcome.knowledge.events, statistics=self._statistics)
-        return replace(outcome, knowledge=knowledge, findings=found)
+        return replace(outcome, knowledge=knowledge, objections=found)
 
     def _outcome(
         self,
-        verdict: Verdict,
+        adoption: Adoption,
         window: Window,
         in_force: NDArray[np.float64],
         doubts: Sequence[Reason] = (),
     ) -> Outcome:
         """What to say of an event; `in_force` (m,) was carried during it, `doubts` arose while it was fitted."""
         return Outcome(
-            verdict=verdict,
+            adoption=adoption,
             knowledge=Knowledge(
                 belief=self._belief,
-                in_force=(self._theta if verdict is Verdict.ADOPTED else in_force).copy(),
+                in_force=(self._theta if adoption is Adoption.ADOPTED else in_force).copy(),
                 noise=self._noise,
                 active=self._active,
                 events=self._events,
                 statistics=self._statistics,
             ),
             schedule=self._schedule,
-            findings=self._findings(verdict, window, doubts),
+            objections=self._objections(adoption, window, doubts),
             estimate=self._theta.copy(),
-            covariance=gated_covariance(self._belief, self._rules.gate, self._active),
+            covariance=gated_covariance(self._belief, self._scalars.gate, self._active),
         )
 
-    def _findings(self, verdict: Verdict, window: Window, doubts: Sequence[Reason]) -> tuple[Finding, ...]:
-        if verdict is Verdict.FAILED:
-            return (Finding(Reason.NOT_LEARNED),)
+    def _objections(
+        self, adoption: Adoption, window: Window, doubts: Sequence[Reason]
+    ) -> tuple[Objection, ...]:
+        if adoption is Adoption.FAILED:
+            return (Objection(Reason.NOT_LEARNED),)
         offset = float(self._theta[Parameter.LINE_PRESSURE_OFFSET]) * self._scale
         lag = float(self._theta[Parameter.SENSOR_LAG]) * LAG_UNIT
-        result = findings(self._statistics, offset, lag)
-        result.extend(Finding(reason) for reason in doubts)
+        result = objections(self._statistics, offset, lag)
+        result.extend(Objection(reason) for reason in doubts)
         if looks_like_inertance(self._open_nozzle_change(window), float(self._theta[Parameter.BULK_MODULUS])):
-            result.append(Finding(Reason.AMBIGUOUS_SCALE))
+            result.append(Objection(Reason.AMBIGUOUS_SCALE))
         return tuple(result)
 
     def _open_nozzle_change(self, window: Window) -> float:

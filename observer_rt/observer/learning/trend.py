@@ -1,10 +1,11 @@
-"""Wear that moves on faster than its usual drift: every event contradicts by little, and all the same way."""
+"""What recent events contradict together: each by little, and all the same way."""
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.observer.learning.recent_scores import RecentScores
 
 WEAR = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))
 REMEMBERED = 0.8  # weight of the scores before this event
@@ -13,8 +14,32 @@ LASTING = 10  # events for which a trend, once seen, is taken to go on
 QUICKER = 8.0  # times the usual drift
 
 
+class RecentScores:
+    """Sums of scores (k,), each standard normal unless something is contradicted, older events counting less."""
+
+    def __init__(self, remembered: float, count: int) -> None:
+        """remembered: weight of the scores before an event; count: k."""
+        self._remembered = remembered
+        self._sums = np.zeros(count)
+        self._variance = 0.0
+
+    def add(self, scores: NDArray[np.float64]) -> None:
+        """Take in an event's scores (k,)."""
+        self._sums = self._remembered * self._sums + scores
+        self._variance = self._remembered**2 * self._variance + 1.0
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._sums = np.zeros_like(self._sums)
+        self._variance = 0.0
+
+    def beyond(self, sigmas: float) -> NDArray[np.bool_]:
+        """Which sums (k,) are further from 0 than this many of their standard deviations."""
+        return np.asarray(np.abs(self._sums) > sigmas * math.sqrt(self._variance))
+
+
 class Trend:
-    """Which wear parameters are on the move, from the standard scores of recent events."""
+    """Which wear moves on faster than its usual drift, from the standard scores of recent events."""
 
     def __init__(self) -> None:
         self._scores = RecentScores(REMEMBERED, len(WEAR))

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.adequacy import Finding
-from observer_rt.observer.learning.knowledge import Knowledge, Outcome, Verdict
+from observer_rt.observer.learning.adequacy import Objection
+from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.observer.paper_scheme.network import FreeNetwork
 from observer_rt.observer.paper_scheme.phi import FreePhi, free_phi
 from observer_rt.observer.paper_scheme.systems import PaperSetting
@@ -93,10 +93,10 @@ class PaperLearner:
             self._weights = replace(self._weights, in_force=training.weights)
         self._previous = window
         return Outcome(
-            verdict=Verdict.ADOPTED if adopted else Verdict.REJECTED,
+            adoption=Adoption.ADOPTED if adopted else Adoption.REJECTED,
             knowledge=self._knowledge,
             schedule=self.schedule,
-            findings=(Finding(Reason.UNTESTED),),
+            objections=(Objection(Reason.UNTESTED),),
             estimate=in_force,
             covariance=None,
             phi=self.phi,

@@ -25,7 +25,7 @@ GAMMA = 1.0  # of the first approximation of the Hessian; of its inverse alike
 
 
 @dataclass(frozen=True)
-class Training:
+class Trained:
     """What one training came to: the trained weights p (48,), J before and after, epochs used."""
 
     weights: NDArray[np.float64]
@@ -60,7 +60,7 @@ def network_of(weights: NDArray[np.float64], setting: PaperSetting) -> FreeNetwo
     return free_network(weights, setting.gain)
 
 
-def train(window: Window, setting: PaperSetting, weights: Weights) -> Training:
+def train(window: Window, setting: PaperSetting, weights: Weights) -> Trained:
     """One pass over the event with the weights in force, then 30 epochs from the trained ones.
 
     z is taken along x^, the target L l e~ from x~; both stay fixed while J is minimised (10).
@@ -68,7 +68,7 @@ def train(window: Window, setting: PaperSetting, weights: Weights) -> Training:
     seen = swept(window, setting, network_of(weights.in_force, setting))
     cost = FaultCost(*training_data(window, seen, setting), setting.gain)
     found = minimise(cost, weights.trained, np.eye(WEIGHTS) / GAMMA, tolerance=0.0, max_iterations=EPOCHS)
-    return Training(found.theta, cost.value(weights.trained), found.value, found.iterations)
+    return Trained(found.theta, cost.value(weights.trained), found.value, found.iterations)
 
 
 def training_data(

@@ -28,7 +28,6 @@ class State(IntEnum):
     RUNNING_NOMINAL = 2
     ADAPTED = 3
     DEGRADED = 4
-    FAULT = 5
 
 
 class Reason(IntEnum):

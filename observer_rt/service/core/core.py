@@ -17,7 +17,7 @@ from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of, stream_of
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
-from observer_rt.observer.learning.knowledge import Knowledge, Outcome, Verdict, no_knowledge
+from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome, no_knowledge
 from observer_rt.observer.observer import (
     event_standstill,
     event_window,
@@ -256,7 +256,7 @@ class Core:
         event = memory["events"][int(memory["events_taken"]) % len(memory["events"])].copy()
         judge(self.compiled.observer, outcome)
         if outcome is not None:
-            self._rejected += outcome.verdict is not Verdict.ADOPTED
+            self._rejected += outcome.adoption is not Adoption.ADOPTED
             version = int(self.compiled.observer.memory["phi_version"][0])
             self._known = replace(outcome.knowledge, phi_version=version)
         self._report_injections(event, outcome, self._fuel_of_events.popleft())

@@ -1,10 +1,11 @@
 """What the service says of one injection, in SI units."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.observer.learning.indicators import Estimate, Indicators, indicators_of
 from observer_rt.observer.learning.interval import is_revised, rate_sigma, volume_interval
 from observer_rt.observer.learning.knowledge import Outcome
@@ -64,7 +65,7 @@ def report_of(
     it opened.
     """
     c = fuel.constants.coefficients
-    judgement = outcome.findings[0].reason if outcome is not None and outcome.findings else Reason.NONE
+    judgement = outcome.objections[0].reason if outcome is not None and outcome.objections else Reason.NONE
     reason = Reason(int(injection["reason"])) or judgement
     indicators = indicators_of(
         in_force if outcome is None else outcome.estimate,
@@ -74,7 +75,7 @@ def report_of(
     )
     wear = phi.nozzle_wear(injection["middle_x"], injection["middle_u"], c)
     if wear is not None:
-        indicators = replace(indicators, nozzle=Estimate(wear))
+        indicators = {**indicators, NOZZLE: Estimate(wear)}
     volume = float(injection["volume"])
     interval, sigma = None, None
     belongs = injection["event"] == event["number"]

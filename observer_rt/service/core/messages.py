@@ -8,6 +8,7 @@ import numpy as np
 from observer_rt.bus.database.codec import encode
 from observer_rt.bus.database.e2e import UNPROTECTED, protect
 from observer_rt.bus.mapping.output_messages import OutputMessage, OutputPage
+from observer_rt.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.service.core.injection_report import InjectionReport
 
@@ -70,12 +71,16 @@ def summary_values(
         "Volume": report.volume / CUBIC_MILLIMETRE,
         "RailPressureAtStart": report.rail_pressure / MEGAPASCAL,
         "PeakInjectionRate": report.peak_rate / MM3_PER_MS,
-        "NozzleWear": wear.nozzle.value,
-        "NozzleWearSigma": np.nan if wear.nozzle.sigma is None else wear.nozzle.sigma,
-        "SeatWear": wear.seat.value,
-        "SeatWearSigma": np.nan if wear.seat.sigma is None else wear.seat.sigma,
-        "LinePressureOffset": wear.line_pressure_offset.value * pressure_scale / MEGAPASCAL,
+        "NozzleWear": wear[NOZZLE].value,
+        "NozzleWearSigma": _known(wear[NOZZLE].sigma),
+        "SeatWear": wear[SEAT].value,
+        "SeatWearSigma": _known(wear[SEAT].sigma),
+        "LinePressureOffset": wear[OFFSET].value * pressure_scale / MEGAPASCAL,
     }
+
+
+def _known(sigma: float | None) -> float:
+    return np.nan if sigma is None else sigma
 
 
 def _mass_sigma(report: InjectionReport) -> float:

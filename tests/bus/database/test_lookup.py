@@ -18,6 +18,7 @@ from observer_rt.bus.database.lookup import (
     signal_names,
 )
 from observer_rt.foundation.errors import UserError
+from observer_rt.observer.stream.state import State
 
 OUR_LAYOUT = Path(str(files("observer_rt.data") / "observer_fd.dbc"))
 
@@ -117,14 +118,9 @@ def test_samples_are_interleaved_in_triples(ours: Database) -> None:
 def test_states_have_names(ours: Database) -> None:
     for name in ("InjectionRate", "InjectionSummary", "ObserverStatus"):
         choices = find_message(ours, name).get_signal_by_name("State").choices
-        assert [str(choices[code]) for code in range(6)] == [
-            "STARTING",
-            "WAITING_FOR_DATA",
-            "RUNNING_NOMINAL",
-            "ADAPTED",
-            "DEGRADED",
-            "FAULT",
-        ]
+        assert {int(code): str(name) for code, name in choices.items()} == {
+            state: state.name for state in State
+        }
 
 
 def test_a_users_database(tmp_path: Path) -> None:

@@ -15,12 +15,12 @@ from observer_rt.estimation.phases import (
 from observer_rt.observer.learning.adequacy import (
     LARGEST_LAG,
     LARGEST_OFFSET,
-    Finding,
     Freezer,
     Mistrust,
-    findings,
+    Objection,
     inadequate_phase,
     looks_like_inertance,
+    objections,
     pooled,
     tempering,
 )
@@ -112,8 +112,8 @@ def test_a_phase_is_refused_when_it_is_significant_and_matters(
 ) -> None:
     statistics = statistics_of(colour, variance, blocks, phase)
     assert inadequate_phase(statistics) == (phase if refused else None)
-    expected = [Finding(Reason.MODEL_INADEQUATE, phase)] if refused else []
-    assert findings(statistics, 0.0, 0.0) == expected
+    expected = [Objection(Reason.MODEL_INADEQUATE, phase)] if refused else []
+    assert objections(statistics, 0.0, 0.0) == expected
 
 
 def test_tempering_is_the_worst_significant_colour() -> None:
@@ -126,18 +126,18 @@ def test_tempering_is_the_worst_significant_colour() -> None:
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_offset_and_lag_limits(sign: float) -> None:
     white = statistics_of(1.0, 1.0, 1e3, Phase.OPEN)
-    assert findings(white, sign * 0.99 * LARGEST_OFFSET, 0.99 * LARGEST_LAG) == []
-    assert findings(white, sign * 1.01 * LARGEST_OFFSET, 0.0) == [Finding(Reason.PRESSURE_OFFSET)]
-    assert findings(white, 0.0, 1.01 * LARGEST_LAG) == [Finding(Reason.SENSOR_LAG)]
+    assert objections(white, sign * 0.99 * LARGEST_OFFSET, 0.99 * LARGEST_LAG) == []
+    assert objections(white, sign * 1.01 * LARGEST_OFFSET, 0.0) == [Objection(Reason.PRESSURE_OFFSET)]
+    assert objections(white, 0.0, 1.01 * LARGEST_LAG) == [Objection(Reason.SENSOR_LAG)]
     assert 0.8e6 < LARGEST_OFFSET < 3e6  # what must be borne, and what must not be believed
 
 
 def test_what_names_a_cause_comes_first() -> None:
     coloured = statistics_of(3.0, 1.0, 1e3, Phase.OPEN)
-    assert findings(coloured, 3e6, 1e-3) == [
-        Finding(Reason.PRESSURE_OFFSET),
-        Finding(Reason.SENSOR_LAG),
-        Finding(Reason.MODEL_INADEQUATE, Phase.OPEN),
+    assert objections(coloured, 3e6, 1e-3) == [
+        Objection(Reason.PRESSURE_OFFSET),
+        Objection(Reason.SENSOR_LAG),
+        Objection(Reason.MODEL_INADEQUATE, Phase.OPEN),
     ]
 
 
@@ -178,8 +178,8 @@ def test_vanished_nozzle_is_still_a_number() -> None:
 def doubts(*reasons: Reason | None) -> list[Reason | None]:
     """Why what was learned is set aside after each of the events; None as a reason: it passed."""
     mistrust = Mistrust()
-    found = [mistrust.after([] if r is None else [Finding(r)]) for r in reasons]
-    return [None if finding is None else finding.reason for finding in found]
+    found = [mistrust.after([] if r is None else [Objection(r)]) for r in reasons]
+    return [None if objection is None else objection.reason for objection in found]
 
 
 BAD, CHANGE, OFFSET = Reason.MODEL_INADEQUATE, Reason.SUDDEN_CHANGE, Reason.PRESSURE_OFFSET

@@ -8,13 +8,13 @@ import pytest
 from observer_rt.config.bench import load_bench
 from observer_rt.estimation.posterior import prior_belief
 from observer_rt.estimation.prediction_error import EventCost
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.fitting import EventFitter, theta_limits
-from observer_rt.observer.learning.knowledge import DEFAULT_RULES
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
 from observer_rt.observer.stream.state import Reason
 from observer_rt.simulation.measurement import NoiseLevels
@@ -53,8 +53,8 @@ def test_score_of_a_fit_is_not_changed_by_what_was_tried_after_it() -> None:
     lagging[Parameter.SENSOR_LAG] = 40e-6 / LAG_UNIT
     window = simulated_event(case, lagging, event_inputs(), seed=3)
     cost = EventCost(window, case.setting, case.schedule.innovation_sigma, burn_in=50)
-    wide = DEFAULT_RULES.prior.vector(case.c.pressure_scale)
-    fitter = EventFitter(cost, DEFAULT_RULES.gate, frozenset(), theta_limits(case.c.pressure_scale))
+    wide = SCALARS.prior(case.c.pressure_scale)
+    fitter = EventFitter(cost, SCALARS.gate, frozenset(), theta_limits(case.c.pressure_scale))
     fit = fitter.fit(cost.linearised(lagging), prior_belief(lagging, np.diag(wide**2)), 2)
     before = lag_score(window, case.setting, fit, cost, wide)
     assert before is not None

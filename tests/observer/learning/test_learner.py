@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import BenchInjector, load_bench
-from observer_rt.estimation.gating import Gate
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.scalars import NOZZLE, OFFSET, SCALARS, SEAT, Scalars
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.effect import SizedEffect
@@ -20,10 +20,8 @@ from observer_rt.model.effects import sized
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import flow_changes
 from observer_rt.observer.learning.knowledge import (
-    DEFAULT_RULES,
+    Adoption,
     Knowledge,
-    LearningRules,
-    Verdict,
     no_knowledge,
 )
 from observer_rt.observer.learning.learner import Learner
@@ -91,12 +89,12 @@ class Run:
 
 
 @cache
-def run(name: str, rules: LearningRules = DEFAULT_RULES) -> Run:
+def run(name: str, scalars: Scalars = SCALARS) -> Run:
     """Eight events at three pressures and two durations, 50 kHz, with noise; learning in lockstep."""
 
     def learner_of(_: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
         scale = constants.coefficients.pressure_scale
-        return Learner(constants, no_knowledge(knowledge.noise, scale, rules), rules)
+        return Learner(constants, no_knowledge(knowledge.noise, scale, scalars), scalars)
 
     schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
     made = simulate(NOMINAL, schedule, SAMPLE_RATE, CASES[name].effects, NoiseLevels(), seed=len(name))
@@ -121,9 +119,9 @@ def test_without_learning_the_worn_masses_are_wrong(name: str, error: float) -> 
 def test_wear_indicators(name: str) -> None:
     last = run(name).history.evaluations[0].reports[-1].indicators
     case = CASES[name]
-    assert last.nozzle.value == pytest.approx(case.v_h, abs=0.02)
-    assert last.seat.value == pytest.approx(case.v_s, abs=0.1)
-    for estimate, true in ((last.nozzle, case.v_h), (last.seat, case.v_s)):
+    assert last[NOZZLE].value == pytest.approx(case.v_h, abs=0.02)
+    assert last[SEAT].value == pytest.approx(case.v_s, abs=0.1)
+    for estimate, true in ((last[NOZZLE], case.v_h), (last[SEAT], case.v_s)):
         assert estimate.sigma is not None
         assert abs(estimate.value - true) < 4 * estimate.sigma + 0.005
 
@@ -131,7 +129,7 @@ def test_wear_indicators(name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_offset_of_the_line_sensor_is_told_from_wear(name: str) -> None:
     last = run(name).history.evaluations[0].reports[-1].indicators
-    offset = last.line_pressure_offset.value * NOMINAL.scaling.pressure
+    offset = last[OFFSET].value * NOMINAL.scaling.pressure
     assert offset == pytest.approx(CASES[name].offset, abs=0.03e6)
 
 
@@ -141,23 +139,23 @@ def test_healthy_injector_stays_with_the_nominal_model() -> None:
 
 
 def test_uncertainty_shrinks_with_every_event() -> None:
-    sigmas = [report.indicators.nozzle.sigma for report in run("eroded").history.evaluations[0].reports]
+    sigmas = [report.indicators[NOZZLE].sigma for report in run("eroded").history.evaluations[0].reports]
     known = [sigma for sigma in sigmas if sigma is not None]
     assert len(known) == EVENTS
     assert known[-1] < 0.7 * known[0]
 
 
-def test_a_learner_goes_by_the_rules_it_is_given() -> None:
+def test_a_learner_goes_by_the_table_it_is_given() -> None:
     """A prior that knows the seat is new: its wear is not found, while the line's terms, not gated, all are used."""
-    known_seat = replace(DEFAULT_RULES.prior, seat_bias=1e-6)
-    rules = LearningRules(
-        prior=known_seat, drift=replace(DEFAULT_RULES.drift, seat_bias=0.0), gate=Gate((), ())
+    rows = tuple(
+        replace(row, prior=1e-6, drift=0.0) if row.name == "seat_bias" else replace(row, gated_from=None)
+        for row in SCALARS.rows
     )
-    last = run("worn seat", rules).history.evaluations[0].reports[-1].indicators
-    assert abs(last.seat.value) < 1e-4
-    assert last.line_friction.value != 0.0
-    assert last.guide_leakage.sigma is not None
-    assert last.guide_leakage.sigma > 0.0
+    last = run("worn seat", Scalars(rows)).history.evaluations[0].reports[-1].indicators
+    assert abs(last[SEAT].value) < 1e-4
+    assert last["line_friction"].value != 0.0
+    assert last["guide_leakage"].sigma is not None
+    assert last["guide_leakage"].sigma > 0.0
 
 
 # One event at a time ----------------------------------------------------------------------------------------
@@ -206,7 +204,7 @@ def test_better_phi_is_adopted() -> None:
     outcome = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0)).learn(
         event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0)
     )
-    assert outcome.verdict is Verdict.ADOPTED
+    assert outcome.adoption is Adoption.ADOPTED
     assert wear_of(outcome.estimate) == pytest.approx(0.3, abs=0.02)
 
 
@@ -218,7 +216,7 @@ def test_phi_that_predicts_worse_is_rejected_and_the_old_one_stays() -> None:
     knowledge = Knowledge(belief_in(0.0, 1e-4), true, NOISE, phi_version=3)
     observer = make_observer(constants, knowledge, learner)
     outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
-    assert outcome.verdict is Verdict.REJECTED
+    assert outcome.adoption is Adoption.REJECTED
     judge(observer, outcome)
     np.testing.assert_array_equal(in_force(observer), true)
     assert int(observer.memory["phi_version"][0]) == 3
@@ -250,13 +248,13 @@ def test_event_that_cannot_be_learned_from_changes_nothing(
     learner = learner_with(belief_in(0.1, 0.3), nozzle_wear(0.1))
     broken = event(0.3, seed=1)
     outcome = learner.learn(broken._replace(output=damage(broken.output)), NO_STANDSTILL, nozzle_wear(0.1))
-    assert outcome.verdict is Verdict.FAILED
+    assert outcome.adoption is Adoption.FAILED
     np.testing.assert_array_equal(outcome.knowledge.in_force, nozzle_wear(0.1))
     np.testing.assert_array_equal(outcome.estimate, nozzle_wear(0.1))
     np.testing.assert_array_equal(outcome.knowledge.belief.mean, nozzle_wear(0.1))
     # and the next event is learned from as if it had not been
     after = learner.learn(event(0.3, seed=2), NO_STANDSTILL, nozzle_wear(0.1))
-    assert after.verdict is Verdict.ADOPTED
+    assert after.adoption is Adoption.ADOPTED
     assert wear_of(after.estimate) == pytest.approx(0.3, abs=0.02)
 
 
@@ -275,23 +273,23 @@ def test_standstill_that_contradicts_the_model_freezes_learning() -> None:
     """Something swings in the shut line that the model does not know: phi falls back to 0 until it is over."""
     learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
     carried = nozzle_wear(0.0)
-    verdicts = []
+    adoptions = []
     for number in range(12):
         window = event(0.3, seed=number)
         if number < 3:
             window.output[:100] += 4e-3 * np.sin(np.arange(100) / 8)
         outcome = learner.learn(window, NO_STANDSTILL, carried)
         carried = outcome.knowledge.in_force
-        verdicts.append(outcome.verdict)
-        if outcome.verdict is Verdict.FROZEN:
+        adoptions.append(outcome.adoption)
+        if outcome.adoption is Adoption.FROZEN:
             assert not carried.any()
             assert not outcome.knowledge.belief.mean.any()
             assert (
-                outcome.findings
+                outcome.objections
             )  # nothing is valid while frozen, the good events before the release included
-    assert verdicts[:3] == [Verdict.ADOPTED, Verdict.FROZEN, Verdict.FROZEN]
-    assert verdicts[5] is Verdict.FROZEN  # fewer than three good events since
-    assert Verdict.FROZEN not in verdicts[-2:]
+    assert adoptions[:3] == [Adoption.ADOPTED, Adoption.FROZEN, Adoption.FROZEN]
+    assert adoptions[5] is Adoption.FROZEN  # fewer than three good events since
+    assert Adoption.FROZEN not in adoptions[-2:]
     assert wear_of(carried) == pytest.approx(0.3, abs=0.02)
 
 
@@ -299,16 +297,16 @@ def test_what_explains_nothing_is_not_carried() -> None:
     """The open line swings as no model of it does: phi = 0 from the second such event on, and back afterwards."""
     learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
     carried = nozzle_wear(0.0)
-    verdicts = []
+    adoptions = []
     for number in range(16):
         window = event(0.3, seed=number)
         if number in (2, 3, 4):
             window.output[120:260] += 0.02 * np.sin(np.arange(140) / 6)
         outcome = learner.learn(window, NO_STANDSTILL, carried)
         carried = outcome.knowledge.in_force
-        verdicts.append(outcome.verdict)
-        assert carried.any() == (outcome.verdict is not Verdict.SET_ASIDE)
-    assert Verdict.SET_ASIDE not in verdicts[:3]  # one such event alone does not
-    assert verdicts[3:5] == [Verdict.SET_ASIDE, Verdict.SET_ASIDE]
-    assert Verdict.SET_ASIDE not in verdicts[-2:]
+        adoptions.append(outcome.adoption)
+        assert carried.any() == (outcome.adoption is not Adoption.SET_ASIDE)
+    assert Adoption.SET_ASIDE not in adoptions[:3]  # one such event alone does not
+    assert adoptions[3:5] == [Adoption.SET_ASIDE, Adoption.SET_ASIDE]
+    assert Adoption.SET_ASIDE not in adoptions[-2:]
     assert wear_of(carried) == pytest.approx(0.3, abs=0.02)

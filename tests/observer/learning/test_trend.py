@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.observer.learning.knowledge import DRIFT
 from observer_rt.observer.learning.trend import Trend
 
-USUAL = DRIFT.vector(1e8)
+USUAL = SCALARS.drift(1e8)
 EVENTS = 2000
 
 

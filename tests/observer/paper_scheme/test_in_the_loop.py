@@ -11,6 +11,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import LearningConfig, Training
+from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.foundation.errors import UserError
@@ -122,8 +123,8 @@ def test_nothing_it_says_counts_as_valid() -> None:
 
 def test_wear_indicator_is_read_from_phi() -> None:
     last = evaluated().reports[-1].indicators
-    assert 0.25 < last.nozzle.value < WEAR
-    assert last.nozzle.sigma is None
+    assert 0.25 < last[NOZZLE].value < WEAR
+    assert last[NOZZLE].sigma is None
 
 
 def test_it_repeats_itself_bit_for_bit() -> None:

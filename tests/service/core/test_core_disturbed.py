@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.observer.stream.state import Reason, State
 from tests.service.core_frames import (
     DATABASE,
@@ -223,7 +224,7 @@ def test_roles_swapped_are_noticed(tmp_path: Path, frames: list[Frame], clean: R
     bench.write_text(text)
     swapped = run(bench, frames)
     assert swapped.rates != clean.rates
-    assert abs(swapped.reports[-1].indicators.nozzle.value - 0.2) > 0.05
+    assert abs(swapped.reports[-1].indicators[NOZZLE].value - 0.2) > 0.05
 
 
 def test_needle_signal_that_chatters_is_survived(bench: Path) -> None:

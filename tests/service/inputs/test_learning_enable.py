@@ -10,6 +10,7 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench
+from observer_rt.estimation.scalars import NOZZLE, OFFSET
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import UserError
 from observer_rt.service.daemon import Daemon
@@ -91,8 +92,8 @@ def test_what_was_learned_stays_in_force(tmp_path: Path, frames: list[Frame], us
     assert third.mass_ci95 is None
     for report in (second, third):
         assert report.phi_version == 1
-        assert report.indicators.line_pressure_offset.value == first.indicators.line_pressure_offset.value
-        assert report.indicators.nozzle.value == pytest.approx(first.indicators.nozzle.value, rel=1e-3)
+        assert report.indicators[OFFSET] == first.indicators[OFFSET]
+        assert report.indicators[NOZZLE].value == pytest.approx(first.indicators[NOZZLE].value, rel=1e-3)
     assert [summary["Learning"] for summary in held.summaries] == [1, 0, 0]
     assert flags(held) == sorted(flags(held), reverse=True)
     assert 0 in flags(held)

@@ -1,0 +1,240 @@
+"""What the observer learns, a row for every kind of parameter: its columns, what is assumed, how it is shown."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from operator import attrgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.gating import Gate
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.network import HIDDEN
+from observer_rt.model.sensor import LAG_UNIT
+
+NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset"
+"""Indicators that have a place of their own in tables and frames."""
+
+
+class Counted(Enum):
+    """What the numbers of a row are given in."""
+
+    AS_IT_IS = "-"
+    PRESSURE = "Pa"  # theta counts in p_0
+    TIME = "s"  # theta counts in `LAG_UNIT`
+
+    def unit(self, pressure_scale: float) -> float:
+        """What theta = 1 is; pressure_scale p_0 [Pa]."""
+        return {Counted.AS_IT_IS: 1.0, Counted.PRESSURE: pressure_scale, Counted.TIME: LAG_UNIT}[self]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How a parameter is shown as an indicator. si: what theta = 1 is in SI.
+
+    effect: that it stands for, and its name among indicators; key: in JSON, unless that is the effect; label: on the
+    screen, beside the rate;
+    unit and screen_unit: with their sizes in SI.
+    """
+
+    effect: str
+    si: Callable[[Coefficients], float] = lambda _: 1.0
+    key: str = ""
+    label: str = ""
+    unit: tuple[str, float] = ("-", 1.0)
+    screen_unit: tuple[str, float] | None = None
+
+    def factor(self, c: Coefficients, unit: tuple[str, float] | None = None) -> float:
+        """From theta to a unit, that of JSON unless another is given."""
+        return self.si(c) / (unit or self.unit)[1]
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """Columns of theta of one kind, mostly one.
+
+    prior, drift: one sigma, before any event and from one to the next; longest_step: of one Gauss-Newton iteration,
+    beyond it the slopes say little; bounds: lowest and highest admissible. counted: what these are given in.
+    gated_from: of a parameter that must pay for being active, the lowest theta it then may take.
+    """
+
+    name: str
+    column: int
+    prior: float
+    drift: float
+    longest_step: float
+    bounds: tuple[float, float]
+    counted: Counted = Counted.AS_IT_IS
+    gated_from: float | None = None
+    columns: int = 1
+    shown: Shown | None = None
+
+
+@dataclass(frozen=True)
+class Scalars:
+    """The table of all rows; its vectors (PARAMETERS,) are in the order of the columns."""
+
+    rows: tuple[Scalar, ...]
+
+    def prior(self, pressure_scale: float) -> NDArray[np.float64]:
+        """Standard deviations before any event; pressure_scale p_0 [Pa], as below."""
+        return self._vector(attrgetter("prior"), pressure_scale)
+
+    def drift(self, pressure_scale: float) -> NDArray[np.float64]:
+        """Standard deviations of the change from event to event."""
+        return self._vector(attrgetter("drift"), pressure_scale)
+
+    def longest_step(self, pressure_scale: float) -> NDArray[np.float64]:
+        """Of one iteration."""
+        return self._vector(attrgetter("longest_step"), pressure_scale)
+
+    def bounds(self, pressure_scale: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest admissible theta."""
+        lowest = self._vector(lambda row: row.bounds[0], pressure_scale)
+        return lowest, self._vector(lambda row: row.bounds[1], pressure_scale)
+
+    @cached_property
+    def gate(self) -> Gate:
+        """The columns that must pay for being active."""
+        gated = [
+            (row.column + i, row.gated_from)
+            for row in sorted(self.rows, key=attrgetter("column"))
+            if row.gated_from is not None
+            for i in range(row.columns)
+        ]
+        return Gate(tuple(column for column, _ in gated), tuple(lowest for _, lowest in gated))
+
+    def shown(self) -> Iterator[tuple[int, Shown]]:
+        """Column and appearance of what is shown."""
+        return ((row.column, row.shown) for row in self.rows if row.shown is not None)
+
+    def _vector(self, figure: Callable[[Scalar], float], pressure_scale: float) -> NDArray[np.float64]:
+        result = np.zeros(PARAMETERS)
+        for row in self.rows:
+            result[row.column : row.column + row.columns] = figure(row) / row.counted.unit(pressure_scale)
+        return result
+
+
+SCALARS = Scalars(
+    (
+        Scalar(
+            "nozzle_bias",
+            Parameter.NOZZLE_BIAS,
+            prior=0.45,
+            drift=5e-4,
+            longest_step=0.3,
+            bounds=(-0.8, 1.5),
+            shown=Shown(NOZZLE, key="nozzle_v_H"),
+        ),
+        Scalar(
+            "nozzle_weight",
+            Parameter.NOZZLE_WEIGHT,
+            columns=HIDDEN,
+            prior=0.05,
+            drift=3e-4,
+            longest_step=1.0,
+            bounds=(-1.0, 1.0),
+        ),
+        Scalar(
+            "seat_bias",
+            Parameter.SEAT_BIAS,
+            prior=0.4,
+            drift=5e-4,
+            longest_step=0.3,
+            bounds=(-0.8, 1.5),
+            shown=Shown(SEAT, key="seat_v_S"),
+        ),
+        Scalar(
+            "friction",
+            Parameter.LINE_FRICTION,
+            prior=1.75,
+            drift=2e-3,
+            longest_step=1.2,
+            bounds=(-0.95, 10.0),
+            gated_from=-0.95,
+            shown=Shown("line_friction", label="line friction k"),
+        ),
+        Scalar(
+            "leakage",  # of Q_0 at p_0
+            Parameter.GUIDE_LEAKAGE,
+            prior=0.09,
+            drift=3.3e-4,
+            longest_step=1.0,
+            bounds=(0.0, 1.0),
+            gated_from=0.0,
+            shown=Shown(
+                "guide_leakage",
+                lambda c: c.flow_scale / c.pressure_scale,
+                label="guide leakage c",
+                unit=("m3/(s Pa)", 1.0),
+            ),
+        ),
+        Scalar(
+            "offset",
+            Parameter.LINE_PRESSURE_OFFSET,
+            counted=Counted.PRESSURE,
+            prior=2.5e6,
+            drift=2e3,
+            longest_step=10e6,
+            bounds=(-10e6, 10e6),
+            shown=Shown(
+                OFFSET,
+                lambda c: c.pressure_scale,
+                label="line pressure sensor offset",
+                unit=("MPa", MEGAPASCAL),
+            ),
+        ),
+        Scalar(
+            "lag",
+            Parameter.SENSOR_LAG,
+            counted=Counted.TIME,
+            prior=35e-6,
+            drift=0.1e-6,
+            longest_step=25e-6,
+            bounds=(0.0, 0.5e-3),
+            gated_from=0.0,
+            shown=Shown(
+                "line_pressure_sensor_lag",
+                lambda _: LAG_UNIT,
+                label="line pressure sensor lag",
+                unit=("s", 1.0),
+                screen_unit=("us", MICROSECOND),
+            ),
+        ),
+        Scalar(
+            "stiffness",
+            Parameter.BULK_MODULUS,
+            prior=0.18,
+            drift=2e-4,
+            longest_step=0.12,
+            bounds=(-0.6, 1.0),
+            gated_from=-0.6,
+            shown=Shown("bulk_modulus", label="bulk modulus r"),
+        ),
+        Scalar(
+            "air",  # K g / p_0
+            Parameter.ENTRAINED_AIR,
+            prior=0.05,
+            drift=1e-4,
+            longest_step=0.04,
+            bounds=(0.0, 0.5),
+            gated_from=0.0,
+            shown=Shown("entrained_air", lambda c: c.compression, label="entrained air g"),
+        ),
+        Scalar(
+            "back_pressure",
+            Parameter.BACK_PRESSURE,
+            columns=2,
+            counted=Counted.PRESSURE,
+            prior=5e6,
+            drift=20e3,
+            longest_step=30e6,
+            bounds=(-30e6, 30e6),
+            gated_from=0.0,
+        ),
+    )
+)

@@ -15,8 +15,8 @@ from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.model.parameters import EffectInForce, EffectValue
 
 NOMINAL = load_injector()
-# ids and parameters as the design fixes them
-DESIGNED = {
+# ids and parameters: injector files of users name them
+NAMED = {
     "orifice_area": ("v_H",),
     "seat_area": ("v_S",),
     "guide_leakage": ("c",),
@@ -51,8 +51,8 @@ def numbers(model: EffectiveModel) -> list[float]:
     return [*model.coefficients, *model.inputs, *model.sensor]
 
 
-def test_vocabulary_is_the_one_of_the_design() -> None:
-    assert {n: tuple(p.name for p in effect.parameters) for n, effect in VOCABULARY.items()} == DESIGNED
+def test_no_id_or_parameter_gets_lost() -> None:
+    assert {n: tuple(p.name for p in effect.parameters) for n, effect in VOCABULARY.items()} == NAMED
     assert all(name == effect.id for name, effect in VOCABULARY.items())
 
 

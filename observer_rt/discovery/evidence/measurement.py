@@ -30,7 +30,7 @@ SHORTEST_OPENING = 0.05e-3  # s
 
 
 @dataclass(frozen=True)
-class Event:
+class JudgedEvent:
     """Openings closer than EVENT_GAP: x~ runs from sample `start`, innovations count in [counted, end)."""
 
     openings: tuple[Opening, ...]
@@ -66,7 +66,7 @@ class Measurement:
     recording: Recording
     noise: NoiseLevels
     rate_noise: float
-    events: tuple[Event, ...]
+    events: tuple[JudgedEvent, ...]
     rail_pressure: float
     duration: float
     left_out: tuple[LeftOut, ...] = ()
@@ -117,14 +117,14 @@ def _measurement(recording: Recording) -> Measurement:
     )
 
 
-def rail_pressure_before(event: Event, recording: Recording) -> float:
+def rail_pressure_before(event: JudgedEvent, recording: Recording) -> float:
     """Mean rail pressure before an event [Pa]."""
     first = event.openings[0].first
     lead = max(1, round(COUNTED_LEAD * recording.sample_rate))
     return float(np.mean(recording.rail_pressure[first - lead : first]))
 
 
-def open_time(event: Event, recording: Recording) -> float:
+def open_time(event: JudgedEvent, recording: Recording) -> float:
     """How long the needle is open in an event [s]."""
     return sum(o.last - o.first + 1 for o in event.openings) / recording.sample_rate
 
@@ -144,7 +144,9 @@ def _openings(recording: Recording) -> list[Opening]:
     return [o for o in find_openings(lift, noise) if o.last - o.first >= shortest]
 
 
-def _events(recording: Recording, openings: list[Opening]) -> tuple[tuple[Event, ...], tuple[LeftOut, ...]]:
+def _events(
+    recording: Recording, openings: list[Opening]
+) -> tuple[tuple[JudgedEvent, ...], tuple[LeftOut, ...]]:
     """Complete events whose samples are all available, and what is none."""
     rate = recording.sample_rate
     groups: list[list[Opening]] = []
@@ -171,7 +173,7 @@ def _events(recording: Recording, openings: list[Opening]) -> tuple[tuple[Event,
         elif missing[start - margin : end + margin].any():
             lack = Lack.GAP
         if lack is None:
-            events.append(Event(tuple(group), start, counted, end))
+            events.append(JudgedEvent(tuple(group), start, counted, end))
         else:
             left_out.append(LeftOut(float(recording.time[group[0].first]), lack))
         previous_end = group[-1].last

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.evidence.measurement import Event, Measurement
+from observer_rt.discovery.evidence.measurement import JudgedEvent, Measurement
 from observer_rt.discovery.evidence.windows import Rows, TrueInputs, batch_of
 from observer_rt.estimation.gain import gain_schedule
 from observer_rt.estimation.learned import nothing_learned
@@ -25,7 +25,7 @@ class Simulated:
     samples, rate_samples: (n,) of the recording, that the line pressure and the rate belong to.
     """
 
-    event: Event
+    event: JudgedEvent
     samples: NDArray[np.int64]
     line_pressure: NDArray[np.float64]
     rate_samples: NDArray[np.int64]

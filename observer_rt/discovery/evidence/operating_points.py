@@ -11,7 +11,7 @@ from observer_rt.discovery.evidence.measurement import (
     MARGIN,
     POINT_DURATION,
     POINT_PRESSURE,
-    Event,
+    JudgedEvent,
     Measurement,
     open_time,
     rail_pressure_before,
@@ -54,9 +54,11 @@ def by_operating_point(found: Sequence[Measurement]) -> tuple[OperatingPoint, ..
     )
 
 
-def _clusters(events: Sequence[Event], value: Callable[[Event], float], gap: float) -> list[list[Event]]:
+def _clusters(
+    events: Sequence[JudgedEvent], value: Callable[[JudgedEvent], float], gap: float
+) -> list[list[JudgedEvent]]:
     """Events in the order of a value, taken apart where it leaps by more than `gap`."""
-    clusters: list[list[Event]] = []
+    clusters: list[list[JudgedEvent]] = []
     for event in sorted(events, key=value):
         if clusters and value(event) - value(clusters[-1][-1]) <= gap:
             clusters[-1].append(event)
@@ -65,7 +67,7 @@ def _clusters(events: Sequence[Event], value: Callable[[Event], float], gap: flo
     return clusters
 
 
-def _part(measurement: Measurement, events: Sequence[Event]) -> Measurement:
+def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measurement:
     """Some events of a recording, one stretch after another; what lies between them is left out."""
     recording = measurement.recording
     margin = round(MARGIN / measurement.interval) + 1
@@ -98,7 +100,7 @@ def _part(measurement: Measurement, events: Sequence[Event]) -> Measurement:
     )
 
 
-def _moved(event: Event, by: int) -> Event:
+def _moved(event: JudgedEvent, by: int) -> JudgedEvent:
     """An event some samples later."""
     openings = tuple(Opening(o.first + by, o.last + by, o.rising, o.falling) for o in event.openings)
-    return Event(openings, event.start + by, event.counted + by, event.end + by)
+    return JudgedEvent(openings, event.start + by, event.counted + by, event.end + by)

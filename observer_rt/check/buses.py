@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from observer_rt.bus.can_frame import CLASSIC_LENGTH
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bench_map import BenchMap
@@ -10,8 +11,6 @@ from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.check.findings import Finding, Level, graded
 from observer_rt.check.load import load_findings
 from observer_rt.config.bench import Bench
-
-CLASSIC_LENGTH = 8  # bytes
 
 
 def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
 from observer_rt.check.findings import Finding, Level, graded
 from observer_rt.config.links import LinkConfig
 
@@ -13,9 +14,7 @@ SHORTEST_QUEUE = 100  # frames
 RATE_TOLERANCE = 0.005  # of a bit rate: CAN nodes of a bus may differ by less
 NETWORK = Path("/sys/class/net")
 TOPIC = "interface"
-_CAN_FD_MTU = 72  # bytes
 _INTERFACE_IS_UP = 1  # IFF_UP
-_CAN_INTERFACE = 280  # ARPHRD_CAN
 _IP_TIMEOUT = 5.0  # s
 _SILENT_MODES = ("LISTEN-ONLY", "LOOPBACK")
 
@@ -97,7 +96,7 @@ def interface_findings(
         state = (folder / "operstate").read_text().strip()
     except OSError:
         return [Finding(TOPIC, Level.WARNING, f"{name} does not exist; {_create(link)}")]
-    if kind != _CAN_INTERFACE:
+    if kind != ARPHRD_CAN:
         return [Finding(TOPIC, Level.WARNING, f"{name} is no CAN interface; set {place}.channel to one")]
     is_up = bool(flags & _INTERFACE_IS_UP) and state != "down"
     is_off = controller is not None and controller.state == "BUS-OFF"  # which also takes the carrier away
@@ -105,7 +104,7 @@ def interface_findings(
         [] if is_off else [graded(TOPIC, is_up, f"{name}: {'up' if is_up else 'down'}", _bring_up(link))]
     )
     if link.fd:
-        carries_fd = mtu >= _CAN_FD_MTU
+        carries_fd = mtu >= FD_MTU
         text = f"{name}: mtu {mtu}, {'' if carries_fd else 'no '}CAN FD"
         findings.append(graded(TOPIC, carries_fd, text, _set_up_anew(link)))
     findings.append(
@@ -175,7 +174,7 @@ def _set_up_anew(link: LinkConfig) -> str:
 def _bring_up(link: LinkConfig) -> str:
     name = link.channel
     if _is_virtual(link):
-        return f"sudo ip link set {name}{f' mtu {_CAN_FD_MTU}' if link.fd else ''} up"
+        return f"sudo ip link set {name}{f' mtu {FD_MTU}' if link.fd else ''} up"
     fd = f" dbitrate {link.data_bit_rate:.0f} fd on" if link.fd else ""
     return f"sudo ip link set {name} up type can bitrate {link.bit_rate:.0f}{fd} restart-ms 100"
 

@@ -32,6 +32,7 @@ from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.replay.player import play
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.run import draw
 from observer_rt.service.view import Reference, View
@@ -127,7 +128,7 @@ class Demo:
             evaluate(self.bench, [self.recording], learning=False).evaluations[0].trace.nominal_rate
         )
         self._density = effective_model(self.bench.injector.parameters).coefficients.density
-        self.reports: list[InjectionReport] = []
+        self._notes = Notes()
 
     def references(self, report: InjectionReport) -> Sequence[Reference]:
         """True and nominal rate and mass of an injection."""
@@ -149,10 +150,6 @@ class Demo:
             self.references,
         )
 
-        def on_report(report: InjectionReport) -> None:
-            self.reports.append(report)
-            view.on_report(report)
-
         stop, done = threading.Event(), threading.Event()
         inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]
         with contextlib.ExitStack() as stack:
@@ -163,7 +160,7 @@ class Demo:
             assert bus.rate is not None  # the example bench publishes it
             listener = stack.enter_context(_listening(self.link, bus.rate, self.recording.samples))
             threads = stack.enter_context(ThreadPoolExecutor(2))
-            daemon = Daemon(self.bench, bus, daemon_link, on_report=on_report)
+            daemon = Daemon(self.bench, bus, [daemon_link], listeners=[self._notes, view.hear])
             view.watch(daemon)
 
             def replay() -> None:
@@ -187,13 +184,13 @@ class Demo:
 
     def _result(self, published: NDArray[np.float64]) -> DemoResult:
         curves, masses = [], []
-        for report in self.reports:
+        for report in self._notes.injections:
             window = slice(report.start_index, report.end_index + 1)
             true, nominal = self.references(report)
             masses.append(
                 MassRow(report.number, self._mass(published[window]), nominal.mass, true.mass, report.valid)
             )
-            if report.number in (1, 3, len(self.reports)):
+            if report.number in (1, 3, len(self._notes.injections)):
                 curves.append(
                     RateCurves(
                         f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",

@@ -21,6 +21,7 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.core.counters import Counters
 from observer_rt.service.core.injection_report import InjectionReport
 from observer_rt.service.core.learners import LearnerFactory, make_learner
+from observer_rt.service.core.listener import Notes
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.inputs.measured_mass import MeasuredMass
 
@@ -179,16 +180,14 @@ class _Run:
         learner_of: LearnerFactory,
         fuel_temperature: float | None = None,
     ) -> None:
-        self._reports: list[InjectionReport] = []
-        self._measured: list[MeasuredMass] = []
+        self._notes = Notes()
         self._frames: list[OutputFrame] = []
         self._core = Core(
             bench.injector,
             bus,
             knowledge,
             learning=learning,
-            on_report=self._reports.append,
-            on_measured=self._measured.append,
+            listeners=[self._notes],
             learner_of=learner_of,
             fuel_temperature=fuel_temperature,
         )
@@ -249,8 +248,10 @@ class _Run:
         before = self._ends[0][0].since(self._ends[0][0])
         for part, (counters, standstill) in zip(self._parts, self._ends, strict=True):
             end = part.first_index + part.recording.samples
-            reports = tuple(r for r in self._reports if part.first_index <= r.start_index < end)
-            measured = tuple(m for m in self._measured if part.first_index <= m.report.start_index < end)
+            reports = tuple(r for r in self._notes.injections if part.first_index <= r.start_index < end)
+            measured = tuple(
+                m for m in self._notes.measured if part.first_index <= m.report.start_index < end
+            )
             for report in reports:
                 part.note_report(report)
             evaluations.append(

@@ -3,7 +3,7 @@
 import gc
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from observer_rt.bus.database.lookup import database_hash
@@ -14,11 +14,9 @@ from observer_rt.config.bench import Bench
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.core.core import Core
-from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.listener import LinkNews, Listener, to_all
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.core.status import LinkFigures, status_values
-from observer_rt.service.inputs.energizing import Mismatch
-from observer_rt.service.inputs.measured_mass import MeasuredMass
 from observer_rt.service.outbox import RETRY
 from observer_rt.service.port import Port
 from observer_rt.service.state_file import model_hash
@@ -35,35 +33,27 @@ class Daemon:
         self,
         bench: Bench,
         bus: BusMap,
-        link: Link,
+        links: Sequence[Link],
         knowledge: Knowledge | None = None,
-        on_report: Callable[[InjectionReport], None] | None = None,
-        on_message: Callable[[str], None] | None = None,
-        on_measured: Callable[[MeasuredMass], None] | None = None,
-        on_mismatch: Callable[[Mismatch], None] | None = None,
-        further: Sequence[Link] = (),
+        listeners: Sequence[Listener] = (),
     ) -> None:
-        """link, further: of the first bus and of the others, in order. knowledge: restored from an earlier run.
-
-        on_report is called from the loop with every injection, on_measured with those whose mass was measured,
-        on_mismatch with those missing after a command or without one, on_message with what goes wrong on a link.
-        """
-        self._links = (link, *further)
+        """links: of all buses, in order. knowledge: restored from an earlier run."""
+        self._links = links
+        tell = to_all(listeners)
         self.ports = tuple(
             Port(
                 named.label,
                 named.config.channel,
                 each,
                 any(layout.bus == number for layout in bus.received),
-                on_message or (lambda _: None),
+                lambda text: tell(LinkNews(text)),
             )
             for number, (named, each) in enumerate(zip(bench.config.buses, self._links, strict=True))
         )
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning")
         self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
         self._injector = bench.injector
-        listeners = on_report, on_measured, on_mismatch
-        self.core = Core(bench.injector, bus, knowledge, self._executor, None, *listeners)
+        self.core = Core(bench.injector, bus, knowledge, self._executor, listeners=listeners)
         self._status_writer = FrameWriter(bus.status)
         self._status_period = round(bench.injector.config.outputs.status_period_ms * 1e6)
         self._hashes = (int(model_hash(bench.injector.parameters)[:8], 16), database_hash(bench.databases))
@@ -106,6 +96,8 @@ class Daemon:
         if received is not None:
             bus, frame = received
             results = self.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, bus)
+            if self.core.frames_taken != self._frames_seen:
+                self._frames_seen, self._last_input = self.core.frames_taken, now
             if results or self._is_waiting:
                 self._post(results)
         elif self._is_waiting:
@@ -134,7 +126,7 @@ class Daemon:
         self._reading.leave_out(bus)
         self._down.append(bus)
         self.ports[bus].go_down(error)
-        self._frames_seen, self._last_input = self.core.counters.frames, 0  # what came before is past
+        self._last_input = 0  # what came before is past
 
     def _finish(self) -> None:
         """Publish what is complete, and a last status frame, as far as the links take them."""
@@ -148,11 +140,7 @@ class Daemon:
 
     def state(self, now: int) -> tuple[State, Reason]:
         """State and reason at a monotonic time [ns], inputs that stay away included."""
-        frames = self.core.counters.frames
-        if frames != self._frames_seen:
-            self._frames_seen = frames
-            self._last_input = now
-        if frames == 0:
+        if self._frames_seen == 0:
             return State.WAITING_FOR_DATA, Reason.STARTING
         if any(self.ports[bus].has_inputs for bus in self._down):
             return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT

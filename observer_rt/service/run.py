@@ -19,9 +19,8 @@ from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.core.constants import bench_constants
 from observer_rt.service.core.injection_report import InjectionReport
 from observer_rt.service.core.learners import refuse_state
+from observer_rt.service.core.listener import LinkNews, News
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.inputs.energizing import Mismatch
-from observer_rt.service.inputs.measured_mass import MeasuredMass
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
@@ -51,33 +50,24 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
     _announce(bench, bus, console)
     screen = View(f"observer_rt: {_buses(bench)}", injector.config.sampling.rate_hz)
 
-    def on_report(report: InjectionReport) -> None:
-        if view:
-            screen.on_report(report)
+    def say_news(news: News) -> None:
+        if isinstance(news, InjectionReport):
+            say(console, _line(news))
         else:
-            say(console, _line(report))
+            say(console, news.as_text())
 
-    def on_measured(measured: MeasuredMass) -> None:
-        if view:
-            screen.on_measured(measured)
-        else:
-            say(console, measured.as_text())
-
-    def on_mismatch(mismatch: Mismatch) -> None:
-        if not view:  # which counts them
-            say(console, mismatch.as_text())
-
-    def on_message(text: str) -> None:
-        say(console, text)
+    def show_news(news: News) -> None:
+        screen.hear(news)
+        if isinstance(news, LinkNews):
+            say(console, news.text)
 
     # from here on, so that a signal while compiling is neither lost nor an interrupt in the middle of it
     with stop_on_signals() as stop:
         say_if_compiling(console)
         warm_up(bench, bus)
         with ExitStack() as stack:
-            link, *further = [stack.enter_context(each) for each in _opened(bench, bus, console)]
-            listeners = on_report, on_message, on_measured, on_mismatch
-            daemon = Daemon(bench, bus, link, knowledge, *listeners, further=further)
+            links = [stack.enter_context(each) for each in _opened(bench, bus, console)]
+            daemon = Daemon(bench, bus, links, knowledge, [show_news if view else say_news])
             screen.watch(daemon)
             say(console, "ready")
             try:

@@ -6,29 +6,68 @@ import math
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, Field, PlainSerializer, PlainValidator, ValidationError
 
 from observer_rt import __version__
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.estimation.phases import PhaseStatistics, no_statistics
+from observer_rt.estimation.phases import PhaseStatistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.scalars import SCALARS
-from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.parameters import InjectorParameters, Scaling
-from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 
 VERSION = 3
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
-LARGEST_COUNT = 1 << 53
 PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
 LARGEST_NOISE = NoiseLevels(  # beyond these the sensor is broken, or the needle would never count as open
     rail_pressure=10 * MEGAPASCAL, line_pressure=10 * MEGAPASCAL, needle_lift=20 * MICROMETRE
 )
+
+
+class _UnusableError(Exception):
+    """Why a file's content is not restored."""
+
+
+_Array = Annotated[
+    NDArray[np.float64],
+    PlainValidator(lambda numbers: np.array(numbers, np.float64)),
+    PlainSerializer(lambda array: array.tolist()),
+]
+_Count = Annotated[int, Field(ge=0, lt=1 << 53)]
+
+
+def _column(column: int) -> int:
+    if column not in SCALARS.gate.columns:
+        raise ValueError(f"{column} is no parameter that can be left out")
+    return column
+
+
+class _Noise(BaseModel, extra="forbid", strict=True):
+    rail_pressure: float
+    line_pressure: float
+    needle_lift: float
+
+
+class _Content(BaseModel, strict=True):
+    """What is learned, as it lies in the file."""
+
+    package_version: str
+    model_sha256: str
+    phi_version: _Count
+    events: _Count
+    active: list[Annotated[int, AfterValidator(_column)]]
+    statistics: dict[str, _Array]
+    in_force: _Array
+    mean: _Array
+    covariance: _Array
+    error_covariance: _Array
+    noise: _Noise
 
 
 @dataclass(frozen=True)
@@ -41,10 +80,6 @@ class Restored:
 
 class StateDoesNotFitError(UserError):
     """A file with a learned state that does not belong to the model, was damaged or cannot be true."""
-
-
-class _UnusableError(Exception):
-    """Why a file's content is not restored."""
 
 
 def model_hash(parameters: InjectorParameters) -> str:
@@ -77,19 +112,17 @@ def save_knowledge(
     problem = _problem(knowledge, pressure_scale)
     if problem is not None:
         raise RunError(f"{path}: what was learned is not saved, for {problem}")
-    content = {
-        "package_version": __version__,
-        "model_sha256": model,
-        "phi_version": knowledge.phi_version,
-        "events": knowledge.events,
-        "active": sorted(knowledge.active),
-        "statistics": {name: values.tolist() for name, values in vars(knowledge.statistics).items()},
-        "in_force": knowledge.in_force.tolist(),
-        "mean": knowledge.belief.mean.tolist(),
-        "covariance": knowledge.belief.covariance.tolist(),
-        "error_covariance": knowledge.belief.error_covariance.tolist(),
-        "noise": asdict(knowledge.noise),
-    }
+    content = _Content.model_construct(
+        package_version=__version__,
+        model_sha256=model,
+        phi_version=knowledge.phi_version,
+        events=knowledge.events,
+        active=sorted(knowledge.active),
+        statistics=vars(knowledge.statistics),
+        in_force=knowledge.in_force,
+        **vars(knowledge.belief),
+        noise=_Noise(**asdict(knowledge.noise)),
+    ).model_dump()
     document = {"version": VERSION, "sha256": _digest(content), "content": content}
     try:
         _replace(
@@ -185,27 +218,27 @@ def _knowledge_in(data: bytes, model: str) -> Knowledge:
         version = document["version"]
         if version != VERSION:
             raise _UnusableError(f"its format is version {version!r}, not {VERSION}{_written_by(document)}")
-        content = document["content"]
-        if document["sha256"] != _digest(content):
+        if document["sha256"] != _digest(document["content"]):
             raise _UnusableError("it was changed or damaged: its content does not match its checksum")
-        if content["model_sha256"] != model:
-            other = str(content["model_sha256"])
+        content = _Content.model_validate(document["content"])
+        if content.model_sha256 != model:
+            other = content.model_sha256[:8]
             raise _UnusableError(
-                f"it was learned for another injector model, SHA-256 {other[:8]}... instead of {model[:8]}..."
+                f"it was learned for another injector model, SHA-256 {other}... instead of {model[:8]}..."
             )
         return Knowledge(
-            belief=Belief(
-                _array(content["mean"], (PARAMETERS,)),
-                _array(content["covariance"], (PARAMETERS, PARAMETERS)),
-                _array(content["error_covariance"], (PARAMETERS, PARAMETERS)),
-            ),
-            in_force=_array(content["in_force"], (PARAMETERS,)),
-            noise=NoiseLevels(**{key: float(value) for key, value in content["noise"].items()}),
-            phi_version=_count(content["phi_version"]),
-            events=_count(content["events"]),
-            active=frozenset(_column(column) for column in content["active"]),
-            statistics=_statistics(content["statistics"]),
+            belief=Belief(content.mean, content.covariance, content.error_covariance),
+            in_force=content.in_force,
+            noise=NoiseLevels(**dict(content.noise)),
+            phi_version=content.phi_version,
+            events=content.events,
+            active=frozenset(content.active),
+            statistics=PhaseStatistics(**content.statistics),
         )
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise _UnusableError(f"its content is not as expected ({place}: {first['msg']})") from None
     except (ValueError, OverflowError, RecursionError):
         raise _UnusableError("it is not a learned state as this program writes it") from None
     except (KeyError, TypeError, AttributeError) as error:
@@ -218,32 +251,12 @@ def _written_by(document: dict[str, Any]) -> str:
     return f" (observer_rt {version} wrote it, this is {__version__})" if isinstance(version, str) else ""
 
 
-def _array(content: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    array = np.array(content, np.float64)
-    if array.shape != shape:
-        raise _UnusableError(f"it holds parameters of another kind: shape {array.shape} instead of {shape}")
-    return array
-
-
-def _count(content: Any) -> int:
-    if type(content) is not int or not 0 <= content < LARGEST_COUNT:
-        raise _UnusableError(f"{content!r} is no count")
-    return content
-
-
-def _column(content: Any) -> int:
-    if type(content) is not int or content not in SCALARS.gate.columns:
-        raise _UnusableError(f"{content!r} is no parameter that can be left out")
-    return content
-
-
-def _statistics(content: Any) -> PhaseStatistics:
-    shapes = {name: values.shape for name, values in vars(no_statistics()).items()}
-    return PhaseStatistics(**{name: _array(content[name], shape) for name, shape in shapes.items()})
-
-
 def _problem(knowledge: Knowledge, pressure_scale: float) -> str | None:
     """What makes knowledge impossible or implausible; None if nothing does."""
+    prior = no_knowledge(knowledge.noise, pressure_scale)
+    for part, like in zip(_arrays(knowledge), _arrays(prior), strict=True):
+        if part.shape != like.shape:
+            return f"it holds parameters of another kind: shape {part.shape} instead of {like.shape}"
     lowest, highest = SCALARS.bounds(pressure_scale)
     for name, theta in (("the mean", knowledge.belief.mean), ("the parameters in force", knowledge.in_force)):
         if not np.all(np.isfinite(theta)):
@@ -267,6 +280,10 @@ def _problem(knowledge: Knowledge, pressure_scale: float) -> str | None:
         if not (math.isfinite(sigma) and 0.0 < sigma <= getattr(LARGEST_NOISE, signal)):
             return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"
     return None
+
+
+def _arrays(knowledge: Knowledge) -> list[NDArray[np.float64]]:
+    return [knowledge.in_force, *vars(knowledge.belief).values(), *vars(knowledge.statistics).values()]
 
 
 def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:

@@ -17,6 +17,7 @@ from observer_rt.bus.alignment.message_timing import summary_of
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
 from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.listener import News
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.inputs.measured_mass import MeasuredMass
 
@@ -63,18 +64,18 @@ class View:
         """Show this daemon's state and curves."""
         self._daemon = daemon
 
-    def on_report(self, report: InjectionReport) -> None:
-        """Take in an injection; to be called from the daemon's loop, while its samples are remembered."""
-        if self._daemon is None:
-            return
-        rate = self._daemon.core.rows(report.start, report.end + 1)["injection_rate"].copy()
-        self._shown.append(_Shown(report, rate, self._references(report)))
+    def hear(self, news: News) -> None:
+        """Take in an injection, and later its measured mass; a listener."""
+        if isinstance(news, InjectionReport) and self._daemon is not None:
+            self._take_in(news, self._daemon)
+        elif isinstance(news, MeasuredMass):
+            for place, shown in enumerate(self._shown):
+                if shown.report is news.report:
+                    self._shown[place] = replace(shown, measured=news)
 
-    def on_measured(self, measured: MeasuredMass) -> None:
-        """Take in the measured mass of an injection taken in before; to be called from the daemon's loop."""
-        for place, shown in enumerate(self._shown):
-            if shown.report is measured.report:
-                self._shown[place] = replace(shown, measured=measured)
+    def _take_in(self, report: InjectionReport, daemon: Daemon) -> None:
+        rate = daemon.core.rows(report.start, report.end + 1)["injection_rate"].copy()
+        self._shown.append(_Shown(report, rate, self._references(report)))
 
     def render(self, now: int, width: int, height: int) -> RenderableType:
         """The whole view at a monotonic time [ns], for a terminal of `width` x `height` characters."""

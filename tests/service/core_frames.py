@@ -17,6 +17,7 @@ from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.listener import Notes
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
@@ -147,12 +148,12 @@ class Result:
 def run(bench: Path, frames: Iterable[Frame], knowledge: Knowledge | None = None) -> Result:
     """Frames through a fresh core in lockstep, to the end."""
     loaded = load_bench(bench)
-    reports: list[InjectionReport] = []
-    core = Core(loaded.injector, map_bus(loaded), knowledge, on_report=reports.append)
+    notes = Notes()
+    core = Core(loaded.injector, map_bus(loaded), knowledge, listeners=[notes])
     out: list[OutputFrame] = []
     for frame in frames:
         out += core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
-    return Result(core, out + core.finish(), reports)
+    return Result(core, out + core.finish(), notes.injections)
 
 
 @cache

@@ -161,7 +161,7 @@ def over_bus(path: Path, frames: Sequence[TimedFrame], speed: float = math.inf) 
         open_link(link.interface, link.channel, True, inputs) as daemon_link,
         open_link(link.interface, link.channel, True, []) as player_link,
     ):
-        daemon = Daemon(bench, bus, daemon_link)
+        daemon = Daemon(bench, bus, [daemon_link])
         with serving(daemon):
             play(frames, player_link, speed)
             until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))

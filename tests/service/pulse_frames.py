@@ -14,6 +14,7 @@ from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.listener import Notes
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.inputs.energizing import Mismatch
 from observer_rt.simulation.measurement import NoiseLevels
@@ -259,14 +260,12 @@ def watch(
 ) -> Watched:
     """The frames of all sources through a core, in order of time; stamps: theirs, else that time."""
     loaded = load_bench(bench)
-    reports: list[InjectionReport] = []
-    mismatches: list[Mismatch] = []
+    notes = Notes()
     core = Core(
         loaded.injector,
         map_bus(loaded),
         learning=learning,
-        on_report=reports.append,
-        on_mismatch=mismatches.append,
+        listeners=[notes],
     )
     out: list[OutputFrame] = []
     frames = sorted((one for source in sources for one in source), key=lambda one: one.time)
@@ -274,7 +273,7 @@ def watch(
         stamp = stamps[number] if stamps else EPOCH + round(sent.time * 1e9)
         out += core.handle(sent.frame.frame_id, False, sent.frame.payload, stamp)
     out += core.finish()
-    return Watched(core, out, reports, mismatches)
+    return Watched(core, out, notes.injections, notes.mismatches)
 
 
 def misfired(recording: Recording, *spans: tuple[float, float]) -> Recording:

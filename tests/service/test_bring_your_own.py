@@ -14,7 +14,7 @@ import pytest
 
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.bus.mapping.output_messages import STATUS_SIGNALS
+from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.model.effects import sized
@@ -24,6 +24,7 @@ from observer_rt.recording.replay.recording_frames import recording_extent, reco
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.listener import Notes
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
@@ -60,15 +61,18 @@ class Outcome:
 
 def through(bench: Path, frames: Sent) -> Outcome:
     loaded = load_bench(bench)
-    reports: list[InjectionReport] = []
-    core = Core(loaded.injector, map_bus(loaded), on_report=reports.append)
+    notes = Notes()
+    core = Core(loaded.injector, map_bus(loaded), listeners=[notes])
     out: list[OutputFrame] = []
     for frame_id, is_extended, payload, stamp in frames:
         out += core.handle(frame_id, is_extended, payload, stamp)
     out += core.finish()
     rows = core.rows(0, core.processed)
     return Outcome(
-        out, reports, core, dict(zip(rows["index"].tolist(), rows["injection_rate"].tolist(), strict=True))
+        out,
+        notes.injections,
+        core,
+        dict(zip(rows["index"].tolist(), rows["injection_rate"].tolist(), strict=True)),
     )
 
 
@@ -219,7 +223,7 @@ def _exchange_classic_frames(folder: Path, interface: str, channel: str, speed: 
         open_link(interface, channel, False, inputs) as daemon_link,
         open_link(interface, channel, False, []) as player_link,
     ):
-        daemon = Daemon(bench, bus, daemon_link)
+        daemon = Daemon(bench, bus, [daemon_link])
         with serving(daemon):
             play(frames, player_link, speed)
             until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
@@ -234,7 +238,8 @@ def _exchange_classic_frames(folder: Path, interface: str, channel: str, speed: 
     status = _pages(sent, "ObserverStatus")[-1]
     assert status["SamplesProcessed"] == daemon.core.processed
     assert status["LostSamples"] == 0
-    assert len(status) == len(STATUS_SIGNALS) + 3  # CRC, counter and page
+    # CRC, counter and page too, but nothing of the energizing
+    assert len(status) == len(StatusValues._fields) + 1
 
 
 def classic_layout(folder: Path, rate: float) -> Path:

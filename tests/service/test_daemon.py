@@ -109,12 +109,12 @@ def test_states_before_frames_between_and_after(bench: Path, frames: list[TimedF
     waiting = ScriptedLink()
     bus = map_bus(loaded)
     warm_up(loaded, bus)
-    with serving(Daemon(loaded, bus, waiting)):
+    with serving(Daemon(loaded, bus, [waiting])):
         until(lambda: len(waiting.statuses()) >= 2)
     for status in waiting.statuses():
         assert (status["State"], status["Reason"]) == (State.WAITING_FOR_DATA, Reason.STARTING)
         assert status["Valid"] == 0
-    daemon = Daemon(loaded, bus, link)
+    daemon = Daemon(loaded, bus, [link])
     with serving(daemon):
         until(link.empty.is_set)
         assert daemon.state(time.monotonic_ns()) == (State.ADAPTED, Reason.NONE)
@@ -126,7 +126,7 @@ def test_states_before_frames_between_and_after(bench: Path, frames: list[TimedF
 def test_status_comes_in_its_period(bench: Path) -> None:
     loaded = load_bench(bench)
     link = ScriptedLink()
-    with serving(Daemon(loaded, map_bus(loaded), link)):
+    with serving(Daemon(loaded, map_bus(loaded), [link])):
         time.sleep(1.0)
     assert 5 <= len(link.statuses()) <= 12  # every 100 ms if the machine lets it, and the last
 
@@ -134,7 +134,7 @@ def test_status_comes_in_its_period(bench: Path) -> None:
 def test_dropped_frames_are_told(bench: Path, frames: list[TimedFrame]) -> None:
     loaded = load_bench(bench)
     link = ScriptedLink(frames[:10])
-    with serving(Daemon(loaded, map_bus(loaded), link)):
+    with serving(Daemon(loaded, map_bus(loaded), [link])):
         until(link.empty.is_set)
         link.lost = 7
     assert link.statuses()[0]["DroppedFrames"] == 0
@@ -145,7 +145,7 @@ def test_failing_link_ends_the_loop(bench: Path, frames: list[TimedFrame]) -> No
     """With its reason, and with all that was learned until then."""
     loaded = load_bench(bench)
     link = ScriptedLink(frames, RunError("the interface went away"))
-    daemon = Daemon(loaded, map_bus(loaded), link)
+    daemon = Daemon(loaded, map_bus(loaded), [link])
     with pytest.raises(RunError, match="the interface went away"):
         daemon.run(threading.Event())
     assert daemon.core.knowledge.events >= 3

@@ -18,6 +18,7 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
+from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
@@ -69,7 +70,7 @@ def over_buses(path: Path, frames: Sequence[TimedFrame]) -> tuple[Heard, Daemon]
         opened(path, sending=False) as links,
         opened(path, sending=True) as players,
     ):
-        daemon = Daemon(bench, bus, links[0], further=links[1:])
+        daemon = Daemon(bench, bus, links)
         with serving(daemon):
             play(frames, players[0], SPEED, by_bus=dict(enumerate(players)))
             until(lambda: daemon.core.counters.frames >= len(frames))
@@ -96,12 +97,13 @@ def four(tmp_path: Path) -> Path:
     return block_bench(tmp_path / "four", "virtual", ["can5", "can6", "can7", "can8"])
 
 
-def on_links(path: Path, messages: list[str]) -> tuple[Daemon, list[TroubledLink]]:
+def on_links(path: Path) -> tuple[Daemon, list[TroubledLink], list[str]]:
+    """A daemon, its links and what it says."""
     bench = load_bench(path)
     bus = map_bus(bench)
     warm_up(bench, bus)
-    links = [TroubledLink() for _ in range(4)]
-    return Daemon(bench, bus, links[0], on_message=messages.append, further=links[1:]), links
+    links, notes = [TroubledLink() for _ in range(4)], Notes()
+    return Daemon(bench, bus, links, listeners=[notes]), links, notes.messages
 
 
 def has_taken(daemon: Daemon, frames: int) -> bool:
@@ -119,10 +121,9 @@ def deliver(daemon: Daemon, links: Sequence[TroubledLink], frames: Sequence[Time
 
 
 def test_one_bus_goes_and_comes_back_while_the_others_are_served(four: Path) -> None:
-    messages: list[str] = []
     frames = frames_of(four, worn_recording())
     first, last = frames[: 3 * 200], frames[3 * 260 :]
-    daemon, links = on_links(four, messages)
+    daemon, links, messages = on_links(four)
     with serving(daemon):
         deliver(daemon, links, first)
         links[1].why = "can6 is down\n  remedy: plug it in"
@@ -148,9 +149,8 @@ def test_one_bus_goes_and_comes_back_while_the_others_are_served(four: Path) -> 
 
 
 def test_without_the_bus_of_the_results_the_observer_goes_on(four: Path) -> None:
-    messages: list[str] = []
     frames = frames_of(four, worn_recording())
-    daemon, links = on_links(four, messages)
+    daemon, links, messages = on_links(four)
     with serving(daemon):
         links[3].why = "can8 is down"
         links[3].plugged.clear()
@@ -165,8 +165,7 @@ def test_without_the_bus_of_the_results_the_observer_goes_on(four: Path) -> None
 
 
 def test_trouble_is_named_by_bus(four: Path) -> None:
-    messages: list[str] = []
-    daemon, links = on_links(four, messages)
+    daemon, links, messages = on_links(four)
     view = View("four buses", 50e3)
     view.watch(daemon)
     with serving(daemon):

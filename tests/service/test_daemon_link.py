@@ -15,6 +15,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
 from tests.service.end_to_end import RATE, published_rates
@@ -72,16 +73,18 @@ def frames(bench: Path) -> list[TimedFrame]:
     return list(Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)))
 
 
-def daemon_on(bench: Path, link: TroubledLink, messages: list[str]) -> Daemon:
+def daemon_on(bench: Path, link: TroubledLink) -> tuple[Daemon, list[str]]:
+    """And what it says."""
     loaded = load_bench(bench)
     bus = map_bus(loaded)
     warm_up(loaded, bus)
-    return Daemon(loaded, bus, link, on_message=messages.append)
+    notes = Notes()
+    return Daemon(loaded, bus, [link], listeners=[notes]), notes.messages
 
 
 def test_an_interface_that_goes_and_comes_back(bench: Path, frames: list[TimedFrame]) -> None:
-    link, messages = TroubledLink(frames[:FIRST]), list[str]()
-    daemon = daemon_on(bench, link, messages)
+    link = TroubledLink(frames[:FIRST])
+    daemon, messages = daemon_on(bench, link)
     with serving(daemon):
         until(link.empty.is_set)
         before = len(link.sent)
@@ -103,8 +106,9 @@ def test_an_interface_that_goes_and_comes_back(bench: Path, frames: list[TimedFr
 
 
 def test_a_changed_reason_is_told(bench: Path) -> None:
-    link, messages = TroubledLink(), list[str]()
-    with serving(daemon_on(bench, link, messages)):
+    link = TroubledLink()
+    daemon, messages = daemon_on(bench, link)
+    with serving(daemon):
         link.plugged.clear()
         until(lambda: len(messages) == 1)
         link.why = "there is no interface can5"
@@ -119,9 +123,9 @@ def test_a_device_that_comes_and_goes_is_told_once(bench: Path) -> None:
         def reconnect(self) -> None:
             pass
 
-    link, messages = LooseLink(), list[str]()
+    link = LooseLink()
     link.plugged.clear()
-    daemon = daemon_on(bench, link, messages)
+    daemon, messages = daemon_on(bench, link)
     with serving(daemon):
         until(lambda: daemon.troubles >= 5)
     assert len(messages) == 2
@@ -129,8 +133,8 @@ def test_a_device_that_comes_and_goes_is_told_once(bench: Path) -> None:
 
 
 def test_it_can_be_stopped_while_it_waits(bench: Path, frames: list[TimedFrame]) -> None:
-    link, messages = TroubledLink(frames), list[str]()
-    daemon = daemon_on(bench, link, messages)
+    link = TroubledLink(frames)
+    daemon, messages = daemon_on(bench, link)
     with serving(daemon):
         until(link.empty.is_set)
         link.plugged.clear()
@@ -140,9 +144,9 @@ def test_it_can_be_stopped_while_it_waits(bench: Path, frames: list[TimedFrame])
 
 
 def test_a_full_transmit_queue_does_not_stop_the_observer(bench: Path, frames: list[TimedFrame]) -> None:
-    link, messages = TroubledLink(frames), list[str]()
+    link = TroubledLink(frames)
     link.has_room = False
-    daemon = daemon_on(bench, link, messages)
+    daemon, messages = daemon_on(bench, link)
     with serving(daemon):
         until(link.empty.is_set)
         until(lambda: bool(messages))
@@ -160,8 +164,9 @@ def test_a_full_transmit_queue_does_not_stop_the_observer(bench: Path, frames: l
 
 
 def test_what_the_controller_tells_is_passed_on(bench: Path) -> None:
-    link, messages = TroubledLink(), list[str]()
-    with serving(daemon_on(bench, link, messages)):
+    link = TroubledLink()
+    daemon, messages = daemon_on(bench, link)
+    with serving(daemon):
         until(lambda: bool(link.statuses()))
         link.told = BusCondition(BusState.PASSIVE, passives=1, error_frames=1)
         until(lambda: len(messages) == 1)
@@ -176,8 +181,9 @@ def test_what_the_controller_tells_is_passed_on(bench: Path) -> None:
 
 
 def test_frames_lost_before_the_loop_are_told(bench: Path) -> None:
-    link, messages = TroubledLink(), list[str]()
-    with serving(daemon_on(bench, link, messages)):
+    link = TroubledLink()
+    daemon, messages = daemon_on(bench, link)
+    with serving(daemon):
         link.lost = 7
         until(lambda: bool(messages))
     assert messages[0].startswith("7 frames of can5 were lost before")

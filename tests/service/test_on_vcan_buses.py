@@ -12,6 +12,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.recording.replay.player import play
+from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
 from tests.interface import OwnInterface
@@ -67,9 +68,10 @@ def test_one_interface_of_several_goes_and_comes_back(
     warm_up(bench, bus)
     frames = frames_of(path, worn_recording())
     first, during, last = frames[:600], frames[600:780], frames[780:]
-    messages: list[str] = []
+    notes = Notes()
+    messages = notes.messages
     with opened(path, sending=False) as links, opened(path, sending=True) as players:
-        daemon = Daemon(bench, bus, links[0], on_message=messages.append, further=links[1:])
+        daemon = Daemon(bench, bus, links, listeners=[notes])
         by_bus = dict(enumerate(players))
         with serving(daemon):
             until(daemon.ready.is_set)

@@ -12,6 +12,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.replay.player import play
+from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
 from tests.interface import OwnInterface
@@ -52,12 +53,13 @@ def test_the_daemon_stays_and_goes_on(
     recording = worn_recording()
     frames = list(Framer(bus).frames(recording, whole(recording)))
     inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
-    messages: list[str] = []
+    notes = Notes()
+    messages = notes.messages
     with (
         open_link("socketcan", name, True, inputs) as link,
         open_link("socketcan", name, True, []) as player,
     ):
-        daemon = Daemon(bench, bus, link, on_message=messages.append)
+        daemon = Daemon(bench, bus, [link], listeners=[notes])
 
         def play_to_it(part: list[TimedFrame]) -> None:
             received = daemon.core.counters.frames + len(part)

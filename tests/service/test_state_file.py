@@ -121,8 +121,8 @@ NOT_RESTORED = {
     "model": (put("content", "model_sha256", value="0" * 64), "another injector model"),
     "short mean": (put("content", "mean", value=[0.0] * (PARAMETERS - 1)), "shape"),
     "flat covariance": (put("content", "covariance", value=[1.0] * PARAMETERS), "shape"),
-    "ragged": (put("content", "covariance", value=[[1.0], [1.0, 2.0]]), "not a learned state"),
-    "text": (put("content", "mean", value="none"), "not a learned state"),
+    "ragged": (put("content", "covariance", value=[[1.0], [1.0, 2.0]]), "not as expected (covariance"),
+    "text": (put("content", "mean", value="none"), "not as expected (mean"),
     "nan": (put("content", "mean", 0, value=float("nan")), "not a learned state"),
     "too large a number": (put("content", "mean", 0, value=10**400), "not a learned state"),
     "negative error": (put("content", "error_covariance", 2, 2, value=-1.0), "error's covariance"),
@@ -131,7 +131,10 @@ NOT_RESTORED = {
     "wear beyond bounds": (put("content", "mean", int(Parameter.NOZZLE_BIAS), value=1.51), "beyond"),
     "impossible leak": (put("content", "in_force", int(Parameter.GUIDE_LEAKAGE), value=-1e-9), "beyond"),
     "active network": (put("content", "active", value=[int(Parameter.NOZZLE_BIAS)]), "left out"),
-    "active fraction": (put("content", "active", value=[float(Parameter.SENSOR_LAG)]), "left out"),
+    "active fraction": (
+        put("content", "active", value=[float(Parameter.SENSOR_LAG)]),
+        "not as expected (active",
+    ),
     "short statistics": (put("content", "statistics", "squares", value=[1.0]), "shape"),
     "negative statistics": (put("content", "statistics", "blocks", 0, 0, value=-1.0), "sums of squares"),
     "offset beyond bounds": (
@@ -142,8 +145,8 @@ NOT_RESTORED = {
     "much noise": (put("content", "noise", "needle_lift", value=1e-4), "needle lift"),
     "noise of another signal": (put("content", "noise", "x", value=1.0), "not as expected"),
     "missing": (remove("in_force"), "in_force"),
-    "negative count": (put("content", "events", value=-1), "no count"),
-    "fractional count": (put("content", "phi_version", value=1.5), "no count"),
+    "negative count": (put("content", "events", value=-1), "not as expected (events"),
+    "fractional count": (put("content", "phi_version", value=1.5), "not as expected (phi_version"),
     "no object": (put("content", value=[]), "not as expected"),
 }
 

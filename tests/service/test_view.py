@@ -14,7 +14,7 @@ from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.service.core.injection_report import InjectionReport
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.view import Reference, View
-from tests.service.participants import SAMPLE_RATE, ScriptedLink, bench_file, worn_recording
+from tests.service.participants import SAMPLE_RATE, ScriptedLink, bench_file, serving, until, worn_recording
 
 
 def drawn(view: View, width: int, height: int) -> list[str]:
@@ -40,11 +40,11 @@ def view(path: Path) -> View:
 
     bench = load_bench(path)
     view = View("title of the view", SAMPLE_RATE, references)
-    daemon = Daemon(bench, map_bus(bench), ScriptedLink(), on_report=view.on_report)
+    link = ScriptedLink(Framer(map_bus(bench)).frames(recording, whole(recording)))
+    daemon = Daemon(bench, map_bus(bench), [link], listeners=[view.hear])
     view.watch(daemon)
-    for frame in Framer(map_bus(bench)).frames(recording, whole(recording)):
-        daemon.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
-    daemon.core.finish()
+    with serving(daemon):
+        until(link.empty.is_set)
     return view
 
 
@@ -77,7 +77,7 @@ def test_before_the_first_injection(path: Path) -> None:
     bench = load_bench(path)
     view = View("title", SAMPLE_RATE)
     assert "starting" in "\n".join(drawn(view, 80, 24))
-    view.watch(Daemon(bench, map_bus(bench), ScriptedLink(), on_report=view.on_report))
+    view.watch(Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear]))
     text = "\n".join(drawn(view, 80, 24))
     assert "WAITING_FOR_DATA" in text
     assert "no injection yet" in text

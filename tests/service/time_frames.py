@@ -17,6 +17,7 @@ from observer_rt.model.effects import effective_model, sized
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.listener import Notes
 from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels, Quantisation
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant
@@ -278,8 +279,8 @@ def observe(
 ) -> Outcome:
     """Frames through a core; `grid` is the clock of the line pressure, which began anew at `restart` [s]."""
     loaded = load_bench(bench)
-    reports: list[InjectionReport] = []
-    core = Core(loaded.injector, map_bus(loaded), learning=learning, on_report=reports.append)
+    notes = Notes()
+    core = Core(loaded.injector, map_bus(loaded), learning=learning, listeners=[notes])
     rows, sent, seen = [], [], 0
     for frame in [*frames, None]:
         out = core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns) if frame else core.finish()
@@ -293,4 +294,4 @@ def observe(
         begins = np.flatnonzero(np.diff(table["index"]) < 0)
         assert len(begins) == 1
         times[begins[0] + 1 :] = replace(grid, phase=restart).time_of(table["index"][begins[0] + 1 :])
-    return Outcome(core, 1.0 / grid.rate, times, table, plant(wear)[1], reports, sent)
+    return Outcome(core, 1.0 / grid.rate, times, table, plant(wear)[1], notes.injections, sent)

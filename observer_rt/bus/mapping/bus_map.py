@@ -13,14 +13,14 @@ from observer_rt.bus.database.lookup import MessageLayout, from_unit, signal_nam
 from observer_rt.bus.mapping.energizing import Energizing
 from observer_rt.bus.mapping.input_tables import INPUT_GROUP, ROLES, Inputs, InputTables
 from observer_rt.bus.mapping.output_messages import (
-    ENERGIZING_STATUS_SIGNALS,
-    STATUS_SIGNALS,
-    SUMMARY_SIGNALS,
     OutputMessage,
     RateMessage,
+    StatusValues,
+    SummaryValues,
     output_message,
     protected_layout,
     rate_message,
+    signals_of,
 )
 from observer_rt.bus.mapping.sample_groups import (
     SampleGroup,
@@ -124,14 +124,14 @@ def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
         rate=rate_message(*output("injection_rate", outputs.injection_rate))
         if outputs.injection_rate
         else None,
-        summary=_output(output("injection_summary", outputs.injection_summary), SUMMARY_SIGNALS),
-        status=_output(output("status", outputs.status), (*STATUS_SIGNALS, *ENERGIZING_STATUS_SIGNALS)),
+        summary=_output(output("injection_summary", outputs.injection_summary), SummaryValues),
+        status=_output(output("status", outputs.status), StatusValues),
         labels=databases.labels,
     )
 
 
-def _output(on_bus: BusMessage, known: Sequence[str]) -> OutputMessage:
-    return output_message(on_bus.message, known, on_bus.bus)
+def _output(on_bus: BusMessage, values: type[SummaryValues] | type[StatusValues]) -> OutputMessage:
+    return output_message(on_bus.message, signals_of(values), on_bus.bus)
 
 
 def _map_inputs(fitted: BenchInjector, databases: BenchDatabases) -> tuple[Inputs, tuple[MessageLayout, ...]]:

@@ -7,6 +7,7 @@ import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
+from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.database.codec import SIGNAL, signal_table
 from observer_rt.bus.database.multiplexing import (
     CONDITION,
@@ -23,7 +24,7 @@ from observer_rt.foundation.errors import UserError
 ROLES = tuple(Role)
 MAX_INPUTS = len(ROLES)
 MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
-LONGEST_FRAME = 64  # bytes
+LONGEST_FRAME = FD_LENGTHS[-1]  # bytes
 
 INPUT_MESSAGE = np.dtype(
     [

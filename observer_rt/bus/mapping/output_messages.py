@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from cantools.database.can import Message
@@ -15,61 +16,83 @@ from observer_rt.foundation.errors import UserError
 
 HEADER_SIGNALS = ("SampleIndex", "Valid", "Learning", "State")
 RATE_PATTERN = "InjectionRate_{:02d}"
-SUMMARY_SIGNALS = (
-    *HEADER_SIGNALS,
-    "EndIndex",
-    "InjectionNumber",
-    "EventNumber",
-    "PhiVersion",
-    "InjectorId",
-    "Reason",
-    "Mass",
-    "MassSigma",
-    "Volume",
-    "RailPressureAtStart",
-    "PeakInjectionRate",
-    "NozzleWear",
-    "NozzleWearSigma",
-    "SeatWear",
-    "SeatWearSigma",
-    "LinePressureOffset",
-)
-STATUS_SIGNALS = (
-    *HEADER_SIGNALS,
-    "Reason",
-    "InjectorId",
-    "VersionMajor",
-    "VersionMinor",
-    "VersionPatch",
-    "ModelHash",
-    "DatabaseHash",
-    "SamplesProcessed",
-    "LostSamples",
-    "InterpolatedSamples",
-    "CrcErrors",
-    "SequenceErrors",
-    "LengthErrors",
-    "RepeatedFrames",
-    "OldFrames",
-    "DroppedFrames",
-    "LinkTroubles",
-    "TroubledBus",
-    "Restarts",
-    "Adoptions",
-    "RejectedAdoptions",
-    "LateAdoptions",
-)
-# Our layouts have no room for these; a status message of a user's own may have them.
-ENERGIZING_STATUS_SIGNALS = ("MissingInjections", "UncommandedInjections")
+
+
+class SummaryValues(NamedTuple):
+    """The signals of a summary, in the database's units: `mass_sigma` goes out as `MassSigma`."""
+
+    sample_index: int
+    valid: bool
+    learning: bool
+    state: int
+    end_index: int
+    injection_number: int
+    event_number: int
+    phi_version: int
+    injector_id: int
+    reason: int
+    mass: float
+    mass_sigma: float
+    volume: float
+    rail_pressure_at_start: float
+    peak_injection_rate: float
+    nozzle_wear: float
+    nozzle_wear_sigma: float
+    seat_wear: float
+    seat_wear_sigma: float
+    line_pressure_offset: float
+
+
+class StatusValues(NamedTuple):
+    """The signals of a status, as in `SummaryValues`."""
+
+    sample_index: int
+    valid: bool
+    learning: bool
+    state: int
+    reason: int
+    injector_id: int
+    version_major: int
+    version_minor: int
+    version_patch: int
+    model_hash: int
+    database_hash: int
+    samples_processed: int
+    lost_samples: int
+    interpolated_samples: int
+    crc_errors: int
+    sequence_errors: int
+    length_errors: int
+    repeated_frames: int
+    old_frames: int
+    dropped_frames: int
+    link_troubles: int
+    troubled_bus: int
+    restarts: int
+    adoptions: int
+    rejected_adoptions: int
+    late_adoptions: int
+    # our layouts have no room for these; a status message of a user's own may have them
+    missing_injections: int
+    uncommanded_injections: int
+
+
+def signals_of(values: type[SummaryValues] | type[StatusValues]) -> tuple[str, ...]:
+    """Names of the signals in a database, in order."""
+    return tuple("".join(word.capitalize() for word in field.split("_")) for field in values._fields)
 
 
 @dataclass(frozen=True)
 class OutputPage:
-    """One frame of an output message: `names` of the known signals in it, their table, and the frame without them."""
+    """One frame of an output message: `names` of the known signals in it, their table, and the frame without them.
+
+    places: of these signals among all known ones.
+    """
 
     names: tuple[str, ...]
     table: NDArray[np.void]
     blank: NDArray[np.uint8]
+    places: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -97,9 +120,9 @@ def output_message(message: Message, known: Sequence[str], bus: int = 0) -> Outp
     """
     present = {signal.name for signal in message.signals}
     conditions = {name: conditions_of(message, name) for name in known if name in present}
+    kinds = frame_kinds(conditions.values())
     return OutputMessage(
-        protected_layout(message, bus),
-        tuple(_page(message, conditions, kind) for kind in frame_kinds(conditions.values())),
+        protected_layout(message, bus), tuple(_page(message, known, conditions, kind) for kind in kinds)
     )
 
 
@@ -120,9 +143,12 @@ def rate_message(message: Message, bus: int = 0) -> RateMessage:
     return RateMessage(output.layout, output.pages[0], len(rates))
 
 
-def _page(message: Message, conditions: Mapping[str, Conditions], kind: Mapping[str, int]) -> OutputPage:
+def _page(
+    message: Message, known: Sequence[str], conditions: Mapping[str, Conditions], kind: Mapping[str, int]
+) -> OutputPage:
     names = tuple(name for name, needed in conditions.items() if meets(kind, needed))
-    return OutputPage(names, signal_table(message, names), blank_frame(message, kind))
+    places = np.array([known.index(name) for name in names], np.int64)
+    return OutputPage(names, signal_table(message, names), blank_frame(message, kind), places)
 
 
 def protected_layout(message: Message, bus: int) -> MessageLayout:

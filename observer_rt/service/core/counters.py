@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from observer_rt.service.core.judging import Judging
 from observer_rt.service.core.pipeline import Pipeline
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
 
@@ -36,21 +37,19 @@ class Counters:
         return Counters(**{name: count - getattr(earlier, name) for name, count in vars(self).items()})
 
 
-def counted(
-    pipeline: Pipeline, optional: OptionalInputs, first_version: int, rejected: int, late: int
-) -> Counters:
-    """What all parts have counted; first_version: of phi at the start; rejected, late: adoptions."""
+def counted(pipeline: Pipeline, inputs: OptionalInputs, judging: Judging) -> Counters:
+    """What all parts have counted."""
     receiver = pipeline.receiver[0]
     alignment = pipeline.alignment.memory[0]
     memory = pipeline.observer.memory[0]
-    energizing = optional.energizing
+    energizing = inputs.energizing
     return Counters(
         samples=int(memory["processed"]),
         lost_samples=int(alignment["lost"]),
         interpolated_samples=int(memory["interpolated"]),
         frames=int(receiver["frames"]),
-        crc_errors=int(receiver["crc_errors"]) + optional.crc_errors,
-        length_errors=int(receiver["length_errors"]) + optional.length_errors,
+        crc_errors=int(receiver["crc_errors"]) + inputs.crc_errors,
+        length_errors=int(receiver["length_errors"]) + inputs.length_errors,
         sequence_errors=int(receiver["sequence_errors"]),
         repeated_frames=int(alignment["repeated"]),
         old_frames=int(alignment["old"]),
@@ -58,9 +57,9 @@ def counted(
         jumps=int(alignment["jumps"]),
         events=int(memory["events_judged"]),
         injections=int(memory["injections_reported"]),
-        adoptions=int(memory["phi_version"]) - first_version,
-        rejected_adoptions=rejected,
-        late_adoptions=late,
+        adoptions=judging.adoptions,
+        rejected_adoptions=judging.rejected,
+        late_adoptions=judging.late,
         commands=energizing.commands if energizing else 0,
         missing_injections=energizing.missing if energizing else 0,
         uncommanded_injections=energizing.uncommanded if energizing else 0,

@@ -8,11 +8,9 @@ from numpy.typing import NDArray
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.observer.learning.indicators import Estimate, Indicators, indicators_of
 from observer_rt.observer.learning.interval import is_revised, rate_sigma, volume_interval
-from observer_rt.observer.learning.knowledge import Outcome
-from observer_rt.observer.stream.phi import Phi
 from observer_rt.observer.stream.state import Reason, State
+from observer_rt.service.core.judging import Judged
 from observer_rt.service.inputs.energizing import CommandedOpening
-from observer_rt.service.inputs.fuel import Fuel
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,31 +47,16 @@ class InjectionReport:
     commanded: CommandedOpening | None
 
 
-def report_of(
-    injection: np.void,
-    event: np.void,
-    outcome: Outcome | None,
-    in_force: NDArray[np.float64],
-    phi: Phi,
-    fuel: Fuel,
-    commanded: CommandedOpening | None,
-) -> InjectionReport:
-    """What to say of an injection (row of dtype `stream.state.INJECTION`) once its event (`EVENT`) is judged.
-
-    outcome: what was learned from the event, None when nothing was; in_force: theta (m,) the observer carries,
-    phi: what its x^ carries; fuel: during the event; commanded: by which command
-    it opened.
-    """
-    c = fuel.constants.coefficients
+def report_of(injection: np.void, judged: Judged, commanded: CommandedOpening | None) -> InjectionReport:
+    """What to say of an injection (row of dtype `stream.state.INJECTION`); commanded: by which command it opened."""
+    event, outcome = judged.event, judged.outcome
+    c = judged.fuel.constants.coefficients
     judgement = outcome.objections[0].reason if outcome is not None and outcome.objections else Reason.NONE
     reason = Reason(int(injection["reason"])) or judgement
-    indicators = indicators_of(
-        in_force if outcome is None else outcome.estimate,
-        None if outcome is None else outcome.covariance,
-        injection["middle_x"],
-        injection["middle_u"],
-    )
-    wear = phi.nozzle_wear(injection["middle_x"], injection["middle_u"], c)
+    middle = injection["middle_x"], injection["middle_u"]
+    estimate = (judged.in_force, None) if outcome is None else (outcome.estimate, outcome.covariance)
+    indicators = indicators_of(*estimate, *middle)
+    wear = judged.phi.nozzle_wear(*middle, c)
     if wear is not None:
         indicators = {**indicators, NOZZLE: Estimate(wear)}
     volume = float(injection["volume"])
@@ -105,6 +88,6 @@ def report_of(
         phi_version=int(injection["phi_version"]),
         indicators=indicators,
         density=c.density,
-        fuel_temperature=fuel.temperature,
+        fuel_temperature=judged.fuel.temperature,
         commanded=commanded,
     )

@@ -1,16 +1,18 @@
-"""Summary and status frames: named values into payloads."""
+"""Result frames: values into payloads."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from observer_rt.bus.database.codec import encode
 from observer_rt.bus.database.e2e import UNPROTECTED, protect
-from observer_rt.bus.mapping.output_messages import OutputMessage, OutputPage
+from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.output_messages import OutputMessage, OutputPage, StatusValues, SummaryValues
 from observer_rt.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.core.publisher import Publisher
 
 
 class OutputFrame(NamedTuple):
@@ -24,21 +26,27 @@ class OutputFrame(NamedTuple):
     """Number of the bus it goes out on."""
 
 
+def output_frame(layout: MessageLayout, payload: bytes) -> OutputFrame:
+    """A frame of a message."""
+    return OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload, layout.bus)
+
+
 class FrameWriter:
-    """Writes frames of one message from named values; counts for the end-to-end protection."""
+    """Writes frames of one message; counts for the end-to-end protection."""
 
     def __init__(self, message: OutputMessage) -> None:
         self._message = message
         self._counter = 0
 
-    def write(self, values: Mapping[str, float]) -> list[OutputFrame]:
-        """A frame for every page, values in the database's units; signals not named are not available."""
-        return [self._write(page, values) for page in self._message.pages]
+    def write(self, values: SummaryValues | StatusValues) -> list[OutputFrame]:
+        """A frame for every page; nan is not available."""
+        in_order = np.array(values, np.float64)
+        return [self._write(page, in_order[page.places]) for page in self._message.pages]
 
-    def _write(self, page: OutputPage, values: Mapping[str, float]) -> OutputFrame:
+    def _write(self, page: OutputPage, values: np.typing.NDArray[np.float64]) -> OutputFrame:
         layout = self._message.layout
         payload = page.blank.copy()
-        encode(np.array([values.get(name, np.nan) for name in page.names]), page.table, payload)
+        encode(values, page.table, payload)
         protect(
             payload,
             layout.length,
@@ -47,36 +55,68 @@ class FrameWriter:
             self._counter,
         )
         self._counter += 1
-        return OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes(), layout.bus)
+        return output_frame(layout, payload.tobytes())
+
+
+class ResultFrames:
+    """Collects frames with rates and summaries in the order they are made."""
+
+    def __init__(self, bus: BusMap, publisher: Publisher, injector_id: int) -> None:
+        self._rate_layout = bus.rate.layout if bus.rate else None
+        self._publisher = publisher
+        self._ready = publisher.memory["frames"]
+        self._summary_writer = FrameWriter(bus.summary)
+        self._injector_id = injector_id
+        self._frames: list[OutputFrame] = []
+
+    def collect_rates(self) -> None:
+        """The frames that the publisher has ready."""
+        if self._rate_layout is None or self._ready[0] == 0:
+            return
+        for frame in self._publisher.out[: int(self._ready[0])]:
+            payload = frame["payload"][: int(frame["length"])].tobytes()
+            self._frames.append(output_frame(self._rate_layout, payload))
+        self._ready[0] = 0
+
+    def add_summary(self, report: InjectionReport, learning: bool, pressure_scale: float) -> None:
+        """Write the summary of an injection; pressure_scale p_0 [Pa]."""
+        values = summary_values(report, self._injector_id, learning, pressure_scale)
+        self._frames += self._summary_writer.write(values)
+
+    def taken(self) -> list[OutputFrame]:
+        """All frames since the last call."""
+        self.collect_rates()
+        frames, self._frames = self._frames, []
+        return frames
 
 
 def summary_values(
     report: InjectionReport, injector_id: int, learning: bool, pressure_scale: float
-) -> dict[str, float]:
-    """Signals of `InjectionSummary`; pressure_scale p_0 [Pa]."""
+) -> SummaryValues:
+    """The summary of an injection; pressure_scale p_0 [Pa]."""
     wear = report.indicators
-    return {
-        "SampleIndex": report.start_index & 0xFFFFFFFF,
-        "Valid": report.valid,
-        "Learning": learning,
-        "State": report.state,
-        "EndIndex": report.end_index & 0xFFFFFFFF,
-        "InjectionNumber": report.number & 0xFFFFFFFF,
-        "EventNumber": report.event & 0xFFFFFFFF,
-        "PhiVersion": report.phi_version & 0xFFFF,
-        "InjectorId": injector_id,
-        "Reason": report.reason,
-        "Mass": report.mass / MILLIGRAM,
-        "MassSigma": _mass_sigma(report) / MILLIGRAM,
-        "Volume": report.volume / CUBIC_MILLIMETRE,
-        "RailPressureAtStart": report.rail_pressure / MEGAPASCAL,
-        "PeakInjectionRate": report.peak_rate / MM3_PER_MS,
-        "NozzleWear": wear[NOZZLE].value,
-        "NozzleWearSigma": _known(wear[NOZZLE].sigma),
-        "SeatWear": wear[SEAT].value,
-        "SeatWearSigma": _known(wear[SEAT].sigma),
-        "LinePressureOffset": wear[OFFSET].value * pressure_scale / MEGAPASCAL,
-    }
+    return SummaryValues(
+        sample_index=report.start_index & 0xFFFFFFFF,
+        valid=report.valid,
+        learning=learning,
+        state=report.state,
+        end_index=report.end_index & 0xFFFFFFFF,
+        injection_number=report.number & 0xFFFFFFFF,
+        event_number=report.event & 0xFFFFFFFF,
+        phi_version=report.phi_version & 0xFFFF,
+        injector_id=injector_id,
+        reason=report.reason,
+        mass=report.mass / MILLIGRAM,
+        mass_sigma=_mass_sigma(report) / MILLIGRAM,
+        volume=report.volume / CUBIC_MILLIMETRE,
+        rail_pressure_at_start=report.rail_pressure / MEGAPASCAL,
+        peak_injection_rate=report.peak_rate / MM3_PER_MS,
+        nozzle_wear=wear[NOZZLE].value,
+        nozzle_wear_sigma=_known(wear[NOZZLE].sigma),
+        seat_wear=wear[SEAT].value,
+        seat_wear_sigma=_known(wear[SEAT].sigma),
+        line_pressure_offset=wear[OFFSET].value * pressure_scale / MEGAPASCAL,
+    )
 
 
 def _known(sigma: float | None) -> float:

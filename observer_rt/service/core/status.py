@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from observer_rt import __version__
+from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.core.core import Core
 
@@ -26,39 +27,39 @@ def software_version() -> tuple[int, int, int]:
 
 def status_values(
     core: Core, state: State, reason: Reason, injector_id: int, hashes: tuple[int, int], link: LinkFigures
-) -> dict[str, float]:
-    """Signals of `ObserverStatus`; hashes of model and bus databases (first 32 bits)."""
+) -> StatusValues:
+    """What the status says; hashes of model and bus databases (first 32 bits)."""
     counters = core.counters
     major, minor, patch = software_version()
     model_hash, database_hash = hashes
     valid = core.processed > 0 and bool(core.rows(core.processed - 1, core.processed)["valid"][0])
-    return {
-        "SampleIndex": core.last_index & 0xFFFFFFFF,
-        "Valid": valid and state in (State.RUNNING_NOMINAL, State.ADAPTED),
-        "Learning": core.learning,
-        "State": state,
-        "Reason": reason,
-        "InjectorId": injector_id,
-        "VersionMajor": major,
-        "VersionMinor": minor,
-        "VersionPatch": patch,
-        "ModelHash": model_hash,
-        "DatabaseHash": database_hash,
-        "SamplesProcessed": counters.samples & 0xFFFFFFFF,
-        "LostSamples": counters.lost_samples,
-        "InterpolatedSamples": counters.interpolated_samples,
-        "CrcErrors": counters.crc_errors,
-        "SequenceErrors": counters.sequence_errors,
-        "LengthErrors": counters.length_errors,
-        "RepeatedFrames": counters.repeated_frames,
-        "OldFrames": counters.old_frames,
-        "DroppedFrames": link.dropped,
-        "LinkTroubles": link.troubles,
-        "TroubledBus": link.troubled_bus,
-        "Restarts": counters.restarts,
-        "Adoptions": counters.adoptions,
-        "RejectedAdoptions": counters.rejected_adoptions,
-        "LateAdoptions": counters.late_adoptions,
-        "MissingInjections": counters.missing_injections,
-        "UncommandedInjections": counters.uncommanded_injections,
-    }
+    return StatusValues(
+        sample_index=core.last_index & 0xFFFFFFFF,
+        valid=valid and state in (State.RUNNING_NOMINAL, State.ADAPTED),
+        learning=core.learning,
+        state=state,
+        reason=reason,
+        injector_id=injector_id,
+        version_major=major,
+        version_minor=minor,
+        version_patch=patch,
+        model_hash=model_hash,
+        database_hash=database_hash,
+        samples_processed=counters.samples & 0xFFFFFFFF,
+        lost_samples=counters.lost_samples,
+        interpolated_samples=counters.interpolated_samples,
+        crc_errors=counters.crc_errors,
+        sequence_errors=counters.sequence_errors,
+        length_errors=counters.length_errors,
+        repeated_frames=counters.repeated_frames,
+        old_frames=counters.old_frames,
+        dropped_frames=link.dropped,
+        link_troubles=link.troubles,
+        troubled_bus=link.troubled_bus,
+        restarts=counters.restarts,
+        adoptions=counters.adoptions,
+        rejected_adoptions=counters.rejected_adoptions,
+        late_adoptions=counters.late_adoptions,
+        missing_injections=counters.missing_injections,
+        uncommanded_injections=counters.uncommanded_injections,
+    )

@@ -2,19 +2,19 @@
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.timekeeping import is_prompt, place_at
-from observer_rt.bus.mapping.energizing import Energizing, EnergizingReceiver
+from observer_rt.bus.mapping.energizing import Energizing, Reading
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.observer.observer import was_shut
 from observer_rt.observer.stream.state import INJECTIONS, RING
 from observer_rt.service.core.compiled import CompiledPipeline
-from observer_rt.service.inputs.commands import Command, CommandReader, samples_between
+from observer_rt.service.inputs.energizing_commands import Command, CommandReader, samples_between
+from observer_rt.service.inputs.optional_input import OptionalInput
 
 REMEMBERED = 64  # commands
 RECENT = 100  # delays that mean and spread are of
@@ -89,7 +89,7 @@ class _Waiting:
     was_shut: bool | None = None
 
 
-class EnergizingWatch:
+class EnergizingWatch(OptionalInput[Reading]):
     """Joins commands and openings, whichever is known first.
 
     An opening belongs to the last command that started before it, if that was not too long ago and no opening was
@@ -102,18 +102,17 @@ class EnergizingWatch:
         self,
         energizing: Energizing,
         compiled: CompiledPipeline,
-        on_mismatch: Callable[[Mismatch], None] | None,
+        on_mismatch: Callable[[Mismatch], None],
     ) -> None:
         """on_mismatch: called with every missing injection and every one without a command."""
         sample_rate = 1.0 / compiled.observer.constants.interval
-        self._receiver = EnergizingReceiver(energizing)
         self._reader = CommandReader(energizing, sample_rate)
         self._sample_rate = sample_rate
         self._window = energizing.window * sample_rate  # samples
         self._late = 0.0 if self._reader.by_index else LATE_STAMP * sample_rate
         self._keeping = compiled.pipeline.keeping
         self._compiled = compiled
-        self._on_mismatch = on_mismatch or (lambda _: None)
+        self._on_mismatch = on_mismatch
         self._waiting: deque[_Waiting] = deque(maxlen=REMEMBERED)
         # indices of openings without a command, and samples processed when they were reported
         self._unasked: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
@@ -123,13 +122,8 @@ class EnergizingWatch:
         self._commands = self._missing = self._uncommanded = 0
         place_at(self._keeping, 0)  # compiled before the first command comes
 
-    def take(self, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
-        """Take a received frame, `key` as by `frame_key.frame_key`; others than ours are passed over."""
-        if not self._receiver.is_ours(key):
-            return
-        reading = self._receiver.read(payload, stamp)
-        if reading is None:
-            return
+    def take(self, reading: Reading, now: float) -> None:
+        """Take what a frame says."""
         for command in self._reader.read(reading):
             if command.is_certain:
                 self._number(command)
@@ -204,12 +198,12 @@ class EnergizingWatch:
             (samples_between(self._place(one.command.start), opening), one.command) for one in self._waiting
         ]
         started = [one for one in since if -one[1].margin <= one[0] <= self._window + one[1].margin]
-        last = min((one for one in started if one[1].is_certain), key=_elapsed, default=None)
-        if last is not None and not last[1].has_opened:
-            return last[1]
-        doubtful = min((one for one in started if not one[1].is_certain), key=_elapsed, default=None)
-        if doubtful is not None and not doubtful[1].has_opened and (last is None or doubtful[0] < last[0]):
-            return doubtful[1]
+        elapsed, last = _latest(started, is_certain=True)
+        if last is not None and not last.has_opened:
+            return last
+        elapsed_doubtful, doubtful = _latest(started, is_certain=False)
+        if doubtful is not None and not doubtful.has_opened and elapsed_doubtful < elapsed:
+            return doubtful
         late = [one for one in since if -self._late <= one[0] + one[1].margin < 0.0]
         late = [one for one in late if one[1].is_certain and not one[1].has_opened]
         return max(late, key=_elapsed)[1] if late else None
@@ -271,6 +265,12 @@ class EnergizingWatch:
 
     def _tell(self, is_missing: bool, number: int, index: int) -> None:
         self._on_mismatch(Mismatch(is_missing, number, index, self._window / self._sample_rate))
+
+
+def _latest(since: Sequence[tuple[float, Command]], is_certain: bool) -> tuple[float, Command | None]:
+    """Of the certain or of the doubtful commands the last one, and samples since it; (inf, None): there is none."""
+    alike = [one for one in since if one[1].is_certain is is_certain]
+    return min(alike, key=_elapsed, default=(math.inf, None))
 
 
 def _elapsed(since: tuple[float, Command]) -> float:

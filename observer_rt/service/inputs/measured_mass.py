@@ -6,7 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.observer.observer import closed_injections
+from observer_rt.service.core.compiled import CompiledPipeline
 from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.inputs.optional_input import OptionalInput
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,23 +32,25 @@ class MeasuredMass:
         )
 
 
-class MassComparison:
+class MassComparison(OptionalInput[float]):
     """Joins measured masses and reports of injections, whichever comes first.
 
     A value is a measurement when it is positive and is not the one before it, which a cyclic message repeats; it
     belongs to the last injection closed before it came. Of several for one injection the first counts.
     """
 
-    def __init__(self, on_measured: Callable[[MeasuredMass], None] | None) -> None:
+    def __init__(self, on_measured: Callable[[MeasuredMass], None], compiled: CompiledPipeline) -> None:
         """on_measured: called with every measured injection once it is reported too."""
-        self._on_measured = on_measured or (lambda _: None)
+        self._on_measured = on_measured
+        self._compiled = compiled
         self._value = math.nan
         self._measured = 0  # number of the last injection with a measurement
         self._waiting: deque[tuple[int, float]] = deque()
         self._report: InjectionReport | None = None
 
-    def on_value(self, mass: float, closed: int) -> None:
-        """Take a received value [kg, nan: not available]; closed: number of the last closed injection, 0: none."""
+    def take(self, reading: float, now: float) -> None:
+        """Take a received value [kg, nan: not available]."""
+        mass, closed = reading, closed_injections(self._compiled.observer)
         is_new = mass != self._value and 0.0 < mass < math.inf
         self._value = mass
         if not is_new or closed == self._measured:
@@ -56,7 +61,7 @@ class MassComparison:
         else:
             self._waiting.append((closed, mass))
 
-    def on_report(self, report: InjectionReport) -> None:
+    def on_injection(self, report: InjectionReport) -> None:
         """Take a reported injection."""
         self._report = report
         while self._waiting and self._waiting[0][0] <= report.number:

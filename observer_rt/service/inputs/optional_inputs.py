@@ -1,107 +1,115 @@
-"""What the service makes of the optional inputs."""
+"""The optional inputs of a bench: their frames received, each handed to what the service makes of it."""
 
 import math
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.energizing import EnergizingReceiver
 from observer_rt.bus.mapping.slow_inputs import SlowReceiver
+from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import OptionalRole
-from observer_rt.observer.observer import closed_injections
-from observer_rt.observer.stream.state import Constants
+from observer_rt.observer.stream.state import RING
 from observer_rt.service.core.compiled import CompiledPipeline
+from observer_rt.service.core.constants import bench_constants
 from observer_rt.service.core.injection_report import InjectionReport
-from observer_rt.service.inputs.energizing import (
-    CommandedOpening,
-    EnergizingFigures,
-    EnergizingWatch,
-    Mismatch,
-)
-from observer_rt.service.inputs.fuel import Fuel, FuelFollower
-from observer_rt.service.inputs.held_value import HeldValue
-from observer_rt.service.inputs.measured_mass import MassComparison, MeasuredMass
+from observer_rt.service.core.listener import Listener
+from observer_rt.service.inputs.energizing import CommandedOpening, EnergizingFigures, EnergizingWatch
+from observer_rt.service.inputs.fuel_temperature import FuelFollower
+from observer_rt.service.inputs.learning_enable import LearningEnable
+from observer_rt.service.inputs.measured_mass import MassComparison
+from observer_rt.service.inputs.optional_input import OptionalInput
 
 
 class OptionalInputs:
     """Receives the optional inputs of a bench; without any it changes nothing.
 
-    A learning enable of 0 holds learning up; another value, "not available", one that is too old and none so far
-    leave it as configured. A measured mass is compared with the estimate, and never learned from. Energizing is
-    compared with the openings. The fuel's temperature makes the model that of fuel so warm. Time is that of the
-    samples [s].
+    A learning enable of 0 holds learning up. A measured mass is compared with the estimate, and never learned from.
+    Energizing is compared with the openings. The fuel's temperature makes the model that of fuel so warm.
     """
 
     def __init__(
         self,
+        fitted: BenchInjector,
         bus: BusMap,
-        learning: bool,
         compiled: CompiledPipeline,
-        on_measured: Callable[[MeasuredMass], None] | None,
-        on_mismatch: Callable[[Mismatch], None] | None,
-        fuel: Fuel,
-        constants_at: Callable[[float], Constants],
+        tell: Listener,
+        fuel_temperature: float | None,
+        is_restored: bool,
     ) -> None:
-        """learning: as configured; on_measured: called with every injection whose mass was measured; on_mismatch:
-        with every one that is missing after a command, or has none.
-
-        fuel: at the start; constants_at: the observer's constants with fuel at a temperature [K].
-        """
+        """tell: of measured masses and mismatches; fuel_temperature [K]: until it is measured."""
         timeouts = {signal.role: signal.timeout for message in bus.slow for signal in message.signals}
+        self._bus = bus
         self._receiver = SlowReceiver(bus.slow)
         self._compiled = compiled
-        self._configured = learning
-        self._enable = HeldValue(timeouts.get(OptionalRole.LEARNING_ENABLE, math.inf))
-        self._is_held = False
-        self._masses = MassComparison(on_measured)
-        self.fuel: FuelFollower | None = None
-        """Where its temperature is measured."""
+        self._first_index: int | None = None
+        self._enable = LearningEnable(timeouts.get(OptionalRole.LEARNING_ENABLE, math.inf))
+        self._masses = MassComparison(tell, compiled)
+        self._by_role: dict[OptionalRole, OptionalInput[float]] = {
+            OptionalRole.LEARNING_ENABLE: self._enable,
+            OptionalRole.MEASURED_MASS: self._masses,
+        }
+        self._all: list[OptionalInput[float] | EnergizingWatch] = [self._enable]
+        self._fuel: FuelFollower | None = None
         if OptionalRole.FUEL_TEMPERATURE in timeouts:
-            self.fuel = FuelFollower(fuel, constants_at, timeouts[OptionalRole.FUEL_TEMPERATURE])
-        self._watch = None
+            constants_at = partial(bench_constants, fitted, is_restored)
+            timeout = timeouts[OptionalRole.FUEL_TEMPERATURE]
+            self._fuel = FuelFollower(fuel_temperature, compiled, constants_at, timeout)
+            self._by_role[OptionalRole.FUEL_TEMPERATURE] = self._fuel
+            self._all.append(self._fuel)
+        self._watch: EnergizingWatch | None = None
         if bus.energizing is not None:
-            self._watch = EnergizingWatch(bus.energizing, compiled, on_mismatch)
+            self._pulses = EnergizingReceiver(bus.energizing)
+            self._watch = EnergizingWatch(bus.energizing, compiled, tell)
+            self._all.append(self._watch)
 
-    def take(self, key: int, payload: NDArray[np.uint8], stamp: int, now: float) -> None:
-        """Take a frame of any message, received at `stamp` [ns]; `key` as by `frame_key`."""
+    def take(self, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
+        """Take a frame of any message, received at `stamp` [ns]; `key` as by `frame_key`.
+
+        What it brings, or that its message stays away, takes effect before its samples are observed.
+        """
+        if not self._bus.slow:
+            return
+        now = self._time_of_samples()
         if self._receiver.is_ours(key):
             for role, value in self._receiver.values(key, payload):
-                self._take_value(role, value, now)
-            if self._watch is not None:
-                self._watch.take(key, payload, stamp)
-        self._is_held = self._enable.at(now) == 0.0
+                self._by_role[role].take(value, now)
+            if self._watch is not None and self._pulses.is_ours(key):
+                reading = self._pulses.read(payload, stamp)
+                if reading is not None:
+                    self._watch.take(reading, now)
+        for one in self._all:
+            one.heed(now)
 
-    def _take_value(self, role: OptionalRole, value: float, now: float) -> None:
-        if role is OptionalRole.LEARNING_ENABLE:
-            self._enable.take(value, now)
-        elif role is OptionalRole.MEASURED_MASS:
-            self._masses.on_value(value, closed_injections(self._compiled.observer))
-        elif self.fuel is not None:
-            self.fuel.take(value, now)
+    def look(self) -> None:
+        """Samples were observed."""
+        for one in self._all:
+            one.look()
 
     def opening_of(self, injection: np.void) -> CommandedOpening | None:
         """What commanded an injection (`stream.state.INJECTION`) that is about to be reported; None: not known."""
         return None if self._watch is None else self._watch.opening_of(injection)
 
-    def look(self) -> None:
-        """Samples were processed."""
-        if self._watch is not None:
-            self._watch.look()
+    def on_injection(self, report: InjectionReport) -> None:
+        """Take an injection that was just reported."""
+        self._masses.on_injection(report)
+
+    @property
+    def holds_learning(self) -> bool:
+        """Whether an event that closes now is not to be learned from."""
+        return self._enable.is_held
+
+    @property
+    def fuel_temperature(self) -> float | None:
+        """Of the fuel in force [K]; None where it is not measured."""
+        return None if self._fuel is None else self._fuel.temperature
 
     @property
     def energizing(self) -> EnergizingFigures | None:
         """What was found of commands and openings; None for a bench without energizing."""
         return None if self._watch is None else self._watch.figures
-
-    def on_report(self, report: InjectionReport) -> None:
-        """Take an injection that was just reported."""
-        self._masses.on_report(report)
-
-    @property
-    def learning(self) -> bool:
-        """Whether an event that closes now is learned from."""
-        return self._configured and not self._is_held
 
     @property
     def crc_errors(self) -> int:
@@ -112,3 +120,14 @@ class OptionalInputs:
     def length_errors(self) -> int:
         """Frames of such messages with a wrong length."""
         return self._receiver.length_errors
+
+    def _time_of_samples(self) -> float:
+        """Of the newest received sample, since the first [s]; the index of a device may begin with any number."""
+        observer = self._compiled.observer
+        received = int(observer.memory["received"][0])
+        if received == 0:
+            return 0.0
+        index = int(observer.ring[(received - 1) % RING]["index"])
+        if self._first_index is None:
+            self._first_index = index
+        return (index - self._first_index) * observer.constants.interval

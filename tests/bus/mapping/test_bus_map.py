@@ -10,10 +10,11 @@ from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import find_message, not_available_code
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.bus.mapping.output_messages import (
-    STATUS_SIGNALS,
-    SUMMARY_SIGNALS,
+    StatusValues,
+    SummaryValues,
     output_message,
     rate_message,
+    signals_of,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
 from observer_rt.config.signals import Role
@@ -226,7 +227,10 @@ def test_the_databases_name_every_state_and_reason(database: Path, message: str)
 
 @pytest.mark.parametrize(
     ("message", "names", "pages"),
-    [("InjectionSummary", SUMMARY_SIGNALS, 7), ("ObserverStatus", STATUS_SIGNALS, 12)],
+    [
+        ("InjectionSummary", signals_of(SummaryValues), 7),
+        ("ObserverStatus", signals_of(StatusValues)[:-2], 12),
+    ],
 )
 def test_the_classic_layout_carries_what_the_fd_layout_does(
     message: str, names: tuple[str, ...], pages: int

@@ -19,8 +19,8 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.inputs.energizing import Mismatch
 from observer_rt.service.view import View
 from tests.recording.canlog.log_cases import write_log
 from tests.service.core_frames import SAMPLE_RATE
@@ -194,10 +194,10 @@ def test_view_and_status(tmp_path: Path) -> None:
     path = pulse_bench(tmp_path, TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n')
     bench = load_bench(path)
     view = View("title", SAMPLE_RATE)
-    mismatches: list[Mismatch] = []
+    notes = Notes()
     frames = [TimedFrame(s.time, s.frame.frame_id, False, True, s.frame.payload) for s in traffic()]
     link = ScriptedLink(frames)
-    daemon = Daemon(bench, map_bus(bench), link, on_report=view.on_report, on_mismatch=mismatches.append)
+    daemon = Daemon(bench, map_bus(bench), [link], listeners=[view.hear, notes])
     view.watch(daemon)
     with serving(daemon) as stop:
         until(link.empty.is_set)
@@ -213,4 +213,4 @@ def test_view_and_status(tmp_path: Path) -> None:
     status = BED.get_message_by_name("BedStatus")
     last = [frame.payload for frame in link.sent if frame.frame_id == status.frame_id][-1]
     assert status.decode(last) == {"MissingInjections": 1, "UncommandedInjections": 1}
-    assert sorted(one.is_missing for one in mismatches) == [False, True]
+    assert sorted(one.is_missing for one in notes.mismatches) == [False, True]

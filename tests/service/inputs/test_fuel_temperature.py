@@ -253,7 +253,7 @@ def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:
 
 def test_the_view_shows_it(tmp_path: Path) -> None:
     path = load_bench(bench(tmp_path))
-    daemon = Daemon(path, map_bus(path), ScriptedLink([]))
+    daemon = Daemon(path, map_bus(path), [ScriptedLink([])])
     for frame in [sensor(62.5), *frames_of(simulation(REFERENCE).recording)[:50]]:
         daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
     view = View("bench", SAMPLE_RATE)

@@ -172,7 +172,7 @@ def test_unknown_key_of_an_optional_role(tmp_path: Path) -> None:
 
 def test_view_says_that_learning_is_off(tmp_path: Path) -> None:
     bench = load_bench(slow_bench(tmp_path, ENABLE))
-    daemon = Daemon(bench, map_bus(bench), ScriptedLink())
+    daemon = Daemon(bench, map_bus(bench), [ScriptedLink()])
     view = View("title", SAMPLE_RATE)
     view.watch(daemon)
 

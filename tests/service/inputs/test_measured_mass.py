@@ -20,6 +20,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.service.core.core import Core
+from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.inputs.measured_mass import MeasuredMass
 from observer_rt.service.view import View
@@ -66,12 +67,12 @@ def after(result: Result, injection: int, frames: int) -> int:
 
 def measured(bench: Path, frames: Iterable[Frame]) -> list[MeasuredMass]:
     loaded = load_bench(bench)
-    found: list[MeasuredMass] = []
-    core = Core(loaded.injector, map_bus(loaded), on_measured=found.append)
+    notes = Notes()
+    core = Core(loaded.injector, map_bus(loaded), listeners=[notes])
     for frame in frames:
         core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
     core.finish()
-    return found
+    return notes.measured
 
 
 def masses(found: Iterable[MeasuredMass]) -> list[tuple[int, float]]:
@@ -199,9 +200,7 @@ def in_log(number: int, frame: Frame) -> LogFrame:
 def test_view_shows_it_beside_the_estimate(path: Path, frames: list[Frame], usual: Result) -> None:
     view = View("title", SAMPLE_RATE)
     bench = load_bench(path)
-    daemon = Daemon(
-        bench, map_bus(bench), ScriptedLink(), on_report=view.on_report, on_measured=view.on_measured
-    )
+    daemon = Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear])
     view.watch(daemon)
 
     def drawn() -> str:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.energizing import Energizing, Reading
 from observer_rt.config.bench import load_bench
-from observer_rt.service.inputs.commands import Command, CommandReader
+from observer_rt.service.inputs.energizing_commands import Command, CommandReader
 from tests.service.core_frames import SAMPLE_RATE
 from tests.service.pulse_frames import CYCLIC, LEVELS, LEVELS_IN_BLOCK, TIME, pulse_bench
 

@@ -1,0 +1,90 @@
+"""Closed events on their way to the learner, and what was learned from them on its way into force."""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
+from observer_rt.observer.observer import event_standstill, event_window, in_force, judge
+from observer_rt.observer.stream.phi import Phi
+from observer_rt.observer.stream.state import INJECTIONS, PENDING_EVENTS
+from observer_rt.service.core.compiled import CompiledPipeline
+from observer_rt.service.core.worker import Training
+from observer_rt.service.inputs.fuel_temperature import Fuel
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """An event, `stream.state.EVENT`, that was judged.
+
+    outcome: what was learned from it, None when nothing was; in_force: theta (m,) the observer carries now,
+    phi: what its x^ carries; fuel: during the event.
+    """
+
+    event: np.void
+    outcome: Outcome | None
+    in_force: NDArray[np.float64]
+    phi: Phi
+    fuel: Fuel
+
+
+class Judging:
+    """Hands over every closed event once, and judges them in order."""
+
+    def __init__(self, compiled: CompiledPipeline, training: Training, start: Knowledge) -> None:
+        """start: what is known before the first event."""
+        self.known = start
+        """All that was learned and judged so far."""
+        self.rejected = 0
+        """Outcomes that were not adopted."""
+        self._compiled = compiled
+        self._closed = compiled.observer.memory["events_closed"]
+        self._training = training
+        self._first_version = start.phi_version
+        self._submitted = 0
+        self._fuel: deque[Fuel] = deque()  # of events that are not judged
+
+    @property
+    def adoptions(self) -> int:
+        """How often a new phi was adopted."""
+        return int(self._compiled.observer.memory["phi_version"][0]) - self._first_version
+
+    @property
+    def late(self) -> int:
+        """Outcomes that came too late and were left out."""
+        return self._training.late
+
+    def submit(self, learning: bool, fuel_temperature: float | None) -> None:
+        """Hand over the events closed since the last call; learning: whether they are learned from."""
+        while self._submitted < self._closed[0]:
+            observer = self._compiled.observer
+            window = event_window(observer, self._submitted) if learning else None
+            standstill = event_standstill(observer, self._submitted)
+            self._training.submit(window, standstill, in_force(observer), observer.constants)
+            self._fuel.append(Fuel(fuel_temperature, observer.constants))
+            self._submitted += 1
+
+    def judge(self) -> Judged:
+        """Judge the event that the observer waits for."""
+        observer = self._compiled.observer
+        memory = observer.memory[0]
+        outcome = self._training.take()
+        event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS].copy()
+        judge(observer, outcome)
+        if outcome is not None:
+            self.rejected += outcome.adoption is not Adoption.ADOPTED
+            self.known = replace(outcome.knowledge, phi_version=int(memory["phi_version"]))
+        return Judged(event, outcome, in_force(observer), observer.phi, self._fuel.popleft())
+
+    def injections(self, judged: Judged) -> Iterator[np.void]:
+        """The injections, `stream.state.INJECTION`, to be reported with an event."""
+        memory = self._compiled.observer.memory[0]
+        while memory["injections_reported"] < memory["injections_begun"]:
+            injection = memory["injections"][int(memory["injections_reported"]) % INJECTIONS]
+            if injection["event"] > judged.event["number"]:
+                break
+            memory["injections_reported"] += 1
+            yield injection

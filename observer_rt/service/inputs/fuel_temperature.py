@@ -1,0 +1,67 @@
+"""The fuel's temperature, and the model that goes with it."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from observer_rt.model.fuel import is_plausible
+from observer_rt.observer.stream.state import Constants, Reason
+from observer_rt.service.core.compiled import CompiledPipeline
+from observer_rt.service.inputs.held_value import HeldValue
+from observer_rt.service.inputs.optional_input import OptionalInput
+
+STEP = 0.1  # K, below which the model stays: .04 % of the bulk modulus, less than injections differ by
+PERIOD = 0.1  # s between two changes of the model
+
+
+@dataclass(frozen=True)
+class Fuel:
+    """Fuel at a temperature [K] (None: as in the injector file), and the observer's constants with it."""
+
+    temperature: float | None
+    constants: Constants
+
+
+class FuelFollower(OptionalInput[float]):
+    """Keeps the fuel in force near the measured temperature, and nothing valid while that is not known."""
+
+    def __init__(
+        self,
+        assumed: float | None,
+        compiled: CompiledPipeline,
+        constants_at: Callable[[float], Constants],
+        timeout: float,
+    ) -> None:
+        """assumed: temperature [K] that counts until one is measured. timeout [s]."""
+        self.temperature = assumed
+        """Of the fuel in force [K]."""
+        self._compiled = compiled
+        self._constants_at = constants_at
+        self._measured = HeldValue(timeout)
+        self._last_change = -math.inf
+        self._is_assumed = assumed is not None
+
+    def take(self, reading: float, now: float) -> None:
+        """A frame came with a temperature [K]; what fuel cannot have counts as not available."""
+        if is_plausible(reading):
+            self._measured.take(reading, now)
+            self._is_assumed = False
+        else:
+            self._measured.miss(now)
+
+    def heed(self, now: float) -> None:
+        """Bring the fuel in force near the measured one, unless within an event; doubt all while it is not known."""
+        memory = self._compiled.observer.memory[0]
+        measured = self._measured.at(now)
+        if not memory["in_event"] and self._is_far(measured, now):
+            self._compiled.change_constants(self._constants_at(measured))
+            self.temperature = measured
+            self._last_change = now
+        is_measured = not math.isnan(measured) and self.temperature is not None
+        memory["doubted"] = Reason.NONE if self._is_assumed or is_measured else Reason.INPUT_STALE
+
+    def _is_far(self, measured: float, now: float) -> bool:
+        """Whether the fuel in force is far from the measured one, and was not changed just before."""
+        if math.isnan(measured) or 0.0 <= now - self._last_change < PERIOD:
+            return False
+        return self.temperature is None or abs(measured - self.temperature) >= STEP

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from observer_rt.bus.links.link import Frame, Link
+from observer_rt.bus.links.link import Frame
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench, load_injector
@@ -27,6 +27,7 @@ from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
+from tests.links import FakeLink
 from tests.service.end_to_end import STATUS, Heard, Listener, decoded, output_bus, write_bench
 
 SAMPLE_RATE = 50e3
@@ -48,12 +49,11 @@ def until(condition: Callable[[], bool]) -> None:
         time.sleep(0.005)
 
 
-class ScriptedLink(Link):
+class ScriptedLink(FakeLink):
     """Delivers given frames at once, then nothing, or fails if told so; keeps what is sent."""
 
     def __init__(self, frames: Iterable[TimedFrame] = (), failure: RunError | None = None) -> None:
-        self.sent: list[Frame] = []
-        self.lost = 0
+        super().__init__()
         self.empty = threading.Event()
         self._frames = deque(frames)
         self._failure = failure
@@ -67,24 +67,6 @@ class ScriptedLink(Link):
         self.empty.set()
         time.sleep(timeout_s)
         return None
-
-    def send(
-        self,
-        frame_id: int,
-        payload: bytes,
-        is_extended: bool,
-        is_fd: bool,
-        bit_rate_switch: bool = True,
-        error_state_indicator: bool = False,
-    ) -> None:
-        self.sent.append(Frame(frame_id, payload, 0, is_extended, is_fd))
-
-    @property
-    def dropped(self) -> int:
-        return self.lost
-
-    def close(self) -> None:
-        pass
 
     def statuses(self) -> list[dict[str, float]]:
         """Status frames sent so far, decoded by cantools."""

@@ -7,35 +7,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.links.link import Frame, Link, LinkDownError
+from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.outbox import CAPACITY, Outbox
+from tests.links import FakeLink
 
 
 def frame(number: int) -> OutputFrame:
     return OutputFrame(0x200, False, True, number.to_bytes(4, "little"))
 
 
-class NarrowLink(Link):
+class NarrowLink(FakeLink):
     """Takes `room` frames, then none until it is given more; `down`: fails instead."""
 
     def __init__(self, room: int = 0) -> None:
+        super().__init__()
         self.room = room
         self.down = False
-        self.sent: list[int] = []
+        self.taken: list[int] = []
 
-    def receive(self, timeout_s: float) -> Frame | None:
-        raise NotImplementedError
-
-    def send(
-        self,
-        frame_id: int,
-        payload: bytes,
-        is_extended: bool,
-        is_fd: bool,
-        bit_rate_switch: bool = True,
-        error_state_indicator: bool = False,
-    ) -> None:
+    def on_sent(self, frame: Frame) -> None:
         raise AssertionError("would wait")
 
     def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
@@ -44,15 +35,8 @@ class NarrowLink(Link):
         if self.room == 0:
             return False
         self.room -= 1
-        self.sent.append(int.from_bytes(payload, "little"))
+        self.taken.append(int.from_bytes(payload, "little"))
         return True
-
-    @property
-    def dropped(self) -> int:
-        return 0
-
-    def close(self) -> None:
-        pass
 
 
 @given(steps=st.lists(st.tuples(st.integers(0, 300), st.integers(0, 300)), max_size=20))
@@ -64,10 +48,10 @@ def test_frames_go_in_order_and_each_is_sent_waits_or_is_counted(steps: list[tup
         link.room = room
         outbox.post(frame(posted + n) for n in range(count))
         posted += count
-        assert len(link.sent) + len(outbox) + outbox.unsent == posted
+        assert len(link.taken) + len(outbox) + outbox.unsent == posted
         assert len(outbox) <= CAPACITY
         assert not (outbox and link.room)  # nothing waits while there is room
-    assert link.sent == sorted(set(link.sent))
+    assert link.taken == sorted(set(link.taken))
 
 
 def test_the_oldest_are_given_up() -> None:
@@ -77,7 +61,7 @@ def test_the_oldest_are_given_up() -> None:
     assert (outbox.unsent, len(outbox)) == (3, CAPACITY)
     link.room = 2 * CAPACITY
     outbox.flush()
-    assert link.sent == list(range(3, CAPACITY + 3))
+    assert link.taken == list(range(3, CAPACITY + 3))
 
 
 def test_what_waits_when_the_link_goes_down_is_counted() -> None:
@@ -88,7 +72,7 @@ def test_what_waits_when_the_link_goes_down_is_counted() -> None:
     with pytest.raises(LinkDownError):
         outbox.post([frame(2)])
     outbox.discard()
-    assert (outbox.unsent, len(outbox), link.sent) == (2, 0, [0])
+    assert (outbox.unsent, len(outbox), link.taken) == (2, 0, [0])
 
 
 def test_the_last_frames_are_waited_for_but_not_for_ever() -> None:
@@ -103,7 +87,7 @@ def test_the_last_frames_are_waited_for_but_not_for_ever() -> None:
     outbox = Outbox(link)
     outbox.post([frame(0), frame(1)])
     outbox.drain(10.0)
-    assert (link.sent, outbox.unsent) == ([0, 1], 0)
+    assert (link.taken, outbox.unsent) == ([0, 1], 0)
     full = Outbox(NarrowLink())
     full.post([frame(0)])
     start = time.monotonic()

@@ -10,18 +10,20 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
+from observer_rt.bus.links.link import BusFrame, Frame, LinkDownError
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.links.receiver import BusDownError, Reading, reading
 from observer_rt.foundation.errors import RunError
+from tests.links import FakeLink
 
 PATIENCE = 20.0  # s
 
 
-class PipeLink(Link):
+class PipeLink(FakeLink):
     """Frames put in by the test; with a descriptor that is readable while some wait, or without."""
 
     def __init__(self, has_descriptor: bool) -> None:
+        super().__init__()
         self._near, self._far = socket.socketpair()
         self._near.setblocking(False)
         self._has_descriptor = has_descriptor
@@ -47,23 +49,8 @@ class PipeLink(Link):
         self._near.recv(1)
         return self._frames.popleft()
 
-    def send(
-        self,
-        frame_id: int,
-        payload: bytes,
-        is_extended: bool,
-        is_fd: bool,
-        bit_rate_switch: bool = True,
-        error_state_indicator: bool = False,
-    ) -> None:
-        raise NotImplementedError
-
     def reconnect(self) -> None:
         self.failure = None
-
-    @property
-    def dropped(self) -> int:
-        return 0
 
     @property
     def descriptor(self) -> int | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.links.link import Frame, Link, LinkDownError
+from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.recording.formats import open_log, recorded, suffixes_of
 from observer_rt.recording.record.recorder import (
@@ -17,20 +17,22 @@ from observer_rt.recording.record.recorder import (
     check_recording_path,
     record,
 )
+from tests.links import FakeLink
 from tests.recording.canlog.log_cases import START
 
 SUFFIXES = sorted(suffixes_of(recorded()))
 
 
-class Source(Link):
+class Source(FakeLink):
     """Gives frames at once, then stops the recording; loses some where told."""
 
     def __init__(self, count: int, stop: threading.Event, lost_at: dict[int, int] | None = None) -> None:
+        super().__init__()
         self.given = 0
         self._count = count
         self._stop = stop
         self._lost_at = lost_at or {}
-        self._lost = 4  # before the recording began
+        self.lost = 4  # before the recording began
         self.during: Callable[[], None] = lambda: None
 
     def receive(self, timeout_s: float) -> Frame | None:
@@ -38,7 +40,7 @@ class Source(Link):
         if self.given >= self._count:
             self._stop.set()
             return None
-        self._lost += self._lost_at.get(self.given, 0)
+        self.lost += self._lost_at.get(self.given, 0)
         self.given += 1
         is_fd = self.given % 2 == 0
         return Frame(
@@ -51,23 +53,8 @@ class Source(Link):
             is_fd and self.given % 5 == 0,
         )
 
-    def send(
-        self,
-        frame_id: int,
-        payload: bytes,
-        is_extended: bool,
-        is_fd: bool,
-        bit_rate_switch: bool = True,
-        error_state_indicator: bool = False,
-    ) -> None:
+    def on_sent(self, frame: Frame) -> None:
         raise AssertionError("a recorder sends nothing")
-
-    @property
-    def dropped(self) -> int:
-        return self._lost
-
-    def close(self) -> None:
-        pass
 
 
 def run(path: Path, source: Source, stop: threading.Event, limits: RecordLimits) -> RecordStatistics:

@@ -10,42 +10,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.links.link import Frame, Link
+from observer_rt.bus.links.link import Frame
 from observer_rt.bus.links.open import open_link
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.lateness import LatenessCounter
 from observer_rt.recording.replay.player import play
+from tests.links import FakeLink
 
 
-class Sink(Link):
+class Sink(FakeLink):
     """A link that notes what is sent and when."""
 
     def __init__(self) -> None:
-        self.sent: list[tuple[int, bytes, bool, bool]] = []
+        super().__init__()
         self.stamps: list[float] = []
 
-    def receive(self, timeout_s: float) -> Frame | None:
-        return None
-
-    def send(
-        self,
-        frame_id: int,
-        payload: bytes,
-        is_extended: bool,
-        is_fd: bool,
-        bit_rate_switch: bool = True,
-        error_state_indicator: bool = False,
-    ) -> None:
+    def on_sent(self, frame: Frame) -> None:
         self.stamps.append(time.monotonic())
-        self.sent.append((frame_id, payload, is_extended, is_fd))
-
-    @property
-    def dropped(self) -> int:
-        return 0
-
-    def close(self) -> None:
-        pass
+        super().on_sent(frame)
 
 
 def at(*times: float) -> list[TimedFrame]:
@@ -56,7 +39,7 @@ def test_no_frame_is_sent_before_its_time() -> None:
     sink = Sink()
     before = time.monotonic()
     statistics = play(at(0.0, 0.005, 0.0055, 0.03, 0.03), sink, 0.5)
-    assert [number for number, *_ in sink.sent] == [0, 1, 2, 3, 4]
+    assert [frame.frame_id for frame in sink.sent] == [0, 1, 2, 3, 4]
     for stamp, due in zip(sink.stamps, (0.0, 0.01, 0.011, 0.06, 0.06), strict=True):
         assert stamp - before >= due
     assert statistics.frames == 5

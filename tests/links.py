@@ -14,13 +14,7 @@ class FakeLink(Link):
         return None
 
     def send(
-        self,
-        frame_id: int,
-        payload: bytes,
-        is_extended: bool,
-        is_fd: bool,
-        bit_rate_switch: bool = True,
-        error_state_indicator: bool = False,
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, *_: bool, **__: bool
     ) -> None:
         self.on_sent(Frame(frame_id, payload, 0, is_extended, is_fd))
 

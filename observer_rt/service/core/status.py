@@ -28,7 +28,10 @@ def software_version() -> tuple[int, int, int]:
 def status_values(
     core: Core, state: State, reason: Reason, injector_id: int, hashes: tuple[int, int], link: LinkFigures
 ) -> StatusValues:
-    """What the status says; hashes of model and bus databases (first 32 bits)."""
+    """What the status says, every counter that it has a signal for included.
+
+    hashes: of model and bus databases (first 32 bits).
+    """
     counters = core.counters
     major, minor, patch = software_version()
     model_hash, database_hash = hashes
@@ -46,20 +49,8 @@ def status_values(
         model_hash=model_hash,
         database_hash=database_hash,
         samples_processed=counters.samples & 0xFFFFFFFF,
-        lost_samples=counters.lost_samples,
-        interpolated_samples=counters.interpolated_samples,
-        crc_errors=counters.crc_errors,
-        sequence_errors=counters.sequence_errors,
-        length_errors=counters.length_errors,
-        repeated_frames=counters.repeated_frames,
-        old_frames=counters.old_frames,
         dropped_frames=link.dropped,
         link_troubles=link.troubles,
         troubled_bus=link.troubled_bus,
-        restarts=counters.restarts,
-        adoptions=counters.adoptions,
-        rejected_adoptions=counters.rejected_adoptions,
-        late_adoptions=counters.late_adoptions,
-        missing_injections=counters.missing_injections,
-        uncommanded_injections=counters.uncommanded_injections,
+        **{name: count for name, count in vars(counters).items() if name in StatusValues._fields},
     )

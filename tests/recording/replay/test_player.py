@@ -117,15 +117,7 @@ def test_progress_rises_with_the_time_of_the_recording() -> None:
 
 def test_a_failing_link_ends_the_replay() -> None:
     class Broken(Sink):
-        def send(
-            self,
-            frame_id: int,
-            payload: bytes,
-            is_extended: bool,
-            is_fd: bool,
-            bit_rate_switch: bool = True,
-            error_state_indicator: bool = False,
-        ) -> None:
+        def on_sent(self, frame: Frame) -> None:
             raise RunError("the interface went away")
 
     with pytest.raises(RunError, match="went away"):

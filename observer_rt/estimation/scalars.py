@@ -16,6 +16,9 @@ from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.network import HIDDEN
 from observer_rt.model.sensor import LAG_UNIT
 
+Theta = NDArray[np.float64]
+"""A parameter vector (PARAMETERS,)."""
+
 NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset"
 """Indicators that have a place of their own in tables and frames."""
 
@@ -119,122 +122,31 @@ class Scalars:
         return result
 
 
-SCALARS = Scalars(
-    (
-        Scalar(
-            "nozzle_bias",
-            Parameter.NOZZLE_BIAS,
-            prior=0.45,
-            drift=5e-4,
-            longest_step=0.3,
-            bounds=(-0.8, 1.5),
-            shown=Shown(NOZZLE, key="nozzle_v_H"),
-        ),
-        Scalar(
-            "nozzle_weight",
-            Parameter.NOZZLE_WEIGHT,
-            columns=HIDDEN,
-            prior=0.05,
-            drift=3e-4,
-            longest_step=1.0,
-            bounds=(-1.0, 1.0),
-        ),
-        Scalar(
-            "seat_bias",
-            Parameter.SEAT_BIAS,
-            prior=0.4,
-            drift=5e-4,
-            longest_step=0.3,
-            bounds=(-0.8, 1.5),
-            shown=Shown(SEAT, key="seat_v_S"),
-        ),
-        Scalar(
-            "friction",
-            Parameter.LINE_FRICTION,
-            prior=1.75,
-            drift=2e-3,
-            longest_step=1.2,
-            bounds=(-0.95, 10.0),
-            gated_from=-0.95,
-            shown=Shown("line_friction", label="line friction k"),
-        ),
-        Scalar(
-            "leakage",  # of Q_0 at p_0
-            Parameter.GUIDE_LEAKAGE,
-            prior=0.09,
-            drift=3.3e-4,
-            longest_step=1.0,
-            bounds=(0.0, 1.0),
-            gated_from=0.0,
-            shown=Shown(
-                "guide_leakage",
-                lambda c: c.flow_scale / c.pressure_scale,
-                label="guide leakage c",
-                unit=("m3/(s Pa)", 1.0),
-            ),
-        ),
-        Scalar(
-            "offset",
-            Parameter.LINE_PRESSURE_OFFSET,
-            counted=Counted.PRESSURE,
-            prior=2.5e6,
-            drift=2e3,
-            longest_step=10e6,
-            bounds=(-10e6, 10e6),
-            shown=Shown(
-                OFFSET,
-                lambda c: c.pressure_scale,
-                label="line pressure sensor offset",
-                unit=("MPa", MEGAPASCAL),
-            ),
-        ),
-        Scalar(
-            "lag",
-            Parameter.SENSOR_LAG,
-            counted=Counted.TIME,
-            prior=35e-6,
-            drift=0.1e-6,
-            longest_step=25e-6,
-            bounds=(0.0, 0.5e-3),
-            gated_from=0.0,
-            shown=Shown(
-                "line_pressure_sensor_lag",
-                lambda _: LAG_UNIT,
-                label="line pressure sensor lag",
-                unit=("s", 1.0),
-                screen_unit=("us", MICROSECOND),
-            ),
-        ),
-        Scalar(
-            "stiffness",
-            Parameter.BULK_MODULUS,
-            prior=0.18,
-            drift=2e-4,
-            longest_step=0.12,
-            bounds=(-0.6, 1.0),
-            gated_from=-0.6,
-            shown=Shown("bulk_modulus", label="bulk modulus r"),
-        ),
-        Scalar(
-            "air",  # K g / p_0
-            Parameter.ENTRAINED_AIR,
-            prior=0.05,
-            drift=1e-4,
-            longest_step=0.04,
-            bounds=(0.0, 0.5),
-            gated_from=0.0,
-            shown=Shown("entrained_air", lambda c: c.compression, label="entrained air g"),
-        ),
-        Scalar(
-            "back_pressure",
-            Parameter.BACK_PRESSURE,
-            columns=2,
-            counted=Counted.PRESSURE,
-            prior=5e6,
-            drift=20e3,
-            longest_step=30e6,
-            bounds=(-30e6, 30e6),
-            gated_from=0.0,
-        ),
-    )
-)
+# fmt: off
+SCALARS = Scalars((
+    Scalar("nozzle_bias", Parameter.NOZZLE_BIAS, prior=0.45, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
+           shown=Shown(NOZZLE, key="nozzle_v_H")),
+    Scalar("nozzle_weight", Parameter.NOZZLE_WEIGHT, prior=0.05, drift=3e-4, longest_step=1.0, bounds=(-1.0, 1.0),
+           columns=HIDDEN),
+    Scalar("seat_bias", Parameter.SEAT_BIAS, prior=0.4, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
+           shown=Shown(SEAT, key="seat_v_S")),
+    Scalar("friction", Parameter.LINE_FRICTION, prior=1.75, drift=2e-3, longest_step=1.2, bounds=(-0.95, 10.0),
+           gated_from=-0.95, shown=Shown("line_friction", label="line friction k")),
+    Scalar("leakage", Parameter.GUIDE_LEAKAGE, prior=0.09, drift=3.3e-4, longest_step=1.0, bounds=(0.0, 1.0),
+           gated_from=0.0, shown=Shown("guide_leakage", lambda c: c.flow_scale / c.pressure_scale,
+                                       label="guide leakage c", unit=("m3/(s Pa)", 1.0))),
+    Scalar("offset", Parameter.LINE_PRESSURE_OFFSET, prior=2.5e6, drift=2e3, longest_step=10e6, bounds=(-10e6, 10e6),
+           counted=Counted.PRESSURE, shown=Shown(OFFSET, lambda c: c.pressure_scale,
+                                                 label="line pressure sensor offset", unit=("MPa", MEGAPASCAL))),
+    Scalar("lag", Parameter.SENSOR_LAG, prior=35e-6, drift=0.1e-6, longest_step=25e-6, bounds=(0.0, 0.5e-3),
+           counted=Counted.TIME, gated_from=0.0,
+           shown=Shown("line_pressure_sensor_lag", lambda _: LAG_UNIT, label="line pressure sensor lag",
+                       unit=("s", 1.0), screen_unit=("us", MICROSECOND))),
+    Scalar("stiffness", Parameter.BULK_MODULUS, prior=0.18, drift=2e-4, longest_step=0.12, bounds=(-0.6, 1.0),
+           gated_from=-0.6, shown=Shown("bulk_modulus", label="bulk modulus r")),
+    Scalar("air", Parameter.ENTRAINED_AIR, prior=0.05, drift=1e-4, longest_step=0.04, bounds=(0.0, 0.5),
+           gated_from=0.0, shown=Shown("entrained_air", lambda c: c.compression, label="entrained air g")),
+    Scalar("back_pressure", Parameter.BACK_PRESSURE, prior=5e6, drift=20e3, longest_step=30e6, bounds=(-30e6, 30e6),
+           counted=Counted.PRESSURE, gated_from=0.0, columns=2),
+))
+# fmt: on

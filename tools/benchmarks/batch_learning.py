@@ -17,7 +17,7 @@ from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.prediction_error import Linearisation
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.estimation.scalars import SCALARS
+from observer_rt.estimation.scalars import SCALARS, Theta
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.coefficients import with_line_terms
@@ -88,11 +88,7 @@ class Listener:
         return self._learner.phi
 
     def learn(
-        self,
-        window: Window,
-        standstill: Standstill,
-        in_force: NDArray[np.float64],
-        constants: Constants | None = None,
+        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
         """As the other learns."""
         self.heard.append((window, standstill))

@@ -11,7 +11,7 @@ from observer_rt.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.scalars import SCALARS, Scalars
+from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.interval import Resimulated
@@ -84,10 +84,6 @@ class EventLearner(Protocol):
         """What x^ carries at the start, in arrays of its own."""
 
     def learn(
-        self,
-        window: Window,
-        standstill: Standstill,
-        in_force: NDArray[np.float64],
-        constants: Constants | None = None,
+        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
         """Learn from one event, during which `in_force` (m,) was carried; its constants, None: as they were."""

@@ -20,7 +20,7 @@ from observer_rt.estimation.phases import (
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Setting, Window, open_loop_error
-from observer_rt.estimation.scalars import SCALARS, Scalars
+from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.sensor import LAG_UNIT
@@ -95,11 +95,7 @@ class Learner:
         return self._belief
 
     def learn(
-        self,
-        window: Window,
-        standstill: Standstill,
-        in_force: NDArray[np.float64],
-        constants: Constants | None = None,
+        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
         """Update the belief from one event; decide whether its estimate is adopted in place of `in_force` (m,).
 

@@ -2,11 +2,9 @@
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.scalars import Theta
 from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.observer.paper_scheme.network import FreeNetwork
@@ -64,11 +62,7 @@ class PaperLearner:
         return free_phi(self.network)
 
     def learn(
-        self,
-        window: Window,
-        standstill: Standstill,
-        in_force: NDArray[np.float64],
-        constants: Constants | None = None,
+        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
         """Train on one event; adopt what lowers the re-simulated output error over this and the previous event.
 

@@ -13,6 +13,7 @@ from observer_rt.cli.options import (
     JsonOption,
     LenientOption,
     RecordingsArgument,
+    file_option,
 )
 from observer_rt.config.bench import NOMINAL_INJECTOR
 
@@ -24,10 +25,9 @@ def discover(
     ],
     model: Annotated[
         Path | None,
-        typer.Option(
+        file_option(
             "--model",
-            help="Injector file (default: the bench file's, else the nominal injector).",
-            metavar="FILE",
+            "Injector file (default: the bench file's, else the nominal injector).",
             show_default=False,
         ),
     ] = None,

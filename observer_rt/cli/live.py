@@ -15,6 +15,7 @@ from observer_rt.cli.options import (
     LenientOption,
     ModelOption,
     StateOption,
+    file_option,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.foundation.errors import UserError
@@ -41,12 +42,10 @@ def demo(
 
 
 def run(
-    bench: Annotated[Path | None, typer.Option("--bench", help="Bench file.", metavar="FILE")] = None,
+    bench: Annotated[Path | None, file_option("--bench", "Bench file.")] = None,
     state: Annotated[
         Path | None,
-        typer.Option(
-            "--state", help="Learned state: restored at start, saved at a clean stop.", metavar="FILE"
-        ),
+        file_option("--state", "Learned state: restored at start, saved at a clean stop."),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,
     lenient: LenientOption = False,
@@ -80,7 +79,7 @@ def check(
     state: StateOption = None,
     log: Annotated[
         Path | None,
-        typer.Option("--log", help="CAN log of the bench: losses, jitter, noise.", metavar="FILE"),
+        file_option("--log", "CAN log of the bench: losses, jitter, noise."),
     ] = None,
     from_channel: FromChannelOption = None,
     lenient: LenientOption = False,

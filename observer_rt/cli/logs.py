@@ -18,6 +18,7 @@ from observer_rt.cli.options import (
     JsonOption,
     LenientOption,
     RecordingArgument,
+    file_option,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.config.links import of_links, refuse_shared_channels
@@ -92,7 +93,7 @@ def replay(
 
 
 def record(
-    out: Annotated[Path, typer.Option("--out", help=f"Log to write ({RECORDED}).", metavar="FILE")],
+    out: Annotated[Path, file_option("--out", f"Log to write ({RECORDED}).")],
     bench: BenchOption = EXAMPLE_BENCH,
     channel: ChannelOption = None,
     interface: InterfaceOption = None,

@@ -17,6 +17,7 @@ from observer_rt.cli.options import (
     ModelOption,
     RecordingsArgument,
     StateOption,
+    file_option,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 
@@ -24,9 +25,7 @@ messages = Console(stderr=True)
 
 
 def simulate(
-    output: Annotated[
-        Path, typer.Option("--output", help=f"Recording to write ({SIGNALS}).", metavar="FILE")
-    ],
+    output: Annotated[Path, file_option("--output", f"Recording to write ({SIGNALS}).")],
     rail_pressure: Annotated[
         str, typer.Option("--rail-pressure", help="MPa, comma separated; event i takes number i mod n.")
     ] = "100",
@@ -54,12 +53,7 @@ def simulate(
     fuel_temperature: FuelTemperatureOption = None,
     model: Annotated[
         Path,
-        typer.Option(
-            "--model",
-            help="Injector file (default: the nominal injector).",
-            metavar="FILE",
-            show_default=False,
-        ),
+        file_option("--model", "Injector file (default: the nominal injector).", show_default=False),
     ] = NOMINAL_INJECTOR,
     effects: EffectsOption = None,
 ) -> None:
@@ -91,9 +85,7 @@ def evaluate(
     bench: BenchOption = EXAMPLE_BENCH,
     model: ModelOption = None,
     state: StateOption = None,
-    save_state: Annotated[
-        Path | None, typer.Option("--save-state", help="Where to save what was learned.", metavar="FILE")
-    ] = None,
+    save_state: Annotated[Path | None, file_option("--save-state", "Where to save what was learned.")] = None,
     no_learning: Annotated[
         bool, typer.Option("--no-learning", help="Keep phi as it is at the start.")
     ] = False,
@@ -102,11 +94,9 @@ def evaluate(
     ] = False,
     output: Annotated[
         Path | None,
-        typer.Option("--output", help="Trace, one row per sample; a folder for several.", metavar="FILE|DIR"),
+        file_option("--output", "Trace, one row per sample; a folder for several.", "FILE|DIR"),
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", help="Figure (png, svg, pdf).", metavar="FILE")
-    ] = None,
+    plot: Annotated[Path | None, file_option("--plot", "Figure (png, svg, pdf).")] = None,
     from_channel: FromChannelOption = None,
     fuel_temperature: FuelTemperatureOption = None,
     lenient: LenientOption = False,

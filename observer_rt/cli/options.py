@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer.models import OptionInfo
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.log_format import LogFormat
@@ -28,6 +29,12 @@ def _use_effects(paths: list[Path] | None) -> None:
     use_effects(paths or ())
 
 
+def file_option(name: str, purpose: str, metavar: str = "FILE", show_default: bool = True) -> OptionInfo:
+    """An option that names a file."""
+    option: OptionInfo = typer.Option(name, help=purpose, metavar=metavar, show_default=show_default)
+    return option
+
+
 RecordingArgument = Annotated[
     Path,
     typer.Argument(
@@ -42,12 +49,7 @@ RecordingsArgument = Annotated[
 ]
 BenchOption = Annotated[
     Path,
-    typer.Option(
-        "--bench",
-        help="Bench file (default: the example bench of the package).",
-        metavar="FILE",
-        show_default=False,
-    ),
+    file_option("--bench", "Bench file (default: the example bench of the package).", show_default=False),
 ]
 EffectsOption = Annotated[
     list[Path] | None,
@@ -69,16 +71,12 @@ FuelTemperatureOption = Annotated[
 LenientOption = Annotated[
     bool, typer.Option("--lenient", help="Read bus databases although signals overlap or do not fit.")
 ]
-ModelOption = Annotated[
-    Path | None, typer.Option("--model", help="Injector file, instead of the bench's.", metavar="FILE")
-]
+ModelOption = Annotated[Path | None, file_option("--model", "Injector file, instead of the bench's.")]
 DecoderOption = Annotated[
     Path | None,
-    typer.Option("--bench", help="Bench file by which CAN logs are decoded.", metavar="FILE"),
+    file_option("--bench", "Bench file by which CAN logs are decoded."),
 ]
-StateOption = Annotated[
-    Path | None, typer.Option("--state", help="Learned state to start from.", metavar="FILE")
-]
+StateOption = Annotated[Path | None, file_option("--state", "Learned state to start from.")]
 FromChannelOption = Annotated[
     list[str] | None,
     typer.Option(

@@ -13,18 +13,8 @@ import numpy as np
 from rich.table import Table
 
 from observer_rt.bus.links.link import Frame
+from observer_rt.recording import formats
 from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.formats import (
-    log_format,
-    log_formats,
-    open_log,
-    open_writer,
-    read_recording,
-    signal_formats,
-    suffixes_of,
-    write_recording,
-    written,
-)
 from observer_rt.recording.signals.recording import Recording
 
 PERIOD = 90_001  # ns between two frames, so that every digit of a stamp counts
@@ -50,9 +40,13 @@ class FormatResult:
 def measure_formats(count: int) -> list[FormatResult]:
     """Write and read `count` frames in every log format, and as many samples in every recording format."""
     with tempfile.TemporaryDirectory() as folder:
-        logs = [_log(suffix, count, Path(folder)) for suffix in suffixes_of(written(log_formats()))]
+        logs = [
+            _log(suffix, count, Path(folder))
+            for suffix in formats.suffixes_of(formats.written(formats.log_formats()))
+        ]
         return logs + [
-            _recording(suffix, count, Path(folder)) for suffix in suffixes_of(written(signal_formats()))
+            _recording(suffix, count, Path(folder))
+            for suffix in formats.suffixes_of(formats.written(formats.signal_formats()))
         ]
 
 
@@ -85,11 +79,11 @@ def formats_document(results: Sequence[FormatResult]) -> dict[str, Any]:
 
 def _log(suffix: str, count: int, folder: Path) -> FormatResult:
     path = folder / f"bus{suffix}"
-    is_fd = log_format(path).keeps_fd
+    is_fd = formats.log_format(path).keeps_fd
     frames = _frames(count, is_fd)
     written = _seconds(lambda: _write(path, frames))
-    read = _seconds(lambda: deque(open_log(path), maxlen=0))
-    found = list(open_log(path))
+    read = _seconds(lambda: deque(formats.open_log(path), maxlen=0))
+    found = list(formats.open_log(path))
     payloads = [entry.frame.payload for entry in frames]
     if [entry.frame.payload for entry in found] != payloads:
         raise AssertionError(f"{suffix} changed the frames")
@@ -109,9 +103,9 @@ def _recording(suffix: str, count: int, folder: Path) -> FormatResult:
         needle_lift=0.4e-6 * noise[1],
         line_pressure=100e6 + 0.15e6 * noise[2],
     )
-    written = _seconds(lambda: write_recording(path, recording))
+    written = _seconds(lambda: formats.write_recording(path, recording))
     found: list[Recording] = []
-    read = _seconds(lambda: found.append(read_recording(path)))
+    read = _seconds(lambda: found.append(formats.read_recording(path)))
     error = round(float(np.max(np.abs(found[0].time - recording.time))) * 1e9)
     return _result(f"{suffix} signals", "samples", error, count, written, read, path)
 
@@ -135,7 +129,7 @@ def _frames(count: int, is_fd: bool) -> list[LogFrame]:
 
 
 def _write(path: Path, frames: Sequence[LogFrame]) -> None:
-    with open_writer(path, START) as writer:
+    with formats.open_writer(path, START) as writer:
         for frame in frames:
             writer.write(frame)
 

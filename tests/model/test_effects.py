@@ -15,7 +15,7 @@ from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.model.parameters import EffectInForce, EffectValue
 
 NOMINAL = load_injector()
-# ids and parameters as the design fixes them
+# ids and parameters, which files and reports name
 DESIGNED = {
     "orifice_area": ("v_H",),
     "seat_area": ("v_S",),

@@ -176,7 +176,7 @@ def test_the_dead_band_of_a_noisy_lift(findings_of: Callable[..., list[Finding]]
 
 
 def test_the_load_of_a_bus_by_counting_frames() -> None:
-    """The design: 173 us a frame at 500k/5M, 26 % windowed; three channels in and the rate out 60 % at 24 kHz."""
+    """173 us a frame at 500k/5M, 26 % windowed; three channels in and the rate out 60 % at 24 kHz."""
     bench = load_bench()
     load = expected_load(bench, map_bench(bench))
     assert load.continuous == pytest.approx(173e-6 * (1e5 / 9 + 1e5 / 28 + 10 + 17 * 0.85), rel=0.01)

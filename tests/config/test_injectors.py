@@ -41,40 +41,25 @@ def test_only_one_can_be_run(tmp_path: Path) -> None:
     assert refused.value.exit_code == 2
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "place", "said"),
-    [
-        (
-            "[injectors.left.outputs]",
-            "[injectors.left.output]",
-            "injectors.left.output",
-            "did you mean 'outputs'?",
-        ),
-        (
-            "injector_id = 2",
-            "injecter_id = 2",
-            "injectors.right.outputs.injecter_id",
-            "did you mean 'injector_id'?",
-        ),
-        ('link = "left"', 'link = "lft"', "injectors.left.signals.needle_lift.link", "did you mean 'left'?"),
-        ("event_gap_ms = 8", "event_gap = 8", "learning.event_gap", "did you mean 'event_gap_ms'?"),
-        ("event_gap_ms = 8", "event_gap_ms = 0", "learning.event_gap_ms", "correct the value"),
-        (
-            "[injectors.left.signals.line_pressure]",
-            "[injectors.left.link]",
-            "injectors.left.link",
-            "unknown key",
-        ),
-        (
-            "[injectors.right.signals.needle_lift]",
-            '[injectors."a b".noise]',
-            "injectors.a b",
-            "is not allowed",
-        ),
-        ("[sampling]", "[samplin]", "samplin", "did you mean 'sampling'?"),
-    ],
-)
-def test_mistakes_are_named_where_they_are(tmp_path: Path, old: str, new: str, place: str, said: str) -> None:
+WRONG = {
+    "injectors.left.output": ("[injectors.left.outputs]", "did you mean 'outputs'?"),
+    "injectors.right.outputs.injecter_id = 3": ("injector_id = 2", "did you mean 'injector_id'?"),
+    "injectors.left.signals.needle_lift.link = 'lft'": ('link = "left"', "did you mean 'left'?"),
+    "learning.event_gap = 8": ("event_gap_ms = 8", "did you mean 'event_gap_ms'?"),
+    "learning.event_gap_ms = 0": ("event_gap_ms = 8", "correct the value"),
+    "injectors.left.link": ("[injectors.left.signals.line_pressure]", "unknown key"),
+    "injectors.a b": ("[injectors.right.signals.needle_lift]", "is not allowed"),
+    "samplin": ("[sampling]", "did you mean 'sampling'?"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_mistakes_are_named_where_they_are(tmp_path: Path, wrong: str) -> None:
+    """wrong: the place, with the value there or, without one, as a section."""
+    old, said = WRONG[wrong]
+    place, _, value = wrong.partition(" = ")
+    key = place.rpartition(".")[2]
+    new = f"{key} = {value}" if value else "[" + place.replace("a b", "'a b'") + "]"
     assert old in BOTH
     path = tmp_path / "bench.toml"
     path.write_text(BOTH.replace(old, new))

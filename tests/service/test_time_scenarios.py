@@ -24,7 +24,7 @@ from tests.service.time_scenarios import (
     run,
 )
 
-# An injection is wrong by the design's definition from 3 % of mass or 3 mm3/ms on; the scenarios allow less.
+# An injection counts as wrong from 3 % of mass or 3 mm3/ms on; the scenarios allow less.
 
 
 @pytest.mark.slow

@@ -1,9 +1,9 @@
 """From blocks of samples to one gapless stream: which samples are complete, and what follows what.
 
-The rules are those of the design, 4.2 "Time": (1) messages of one time base are joined by their unwrapped sample
-index; (4) those of others follow on the same grid (`following`); (5) up to two missing samples are interpolated, more
-are a loss; (6) an index jump is legal only with a contiguous E2E counter in every message on the grid and a closed
-needle before and after. Where a block belongs is told by `placing`.
+Messages of one time base are joined by their unwrapped sample index, those of others follow on the same grid
+(`following`). Up to two missing samples are interpolated, more are a loss. An index jump is legal only with a
+contiguous E2E counter in every message on the grid and a closed needle before and after. Where a block belongs is
+told by `placing`.
 """
 
 import numpy as np
@@ -21,9 +21,6 @@ PATIENCE = SLOTS // 2  # samples that wait for a message before it counts as sta
 NO_FRONTIER = np.iinfo(np.int64).max
 _MASK = SLOTS - 1
 NEEDLE_LIFT = ROLES.index(Role.NEEDLE_LIFT)
-_NONE = int(Break.NONE)
-_JUMP = int(Break.JUMP)
-_LOSS = int(Break.LOSS)
 
 
 @njit(cache=True, nogil=True)
@@ -137,10 +134,10 @@ def _pass_on(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
     """Queue a complete sample, with what its distance from the last one means."""
     memory = alignment.memory[0]
     gap = slot.index - memory.last_index - 1
-    broken = _NONE
-    if memory.next_break != _NONE:
+    broken = Break.NONE.value
+    if memory.next_break != Break.NONE:
         broken = memory.next_break
-        memory.next_break = _NONE
+        memory.next_break = Break.NONE
     elif 0 < gap <= MAX_INTERPOLATED:
         memory.lost += gap
         for k in range(1, gap + 1):
@@ -152,10 +149,10 @@ def _pass_on(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
                 row.values[role] = last + (slot.values[role] - last) * (k / (gap + 1))
     elif gap > 0:
         if _is_legal_jump(alignment, slot):
-            broken = _JUMP
+            broken = Break.JUMP.value
             memory.jumps += 1
         else:
-            broken = _LOSS
+            broken = Break.LOSS.value
             memory.lost += gap
     row = _append(alignment, slot.index)
     row.broken = broken
@@ -174,13 +171,13 @@ def _append(alignment: Alignment, index: int):  # type: ignore[no-untyped-def]
     memory.ready += 1
     row.index = index
     row.interpolated = False
-    row.broken = _NONE
+    row.broken = Break.NONE
     return row
 
 
 @njit(cache=True, nogil=True)
 def _is_legal_jump(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
-    """Rule 6: all messages on the grid jumped here, with contiguous counters, the needle closed on both sides.
+    """Whether all messages on the grid jumped here, with contiguous counters, the needle closed on both sides.
 
     The last block before the jump may end in samples that are not available.
     """

@@ -46,12 +46,6 @@ class Count(IntEnum):
     ANEW = 3  # it fits nothing counted so far
 
 
-_NEXT = int(Count.NEXT)
-_REPEATED = int(Count.REPEATED)
-_OLD = int(Count.OLD)
-_ANEW = int(Count.ANEW)
-
-
 def make_counting(modulus: int) -> NDArray[np.void]:
     """Memory (1,) for one message that no frame has come of; `modulus` of its counter, 1 without one."""
     counting = np.zeros(1, COUNTING)
@@ -64,7 +58,7 @@ def count_frame(counting, clock, sequence: int, stamp: int) -> int:  # type: ign
     """Give a frame its `number`; `Count`. `sequence`: its counter; the clock counts in samples."""
     if not counting.begun:
         _count_anew(counting, sequence)
-        return _NEXT
+        return Count.NEXT
     cycle = clock.samples * clock.interval
     turn = counting.modulus * cycle
     step = (sequence - counting.sequence) % counting.modulus if counting.modulus > 1 else 1
@@ -73,18 +67,18 @@ def count_frame(counting, clock, sequence: int, stamp: int) -> int:  # type: ign
     if delay >= turn - DECIDED * cycle and sees_losses(counting, clock):
         number += counting.modulus * math.floor((delay + DECIDED * cycle) / turn)
     elif step == 0:
-        return _REPEATED
+        return Count.REPEATED
     elif delay < -DECIDED * cycle - clock.residual:
         # it cannot have come before it was sent
         counting.old += 1
         if counting.modulus == 1 or counting.old >= OLD_FRAMES_OF_RESTART or delay + turn < -DECIDED * cycle:
             _count_anew(counting, sequence)
-            return _ANEW
-        return _OLD
+            return Count.ANEW
+        return Count.OLD
     counting.number = number
     counting.sequence = sequence
     counting.old = 0
-    return _NEXT
+    return Count.NEXT
 
 
 @njit(cache=True, nogil=True)

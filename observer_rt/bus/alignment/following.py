@@ -1,7 +1,7 @@
 """Samples that lie between those of the grid, or further apart.
 
-Design 4.2 "Time", rules (2) and (4): a rail pressure of another time base, or a slower one, has on the grid the value
-that lies between its two neighbours. Neighbours too far apart are not joined: what lies between them is missing.
+A rail pressure of another time base, or a slower one, has on the grid the value that lies between its two neighbours.
+Neighbours too far apart are not joined: what lies between them is missing.
 A lift stays as it was sampled, with the time by which that was later: straight lines would cut off the corners of its
 ramps, which at 20 kHz is worth up to 3 % of the mass.
 """

@@ -1,7 +1,7 @@
 """Where a block of samples belongs in its message's stream: next, repeated, old, or the first of a new count.
 
-Design 4.2 "Time", rule (5): a repeated block: the first wins; an older one is dropped; an index that jumps back or to
-0 is a restart of the device.
+Of a repeated block the first wins; an older one is dropped; an index that jumps back or to 0 is a restart of the
+device.
 """
 
 from enum import IntEnum
@@ -16,7 +16,6 @@ from observer_rt.foundation.continuity import Break
 OLD_BLOCKS_OF_RESTART = (
     3  # consecutive old blocks that mean: the device began anew, its first blocks were lost
 )
-_RESTART = int(Break.RESTART)
 
 
 class Placing(IntEnum):
@@ -26,12 +25,6 @@ class Placing(IntEnum):
     REPEATED = 1
     OLD = 2
     RESTARTED = 3  # accepted, as the first of a new count
-
-
-_ACCEPTED = int(Placing.ACCEPTED)
-_REPEATED = int(Placing.REPEATED)
-_OLD = int(Placing.OLD)
-_RESTARTED = int(Placing.RESTARTED)
 
 
 @njit(cache=True, nogil=True)
@@ -48,18 +41,18 @@ def place_block(
     start = _unwrapped(alignment, message, raw_index)
     if not stream.seen:
         _begin_stream(alignment, message, start, count)
-        return _ACCEPTED, start
+        return Placing.ACCEPTED, start
     if start < stream.next_index:
         placing = _place_old(alignment, message, start, count, raw_index)
-        if placing != _RESTARTED:
+        if placing != Placing.RESTARTED:
             return placing, start
         _begin_anew(alignment, message)
         _begin_stream(alignment, message, raw_index, count)
-        return _RESTARTED, raw_index
+        return Placing.RESTARTED, raw_index
     if raw_index == 0 and start > stream.next_index + SLOTS:
         _begin_anew(alignment, message)  # not lost up to the wrap of the index, but counting from 0 again
         _begin_stream(alignment, message, raw_index, count)
-        return _RESTARTED, raw_index
+        return Placing.RESTARTED, raw_index
     stream.old_blocks = 0
     if start > stream.next_index and stream.on_grid:
         stream.jump_block = stream.last_start
@@ -68,7 +61,7 @@ def place_block(
         stream.jump_contiguous = contiguous
         decide_until(alignment, start + count - SLOTS // 2)
     _extend(alignment, message, start, count)
-    return _ACCEPTED, start
+    return Placing.ACCEPTED, start
 
 
 @njit(cache=True, nogil=True)
@@ -125,13 +118,13 @@ def _place_old(alignment: Alignment, message: int, start: int, count: int, raw_i
     stream = memory.streams[message]
     if start == stream.last_start:
         memory.repeated += 1
-        return _REPEATED
+        return Placing.REPEATED
     stream.old_blocks = stream.old_blocks + 1 if start == stream.old_next else 1
     stream.old_next = start + count
     if raw_index == 0 or stream.old_blocks >= OLD_BLOCKS_OF_RESTART:
-        return _RESTARTED
+        return Placing.RESTARTED
     memory.old += 1
-    return _OLD
+    return Placing.OLD
 
 
 @njit(cache=True, nogil=True)
@@ -150,4 +143,4 @@ def _begin_anew(alignment: Alignment, message: int) -> None:
         alignment.slots[k].index = -1
     memory.begun = False
     memory.newest = 0
-    memory.next_break = _RESTART
+    memory.next_break = Break.RESTART

@@ -28,14 +28,6 @@ from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.foundation.continuity import Doubt
 
 UNSURE = 0.25  # samples from the nearest of the grid, beyond which it may be the wrong one
-_NONE = int(Doubt.NONE)
-_TIME_BASE = int(Doubt.TIME_BASE)
-_BY_INDEX = int(Numbering.INDEX)
-_ON_GRID = int(Joining.INDEX)
-_RATIO = int(Joining.RATIO)
-_NEAREST = int(Joining.NEAREST)
-_CLOCK = int(Joining.CLOCK)
-_ANEW = int(Count.ANEW)
 
 SHIFT = np.dtype(
     [
@@ -84,7 +76,7 @@ def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leadi
 def number_frame(keeping: Timekeeping, message: int, sequence: int, stamp: int) -> int:
     """`Count` of a frame without index, whose number is then in `counts`; `sequence`: its counter."""
     outcome: int = count_frame(keeping.counts[message], keeping.clocks[message], sequence, stamp)
-    if outcome == _ANEW:
+    if outcome == Count.ANEW:
         forget(keeping.clocks[message])
         keeping.shifts[message].known = False
     return outcome
@@ -96,10 +88,10 @@ def note_frame(keeping: Timekeeping, message: int, last: int, stamp: int) -> Non
     clock = keeping.clocks[message]
     if not take_stamp(clock, last, stamp):
         return
-    if keeping.timing[message].numbering != _BY_INDEX and has_slipped(clock):
+    if keeping.timing[message].numbering != Numbering.INDEX and has_slipped(clock):
         keeping.counts[message].begun = False
         forget(clock)
-    if keeping.timing[message].joining == _NEAREST:
+    if keeping.timing[message].joining == Joining.NEAREST:
         _find_nearest(keeping, message, last)
 
 
@@ -108,11 +100,11 @@ def begin_anew(keeping: Timekeeping, message: int) -> None:
     """A message begins a new index: when that is the grid's, what was tied to the old grid is free again."""
     forget(keeping.clocks[message])
     keeping.shifts[message].known = False
-    if keeping.timing[message].joining != _ON_GRID:
+    if keeping.timing[message].joining != Joining.INDEX:
         return
     for m in range(keeping.timing.size):
         keeping.shifts[m].known = False
-        if keeping.timing[m].joining == _ON_GRID:
+        if keeping.timing[m].joining == Joining.INDEX:
             forget(keeping.clocks[m])
 
 
@@ -120,17 +112,17 @@ def begin_anew(keeping: Timekeeping, message: int) -> None:
 def has_place(keeping: Timekeeping, message: int) -> bool:
     """Whether it is known where the message's samples lie on the grid."""
     joining = keeping.timing[message].joining
-    if joining == _NEAREST:
+    if joining == Joining.NEAREST:
         return bool(keeping.shifts[message].known)
     leading = keeping.clocks[keeping.memory[0].leading]
-    return bool(joining != _CLOCK or (leading.points > 0 and keeping.clocks[message].points > 0))
+    return bool(joining != Joining.CLOCK or (leading.points > 0 and keeping.clocks[message].points > 0))
 
 
 @njit(cache=True, nogil=True)
 def place_of(keeping: Timekeeping, message: int, index: int) -> float:
     """Where on the grid a sample lies that has `index` by the message's own index or number."""
     timing = keeping.timing[message]
-    if timing.joining == _RATIO:
+    if timing.joining == Joining.RATIO:
         return float(index * timing.steps)
     leading = keeping.memory[0].leading
     grid = keeping.clocks[leading]
@@ -162,19 +154,19 @@ def is_prompt(keeping: Timekeeping, tolerance: float) -> bool:
 def doubt_of(keeping: Timekeeping) -> int:
     """`Doubt` in the times of samples that come together now."""
     if not keeping.memory[0].by_stamps:
-        return _NONE
+        return Doubt.NONE
     grid = keeping.clocks[keeping.memory[0].leading]
     for m in range(keeping.timing.size):
         timing = keeping.timing[m]
-        if timing.numbering != _BY_INDEX and not is_sure(keeping.counts[m], keeping.clocks[m]):
-            return _TIME_BASE
-        if timing.joining == _NEAREST and not abs(keeping.shifts[m].off) < UNSURE:
-            return _TIME_BASE
-        if timing.joining == _CLOCK:
+        if timing.numbering != Numbering.INDEX and not is_sure(keeping.counts[m], keeping.clocks[m]):
+            return Doubt.TIME_BASE
+        if timing.joining == Joining.NEAREST and not abs(keeping.shifts[m].off) < UNSURE:
+            return Doubt.TIME_BASE
+        if timing.joining == Joining.CLOCK:
             unknown = grid.residual + keeping.clocks[m].residual
             if not unknown <= 1e9 * timing.tolerance:
-                return _TIME_BASE
-    return _NONE
+                return Doubt.TIME_BASE
+    return Doubt.NONE
 
 
 @njit(cache=True, nogil=True)

@@ -8,10 +8,9 @@ from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
-from observer_rt.bus.database.frame_key import frame_row
 from observer_rt.bus.database.lookup import MessageLayout, from_unit, signal_names
 from observer_rt.bus.mapping.energizing import Energizing
-from observer_rt.bus.mapping.input_tables import INPUT_GROUP, ROLES, Inputs, InputTables
+from observer_rt.bus.mapping.input_tables import INPUT_GROUP, ROLES, Inputs, InputTables, frame_row
 from observer_rt.bus.mapping.output_messages import (
     OutputMessage,
     RateMessage,

@@ -7,8 +7,11 @@ import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import FD_LENGTHS
+from observer_rt.bus.can_frame import FD_LENGTHS, length_code, length_of
 from observer_rt.bus.database.codec import SIGNAL, signal_table
+from observer_rt.bus.database.e2e import UNPROTECTED
+from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.database.multiplexing import (
     CONDITION,
     Selection,
@@ -156,6 +159,17 @@ class InputTables:
             np.array(self._kinds, INPUT_KIND),
             timing,
         )
+
+
+def frame_row(layout: MessageLayout) -> NDArray[np.void]:
+    """What tells whether a frame is a good one of this message, `INPUT_MESSAGE`; the rest is 0."""
+    row = np.zeros((), INPUT_MESSAGE)
+    row["key"] = frame_key(layout.frame_id, layout.is_extended, layout.bus)
+    row["length"] = layout.length
+    row["padded_length"] = length_of(length_code(layout.length))
+    row["e2e_profile"] = layout.e2e_profile or UNPROTECTED
+    row["data_id"] = layout.e2e_data_id or 0
+    return row
 
 
 def _rows(tables: Sequence[NDArray[np.void]]) -> int:

@@ -7,10 +7,9 @@ from dataclasses import replace
 from cantools.database.can import Message
 
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
-from observer_rt.bus.database.frame_key import frame_row
 from observer_rt.bus.database.lookup import MessageLayout, find_signal, from_unit
 from observer_rt.bus.mapping.energizing import Energizing, map_energizing, say_no_energizing
-from observer_rt.bus.mapping.input_tables import Inputs
+from observer_rt.bus.mapping.input_tables import Inputs, frame_row
 from observer_rt.bus.mapping.output_messages import protected_layout
 from observer_rt.bus.mapping.slow_inputs import (
     SlowMessage,

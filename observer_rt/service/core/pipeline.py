@@ -33,14 +33,6 @@ from observer_rt.observer.stream.step import advance_stream, push
 from observer_rt.service.core.publisher import Publisher, publish
 
 MAX_COUNTER_STEP = 15  # larger steps of the E2E counter are a wrong sequence, not a few lost frames
-_ACCEPTED = int(Placing.ACCEPTED)
-_OLD = int(Placing.OLD)
-_RESTARTED = int(Placing.RESTARTED)
-_COUNTED_REPEATED = int(Count.REPEATED)
-_COUNTED_OLD = int(Count.OLD)
-_BY_INDEX = int(Numbering.INDEX)
-_BY_E2E_COUNTER = int(Numbering.E2E_COUNTER)
-_NEAREST = int(Joining.NEAREST)
 _RAIL = ROLES.index(Role.RAIL_PRESSURE)
 _LIFT = ROLES.index(Role.NEEDLE_LIFT)
 _LINE = ROLES.index(Role.LINE_PRESSURE)
@@ -125,9 +117,9 @@ def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8], stamp: in
         found |= 1 << group.stream
         contiguous = follows and receiver.interrupted[group.stream] == 0
         placing = _take_group(pipeline, group, payload, counter, contiguous, stamp)
-        if placing in (_ACCEPTED, _RESTARTED):
+        if placing in (Placing.ACCEPTED, Placing.RESTARTED):
             placed |= 1 << group.stream
-            restarted |= placing == _RESTARTED
+            restarted |= placing == Placing.RESTARTED
     if found != 0 and placed == 0:
         return
     for g in range(message.first_group, message.first_group + message.group_count):
@@ -158,14 +150,14 @@ def _take_group(pipeline: Pipeline, group, payload, counter, contiguous, stamp):
     decode(payload, table, pipeline.receiver[0].values)
     raw_index = _raw_index(pipeline, group, counter, stamp)
     if raw_index < 0:
-        return _OLD
-    is_nearest = keeping.timing[group.stream].joining == _NEAREST
+        return Placing.OLD
+    is_nearest = keeping.timing[group.stream].joining == Joining.NEAREST
     shift = keeping.shifts[group.stream].samples if is_nearest else 0
     placing, start = place_block(
         pipeline.alignment, group.stream, raw_index + shift, group.samples, contiguous
     )
-    if placing in (_ACCEPTED, _RESTARTED):
-        if placing == _RESTARTED:
+    if placing in (Placing.ACCEPTED, Placing.RESTARTED):
+        if placing == Placing.RESTARTED:
             begin_anew(keeping, group.stream)
         if not is_nearest:
             note_frame(keeping, group.stream, start + group.samples - 1, stamp)
@@ -179,24 +171,24 @@ def _raw_index(pipeline: Pipeline, group, counter, stamp):  # type: ignore[no-un
     keeping, stream = pipeline.keeping, group.stream
     timing = keeping.timing[stream]
     values = pipeline.receiver[0].values
-    if timing.numbering == _BY_INDEX:
+    if timing.numbering == Numbering.INDEX:
         return (int(values[0]) + group.offset) & 0xFFFFFFFF
     sequence = 0
-    if timing.numbering == _BY_E2E_COUNTER:
+    if timing.numbering == Numbering.E2E_COUNTER:
         sequence = int(counter)
     elif timing.modulus > 1:
         if math.isnan(values[0]):
             return -1
         sequence = int(values[0])
     outcome = number_frame(keeping, stream, sequence, stamp)
-    if outcome == _COUNTED_REPEATED:
+    if outcome == Count.REPEATED:
         pipeline.alignment.memory[0].repeated += 1
         return -1
-    if outcome == _COUNTED_OLD:
+    if outcome == Count.OLD:
         pipeline.alignment.memory[0].old += 1
         return -1
     raw_index = keeping.counts[stream].number * group.samples
-    if timing.joining == _NEAREST:
+    if timing.joining == Joining.NEAREST:
         # its clock goes by its own count, which says where on the grid it belongs
         note_frame(keeping, stream, raw_index + group.samples - 1, stamp)
         if not has_place(keeping, stream):

@@ -19,7 +19,6 @@ _SAMPLE_INDEX, _VALID, _LEARNING, _STATE = (
     HEADER_SIGNALS.index(name) for name in ("SampleIndex", "Valid", "Learning", "State")
 )
 _MASK = RING - 1
-_RESTART = int(Break.RESTART)
 
 OUT_FRAME = np.dtype([("length", np.int64), ("payload", np.uint8, (LONGEST_FRAME,))], align=True)
 
@@ -83,7 +82,7 @@ def publish(publisher: Publisher, observer: Observer) -> None:
     rates = publisher.values[publisher.values.size - samples :]
     while memory.published < observer.memory[0].processed:
         row = observer.ring[memory.published & _MASK]
-        if memory.filled > 0 and (row.broken == _RESTART or row.index >= memory.block_start + samples):
+        if memory.filled > 0 and (row.broken == Break.RESTART or row.index >= memory.block_start + samples):
             flush(publisher)
         if memory.filled == 0:
             memory.block_start = row.index

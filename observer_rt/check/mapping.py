@@ -16,7 +16,7 @@ from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.foundation.units import LENGTH_UNITS, MEGAPASCAL, MICROMETRE, PRESSURE_UNITS
 from observer_rt.recording.replay.framing import message_timing
-from observer_rt.service.core.constants import configured_noise
+from observer_rt.service.compiled.constants import configured_noise
 
 HIGHEST_PRESSURE = 200 * MEGAPASCAL
 PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take

@@ -15,7 +15,7 @@ from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.paper_scheme.gain import doubts_about_gain
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.state import MAX_EVENT
-from observer_rt.service.core.constants import bench_constants, configured_noise
+from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.learners import make_learner
 
 SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well

@@ -31,9 +31,9 @@ from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.replay.player import play
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.injection_report import InjectionReport
-from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import Notes
 from observer_rt.service.run import draw
 from observer_rt.service.view import Reference, View
 from observer_rt.service.warm_up import warm_up

@@ -22,7 +22,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.fuel import temperature_of
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.replay.framing import bench_for
-from observer_rt.service.core.constants import injector_at
+from observer_rt.service.compiled.constants import injector_at
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.run import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge

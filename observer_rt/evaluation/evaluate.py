@@ -19,11 +19,10 @@ from observer_rt.recording.replay.framing import Framer, TimedFrame, bench_for, 
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.counters import Counters
-from observer_rt.service.core.injection_report import InjectionReport
 from observer_rt.service.core.learners import LearnerFactory, make_learner
-from observer_rt.service.core.listener import Notes
 from observer_rt.service.core.messages import OutputFrame
-from observer_rt.service.inputs.measured_mass import MeasuredMass
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import MeasuredMass, Notes
 
 Progress = Callable[[int], None]  # samples done
 NANOSECONDS = 1e9  # in a second

@@ -17,7 +17,7 @@ from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.channels import chosen_channels
 from observer_rt.recording.input_frames import InputFrames
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.constants import bench_constants
+from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.counters import Counters
 

@@ -19,8 +19,7 @@ from observer_rt.foundation.units import (
 )
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.learning.indicators import Estimate
-from observer_rt.service.core.injection_report import InjectionReport
-from observer_rt.service.inputs.energizing import CommandedOpening
+from observer_rt.service.reports.injection_report import CommandedOpening, InjectionReport
 
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill

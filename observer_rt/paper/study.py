@@ -33,7 +33,7 @@ from observer_rt.paper.event import (
     true_states,
 )
 from observer_rt.recording.replay.framing import bench_for
-from observer_rt.service.core.constants import bench_constants, configured_noise
+from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.simulation.schedule import FIRST_EVENT, make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
 

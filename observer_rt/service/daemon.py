@@ -14,11 +14,11 @@ from observer_rt.config.bench import Bench
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.core.core import Core
-from observer_rt.service.core.listener import LinkNews, Listener, to_all
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.core.status import LinkFigures, status_values
 from observer_rt.service.outbox import RETRY
 from observer_rt.service.port import Port
+from observer_rt.service.reports.news import LinkNews, Listener, to_all
 from observer_rt.service.state_file import model_hash
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal

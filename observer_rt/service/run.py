@@ -16,11 +16,11 @@ from observer_rt.config.bench import Bench
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, ZERO_CELSIUS
 from observer_rt.observer.learning.knowledge import Knowledge
-from observer_rt.service.core.constants import bench_constants
-from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.learners import refuse_state
-from observer_rt.service.core.listener import LinkNews, News
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import LinkNews, News
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up

@@ -16,10 +16,9 @@ from rich.text import Text
 from observer_rt.bus.alignment.message_timing import summary_of
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
-from observer_rt.service.core.injection_report import InjectionReport
-from observer_rt.service.core.listener import News
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.inputs.measured_mass import MeasuredMass
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import MeasuredMass, News
 
 SHOWN = 8  # injections in the table, where the terminal has the lines
 WIDEST, HIGHEST = 120, 18  # characters, of the view and its plot

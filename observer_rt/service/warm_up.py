@@ -11,7 +11,7 @@ from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.constants import bench_constants, configured_noise
+from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.learners import make_learner
 

@@ -14,7 +14,7 @@ from observer_rt.evaluation.figures import evaluation_curves
 from observer_rt.evaluation.results import injection_results, recording_json
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import sized
-from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import Shot, make_schedule

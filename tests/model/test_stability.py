@@ -13,7 +13,7 @@ from observer_rt.model.network import constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.right_hand_side import right_hand_side
 from observer_rt.model.stability import fastest_rate, substeps_needed
-from observer_rt.service.core.constants import bench_constants
+from observer_rt.service.compiled.constants import bench_constants
 from tests.model.conftest import Trajectory
 
 PRESSURE = st.one_of(st.floats(-0.01, 0.05), st.floats(-0.1, 2.5))

@@ -13,7 +13,7 @@ from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import EffectInForce, EffectValue
 from observer_rt.observer.learning.indicators import Estimate
-from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.reports.injection_report import InjectionReport
 from tools.benchmarks.plant import Bench, Event, Needle, Shot, record
 from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.scoring import bench_at, recording_of

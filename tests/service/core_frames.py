@@ -16,9 +16,9 @@ from observer_rt.model.effects import sized
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
-from observer_rt.service.core.injection_report import InjectionReport
-from observer_rt.service.core.listener import Notes
 from observer_rt.service.core.messages import OutputFrame
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import Notes
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate

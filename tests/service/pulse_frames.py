@@ -13,10 +13,9 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
-from observer_rt.service.core.injection_report import InjectionReport
-from observer_rt.service.core.listener import Notes
 from observer_rt.service.core.messages import OutputFrame
-from observer_rt.service.inputs.energizing import Mismatch
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import Mismatch, Notes
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import Schedule, Shot, make_schedule
 from observer_rt.simulation.simulate import simulate

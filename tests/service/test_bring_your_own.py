@@ -23,10 +23,10 @@ from observer_rt.recording.replay.player import play
 from observer_rt.recording.replay.recording_frames import recording_extent, recording_frames
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
-from observer_rt.service.core.injection_report import InjectionReport
-from observer_rt.service.core.listener import Notes
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import Notes
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule

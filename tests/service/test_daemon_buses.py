@@ -18,8 +18,8 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
-from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.reports.news import Notes
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
 from tests.service.bus_frames import block_bench, frames_of

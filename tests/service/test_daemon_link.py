@@ -15,8 +15,8 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
-from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.reports.news import Notes
 from observer_rt.service.warm_up import warm_up
 from tests.service.end_to_end import RATE, published_rates
 from tests.service.participants import ScriptedLink, bench_file, serving, until, worn_recording

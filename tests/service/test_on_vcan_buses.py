@@ -12,8 +12,8 @@ from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.recording.replay.player import play
-from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.reports.news import Notes
 from observer_rt.service.warm_up import warm_up
 from tests.interface import OwnInterface
 from tests.service.bus_frames import block_bench, frames_of

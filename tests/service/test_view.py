@@ -11,8 +11,8 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.service.core.injection_report import InjectionReport
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.view import Reference, View
 from tests.service.participants import SAMPLE_RATE, ScriptedLink, bench_file, serving, until, worn_recording
 

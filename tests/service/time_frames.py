@@ -16,8 +16,8 @@ from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.core.core import Core
-from observer_rt.service.core.injection_report import InjectionReport
-from observer_rt.service.core.listener import Notes
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import Notes
 from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels, Quantisation
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant

@@ -11,7 +11,7 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.stream.state import Constants
-from observer_rt.service.core.constants import bench_constants, configured_noise
+from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.learners import LearnerFactory, make_learner
 from tools.benchmarks.batch_learning import (
     BatchResult,

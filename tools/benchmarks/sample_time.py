@@ -15,7 +15,7 @@ from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.observer import make_observer
 from observer_rt.observer.stream.state import Observer
 from observer_rt.observer.stream.step import advance_stream, push
-from observer_rt.service.core.constants import bench_constants, configured_noise
+from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from tools.benchmarks.score import SampleTime
 from tools.benchmarks.scoring import bench_at
 

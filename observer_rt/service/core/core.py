@@ -19,19 +19,19 @@ from observer_rt.observer.observer import make_observer
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import RING, Reason, State
-from observer_rt.service.core.compiled import CompiledPipeline
-from observer_rt.service.core.constants import bench_constants, configured_noise
+from observer_rt.service.compiled.by_reference import CompiledPipeline
+from observer_rt.service.compiled.constants import bench_constants, configured_noise
+from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
+from observer_rt.service.compiled.publisher import flush, make_publisher
 from observer_rt.service.core.counters import Counters, counted
-from observer_rt.service.core.injection_report import report_of
-from observer_rt.service.core.judging import Judged, Judging
 from observer_rt.service.core.learners import LearnerFactory, make_learner
-from observer_rt.service.core.listener import Listener, to_all
 from observer_rt.service.core.messages import OutputFrame, ResultFrames
-from observer_rt.service.core.pipeline import Pipeline, make_receiver
-from observer_rt.service.core.publisher import flush, make_publisher
-from observer_rt.service.core.worker import InlineExecutor, Training
 from observer_rt.service.inputs.energizing import EnergizingFigures
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
+from observer_rt.service.reports.injection_report import report_of
+from observer_rt.service.reports.judging import Judged, Judging
+from observer_rt.service.reports.news import Listener, to_all
+from observer_rt.service.reports.worker import InlineExecutor, Training
 
 
 class Core:

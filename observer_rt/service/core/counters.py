@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from observer_rt.service.core.judging import Judging
-from observer_rt.service.core.pipeline import Pipeline
+from observer_rt.service.compiled.pipeline import Pipeline
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
+from observer_rt.service.reports.judging import Judging
 
 
 @dataclass(frozen=True)

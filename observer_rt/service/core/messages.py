@@ -11,8 +11,8 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.output_messages import OutputMessage, OutputPage, StatusValues, SummaryValues
 from observer_rt.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM, MM3_PER_MS
-from observer_rt.service.core.injection_report import InjectionReport
-from observer_rt.service.core.publisher import Publisher
+from observer_rt.service.compiled.publisher import Publisher
+from observer_rt.service.reports.injection_report import InjectionReport
 
 
 class OutputFrame(NamedTuple):

@@ -12,51 +12,15 @@ from observer_rt.bus.mapping.energizing import Energizing, Reading
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.observer.observer import was_shut
 from observer_rt.observer.stream.state import INJECTIONS, RING
-from observer_rt.service.core.compiled import CompiledPipeline
+from observer_rt.service.compiled.by_reference import CompiledPipeline
 from observer_rt.service.inputs.energizing_commands import Command, CommandReader, samples_between
 from observer_rt.service.inputs.optional_input import OptionalInput
+from observer_rt.service.reports.injection_report import CommandedOpening
+from observer_rt.service.reports.news import Mismatch
 
 REMEMBERED = 64  # commands
 RECENT = 100  # delays that mean and spread are of
 LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a command after its opening
-
-
-@dataclass(frozen=True)
-class CommandedOpening:
-    """The command an opening belongs to: its number, and what it says of the injector.
-
-    opening_delay [s]: from the start of energizing to the first sample with the needle open, nan when one of the
-    two is not known; energizing_time [s], nan while not known.
-    """
-
-    command: int
-    opening_delay: float
-    energizing_time: float
-
-    def as_text(self) -> str:
-        """Command and opening delay in a few words."""
-        if math.isnan(self.opening_delay):
-            return f"command {self.command}"
-        return f"command {self.command}, opened after {self.opening_delay / MICROSECOND:.0f} us"
-
-
-@dataclass(frozen=True)
-class Mismatch:
-    """An injection that is missing after a command, or one without a command; `number` is the one's own."""
-
-    is_missing: bool
-    number: int
-    index: int
-    window: float  # s
-
-    def as_text(self) -> str:
-        """One line."""
-        if self.is_missing:
-            return (
-                f"injection missing: the needle did not open within {self.window / MILLISECOND:g} ms of command "
-                f"{self.number} at index {self.index}"
-            )
-        return f"injection {self.number} opened at index {self.index} without a command"
 
 
 @dataclass(frozen=True)

@@ -2,24 +2,15 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from observer_rt.model.fuel import is_plausible
 from observer_rt.observer.stream.state import Constants, Reason
-from observer_rt.service.core.compiled import CompiledPipeline
+from observer_rt.service.compiled.by_reference import CompiledPipeline
 from observer_rt.service.inputs.held_value import HeldValue
 from observer_rt.service.inputs.optional_input import OptionalInput
 
 STEP = 0.1  # K, below which the model stays: .04 % of the bulk modulus, less than injections differ by
 PERIOD = 0.1  # s between two changes of the model
-
-
-@dataclass(frozen=True)
-class Fuel:
-    """Fuel at a temperature [K] (None: as in the injector file), and the observer's constants with it."""
-
-    temperature: float | None
-    constants: Constants
 
 
 class FuelFollower(OptionalInput[float]):

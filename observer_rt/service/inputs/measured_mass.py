@@ -3,33 +3,12 @@
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
-from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.observer.observer import closed_injections
-from observer_rt.service.core.compiled import CompiledPipeline
-from observer_rt.service.core.injection_report import InjectionReport
+from observer_rt.service.compiled.by_reference import CompiledPipeline
 from observer_rt.service.inputs.optional_input import OptionalInput
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredMass:
-    """What was measured of a reported injection [kg]."""
-
-    report: InjectionReport
-    mass: float
-
-    @property
-    def error(self) -> float:
-        """Of the estimated mass, relative; nan where none was estimated."""
-        return self.report.mass / self.mass - 1.0
-
-    def as_text(self) -> str:
-        """One line."""
-        return (
-            f"injection {self.report.number}: measured {self.mass / MILLIGRAM:.2f} mg, estimate "
-            f"{self.report.mass / MILLIGRAM:.2f} mg ({100 * self.error:+.2f} %)"
-        )
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import MeasuredMass
 
 
 class MassComparison(OptionalInput[float]):

@@ -12,15 +12,15 @@ from observer_rt.bus.mapping.slow_inputs import SlowReceiver
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import OptionalRole
 from observer_rt.observer.stream.state import RING
-from observer_rt.service.core.compiled import CompiledPipeline
-from observer_rt.service.core.constants import bench_constants
-from observer_rt.service.core.injection_report import InjectionReport
-from observer_rt.service.core.listener import Listener
-from observer_rt.service.inputs.energizing import CommandedOpening, EnergizingFigures, EnergizingWatch
+from observer_rt.service.compiled.by_reference import CompiledPipeline
+from observer_rt.service.compiled.constants import bench_constants
+from observer_rt.service.inputs.energizing import EnergizingFigures, EnergizingWatch
 from observer_rt.service.inputs.fuel_temperature import FuelFollower
 from observer_rt.service.inputs.learning_enable import LearningEnable
 from observer_rt.service.inputs.measured_mass import MassComparison
 from observer_rt.service.inputs.optional_input import OptionalInput
+from observer_rt.service.reports.injection_report import CommandedOpening, InjectionReport
+from observer_rt.service.reports.news import Listener
 
 
 class OptionalInputs:

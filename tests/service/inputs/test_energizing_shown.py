@@ -19,8 +19,8 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
-from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.reports.news import Notes
 from observer_rt.service.view import View
 from tests.recording.canlog.log_cases import write_log
 from tests.service.core_frames import SAMPLE_RATE

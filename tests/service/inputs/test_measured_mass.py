@@ -20,9 +20,8 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.service.core.core import Core
-from observer_rt.service.core.listener import Notes
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.inputs.measured_mass import MeasuredMass
+from observer_rt.service.reports.news import MeasuredMass, Notes
 from observer_rt.service.view import View
 from tests.recording.canlog.log_cases import write_log
 from tests.service.core_frames import (

@@ -1,16 +1,36 @@
 """What the service says of one injection, in SI units."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.scalars import NOZZLE
+from observer_rt.foundation.units import MICROSECOND
 from observer_rt.observer.learning.indicators import Estimate, Indicators, indicators_of
 from observer_rt.observer.learning.interval import is_revised, rate_sigma, volume_interval
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.service.core.judging import Judged
-from observer_rt.service.inputs.energizing import CommandedOpening
+from observer_rt.service.reports.judging import Judged
+
+
+@dataclass(frozen=True)
+class CommandedOpening:
+    """The command an opening belongs to: its number, and what it says of the injector.
+
+    opening_delay [s]: from the start of energizing to the first sample with the needle open, nan when one of the
+    two is not known; energizing_time [s], nan while not known.
+    """
+
+    command: int
+    opening_delay: float
+    energizing_time: float
+
+    def as_text(self) -> str:
+        """Command and opening delay in a few words."""
+        if math.isnan(self.opening_delay):
+            return f"command {self.command}"
+        return f"command {self.command}, opened after {self.opening_delay / MICROSECOND:.0f} us"
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,17 @@ from numpy.typing import NDArray
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.observer.observer import event_standstill, event_window, in_force, judge
 from observer_rt.observer.stream.phi import Phi
-from observer_rt.observer.stream.state import INJECTIONS, PENDING_EVENTS
-from observer_rt.service.core.compiled import CompiledPipeline
-from observer_rt.service.core.worker import Training
-from observer_rt.service.inputs.fuel_temperature import Fuel
+from observer_rt.observer.stream.state import INJECTIONS, PENDING_EVENTS, Constants
+from observer_rt.service.compiled.by_reference import CompiledPipeline
+from observer_rt.service.reports.worker import Training
+
+
+@dataclass(frozen=True)
+class Fuel:
+    """Fuel at a temperature [K] (None: as in the injector file), and the observer's constants with it."""
+
+    temperature: float | None
+    constants: Constants
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from numba.experimental import structref
 from numpy.typing import NDArray
 
 from observer_rt.observer.stream.state import Constants, Observer
-from observer_rt.service.core.pipeline import Pipeline, handle, proceed
+from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
 
 
 @structref.register

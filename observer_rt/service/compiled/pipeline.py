@@ -30,7 +30,7 @@ from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.config.signals import Role
 from observer_rt.observer.stream.state import Observer
 from observer_rt.observer.stream.step import advance_stream, push
-from observer_rt.service.core.publisher import Publisher, publish
+from observer_rt.service.compiled.publisher import Publisher, publish
 
 MAX_COUNTER_STEP = 15  # larger steps of the E2E counter are a wrong sequence, not a few lost frames
 _RAIL = ROLES.index(Role.RAIL_PRESSURE)

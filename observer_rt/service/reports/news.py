@@ -3,9 +3,47 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from observer_rt.service.core.injection_report import InjectionReport
-from observer_rt.service.inputs.energizing import Mismatch
-from observer_rt.service.inputs.measured_mass import MeasuredMass
+from observer_rt.foundation.units import MILLIGRAM, MILLISECOND
+from observer_rt.service.reports.injection_report import InjectionReport
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredMass:
+    """What was measured of a reported injection [kg]."""
+
+    report: InjectionReport
+    mass: float
+
+    @property
+    def error(self) -> float:
+        """Of the estimated mass, relative; nan where none was estimated."""
+        return self.report.mass / self.mass - 1.0
+
+    def as_text(self) -> str:
+        """One line."""
+        return (
+            f"injection {self.report.number}: measured {self.mass / MILLIGRAM:.2f} mg, estimate "
+            f"{self.report.mass / MILLIGRAM:.2f} mg ({100 * self.error:+.2f} %)"
+        )
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """An injection that is missing after a command, or one without a command; `number` is the one's own."""
+
+    is_missing: bool
+    number: int
+    index: int
+    window: float  # s
+
+    def as_text(self) -> str:
+        """One line."""
+        if self.is_missing:
+            return (
+                f"injection missing: the needle did not open within {self.window / MILLISECOND:g} ms of command "
+                f"{self.number} at index {self.index}"
+            )
+        return f"injection {self.number} opened at index {self.index} without a command"
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Events judged, what is said of their injections, and who hears it."""

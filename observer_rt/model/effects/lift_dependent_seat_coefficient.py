@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from observer_rt.foundation.units import MICROMETRE
-from observer_rt.model.coefficients import NO_DEPARTURES
+from observer_rt.model.departures import NO_DEPARTURES
 from observer_rt.model.effect import Effect, EffectClass, EffectParameter, Equation, Place
 from observer_rt.model.effective import EffectiveModel
 

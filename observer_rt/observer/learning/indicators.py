@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.learned import network_of
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.laws import root
 from observer_rt.model.network import HIDDEN, activation, back_pressure_at, flow_changes
+from observer_rt.model.orifice import root
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
 
@@ -86,7 +86,7 @@ def nozzle_change(
 
     (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d together, the equivalent of v_H in (27).
     """
-    network = learned_of(theta).network
+    network = network_of(theta)
     factor = 1.0 + flow_changes(x, u, network)[0]
     x_3 = max(x[2], LEAST_SAC_PRESSURE)
     against_chamber = math.sqrt(max(1.0 - back_pressure_at(u[1], network) / x_3, 0.0))
@@ -110,5 +110,5 @@ def with_free_rows(
 ) -> Indicators:
     """Indicators where phi is the paper's: v_H of (27) from phi_1 at state x (3,) and inputs u (2,), no sigma."""
     phi_1, _, _ = free_fault((float(x[0]), float(x[1]), float(x[2])), (float(u[0]), float(u[1])), network)
-    flow = c.a2_nozzle * root(float(x[2]), c.transition)
+    flow = c.line.a2_nozzle * root(float(x[2]), c.nozzle.transition)
     return replace(indicators, nozzle=Estimate(-phi_1 / flow if flow > 0.0 else 0.0))

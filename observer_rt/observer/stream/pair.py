@@ -4,12 +4,12 @@ import math
 
 from numba import njit
 
-from observer_rt.estimation.predictor import correct
-from observer_rt.model.coefficients import Coefficients, LineTerms, with_line_terms
+from observer_rt.estimation.predictor import correct, predict
+from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import advance_over
+from observer_rt.model.line.interface import line_from, rest_line
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import fault, injection_rate
-from observer_rt.model.sensor import lagged, recorded
 from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
 from observer_rt.observer.paper_scheme.systems import PaperSetting, balanced_rate, observe
 from observer_rt.observer.stream.front_end import known
@@ -29,11 +29,19 @@ def network_in_force(observer: Observer) -> Network:
 def coefficients_in_force(observer: Observer) -> Coefficients:
     """The model's coefficients with the line terms in the observer's memory."""
     memory = observer.memory[0]
-    c: Coefficients = with_line_terms(
-        observer.constants.coefficients,
-        LineTerms(memory.friction, memory.leakage, memory.stiffness, memory.air),
+    c = observer.constants.coefficients
+    return Coefficients(
+        line_from(memory.line, c.line),
+        c.seat,
+        c.nozzle,
+        c.sac,
+        c.pressure_scale,
+        c.flow_scale,
+        c.area_scale,
+        c.chamber_pressure,
+        c.density,
+        c.compression,
     )
-    return c
 
 
 @njit(cache=True, nogil=True)
@@ -48,13 +56,11 @@ def start_pair(observer: Observer, position: int) -> None:
     """x~ (and x^ with it) begins anew: p_L = y, Q_L = 0, empty sac."""
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
-    row.x_tilde[0] = row.line_pressure - memory.offset
-    row.x_tilde[1] = 0.0
+    pressure = row.line_pressure - memory.offset
+    rest_line(row.x_tilde, pressure, observer.constants.coefficients.line)
     row.x_tilde[2] = 0.0
-    row.indicated = row.x_tilde[0]
-    row.x_hat[0] = row.x_tilde[0]
-    row.x_hat[1] = 0.0
-    row.x_hat[2] = 0.0
+    row.indicated = pressure
+    row.x_hat[:] = row.x_tilde
     memory.since_start = 0
     memory.closed_since_start = 0
 
@@ -86,38 +92,41 @@ def step_pair(observer: Observer, position: int) -> bool:
     u_end = (row.rail_pressure, row.seat_area)
     knot = (before.lift_after, before.lift_area)
 
-    x = advance_over(
-        (before.x_tilde[0], before.x_tilde[1], before.x_tilde[2]),
+    row.x_tilde[:] = before.x_tilde
+    indicated, shown = predict(
+        row.x_tilde,
+        before.indicated,
         u_start,
         knot,
         u_end,
         constants.interval,
         constants.substeps,
+        constants.sensor.fraction,
+        memory.lag,
         c,
         network,
+        None,
     )
-    gain = min(memory.since_start, observer.gains.shape[0] - 1)
-    indicated = lagged(before.indicated, before.x_tilde[0], x[0], constants.interval, memory.lag)
     innovation = 0.0
     if _is_measured(observer, position):
         y = observer.ring[(position + constants.sensor.late) & _MASK].line_pressure
-        innovation = y - memory.offset - recorded(before.indicated, indicated, constants.sensor.fraction)
-    row.indicated = indicated + observer.gains[gain, 2] * innovation
-    x = correct(x, innovation, observer.gains[gain, 0], observer.gains[gain, 1])
+        innovation = y - memory.offset - shown
+    gain = observer.gains[min(memory.since_start, observer.gains.shape[0] - 1)]
+    row.indicated = correct(row.x_tilde, indicated, innovation, gain, None)
     memory.since_start += 1
     if row.resting:
-        x = (x[0], x[1], 0.0)
-    row.x_tilde[0], row.x_tilde[1], row.x_tilde[2] = x
-
-    if not row.resting:
-        x = (before.x_hat[0], before.x_hat[1], before.x_hat[2])
+        row.x_tilde[2] = 0.0
+        row.x_hat[:] = row.x_tilde
+    else:
+        row.x_hat[:] = before.x_hat
         if memory.has_free_rows:
             setting = PaperSetting(constants.interval, constants.substeps, c, network, memory.free_unit)
-            x = observe(x, u_start, u_end, setting, free_rows_in_force(observer))
+            observe(row.x_hat, u_start, u_end, setting, free_rows_in_force(observer))
         else:
-            x = advance_over(x, u_start, knot, u_end, constants.interval, constants.substeps, c, network)
-    row.x_hat[0], row.x_hat[1], row.x_hat[2] = x
-    return math.isfinite(x[0] + x[1] + x[2] + row.x_tilde[0] + row.x_tilde[1] + row.x_tilde[2])
+            advance_over(
+                row.x_hat, u_start, knot, u_end, constants.interval, constants.substeps, c, network, None
+            )
+    return math.isfinite(row.x_hat.sum() + row.x_tilde.sum())
 
 
 @njit(cache=True, nogil=True)
@@ -126,7 +135,7 @@ def read_out(observer: Observer, position: int) -> None:
     row = observer.ring[position & _MASK]
     c = coefficients_in_force(observer)
     network = network_in_force(observer)
-    x = (row.x_hat[0], row.x_hat[1], row.x_hat[2])
+    x = row.x_hat
     u = (row.rail_pressure, max(row.seat_area, 0.0))
     if observer.memory[0].has_free_rows:
         phi = (0.0, 0.0, 0.0) if row.resting else free_fault(x, u, free_rows_in_force(observer))

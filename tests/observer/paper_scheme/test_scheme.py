@@ -10,7 +10,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients
-from observer_rt.observer.paper_scheme.gain import check_gain, doubts_about_gain, line_mode
+from observer_rt.observer.paper_scheme.gain import check_gain, doubts_about_gain
 from observer_rt.observer.paper_scheme.network import (
     FaultCost,
     free_fault,
@@ -129,7 +129,7 @@ def test_gains_that_cannot_identify_are_refused(gain: float, problem: str) -> No
 
 
 def test_gains_between_line_mode_and_sample_rate_are_taken() -> None:
-    for gain in (1.01 * line_mode(C), 3e4, 1e5, 1 / (1 / 100e3)):
+    for gain in (1.01 * C.line.mode, 3e4, 1e5, 1 / (1 / 100e3)):
         check_gain("here", gain, C, 100e3)
 
 

@@ -51,7 +51,7 @@ def _observer(fitted: BenchInjector) -> list[Finding]:
     sensor, lookahead = constants.sensor, constants.timing.lookahead
     schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction)
     c = constants.coefficients
-    line_mode = math.sqrt(c.a1 * c.a3) / (2 * math.pi)
+    line_mode = c.line.mode / (2 * math.pi)
     opens, shuts = dead_band(noise.needle_lift)
     return [
         graded(

@@ -25,9 +25,10 @@ class NoiseLevels:
 
 @dataclass(frozen=True)
 class GainSchedule:
-    """Kalman gains of x~ on (p_L, Q_L, indicated pressure), from a start with x1 = y, x2 = 0 to the steady state.
+    """Kalman gains of x~, from a start with x1 = y, x2 = 0 to the steady state.
 
-    gains: (n, 3), normalised; row k is used k samples after the start, the last row from then on.
+    gains: (n, states), normalised, on [p_L, Q_L, indicated pressure, further states of the line]; row k is used k
+    samples after the start, the last row from then on.
     innovation_sigma: steady standard deviation of e~, in units of p_0.
     """
 
@@ -44,26 +45,24 @@ def gain_schedule(
     of a sample interval (0..1) the indicated pressure is recorded late.
     """
     interval = 1.0 / sample_rate
-    angle = math.sqrt(c.a1 * c.a3) * interval
-    impedance = math.sqrt(c.a1 / c.a3)
-    cosine, sine = math.cos(angle), math.sin(angle)
+    line, rail = c.line.transition(interval)
     by_self, by_start, by_end, _ = lagged_slopes(0.0, 0.0, 0.0, interval, lag)
-    transition = np.array(
-        [
-            [cosine, impedance * sine, 0.0],
-            [-sine / impedance, cosine, 0.0],
-            [by_start + by_end * cosine, by_end * impedance * sine, by_self],
-        ]
-    )
-    rail_effect = np.array([1.0 - cosine, sine / impedance, by_end * (1.0 - cosine)])
+    m = len(line)
+    transition = np.zeros((m + 1, m + 1))
+    transition[:m, :m] = line
+    transition[m, :m] = by_end * line[0]
+    transition[m, 0] += by_start
+    transition[m, m] = by_self
+    rail_effect = np.append(rail, by_end * rail[0])
     measurement = (noise.line_pressure / c.pressure_scale) ** 2
-    covariance = np.zeros((3, 3))
-    covariance[[0, 0, 2, 2], [0, 2, 0, 2]] = measurement
+    covariance = np.zeros((m + 1, m + 1))
+    covariance[[0, 0, m, m], [0, m, 0, m]] = measurement
     covariance[1, 1] = (START_FLOW_SIGMA / c.flow_scale) ** 2
     process = np.outer(rail_effect, rail_effect) * (noise.rail_pressure / c.pressure_scale) ** 2
-    gains = np.zeros((max(2, round(START_DURATION * sample_rate)), 3))
+    gains = np.zeros((max(2, round(START_DURATION * sample_rate)), m + 1))
     variance = _riccati(transition, process, measurement, late, covariance, gains)
-    return GainSchedule(gains, math.sqrt(variance))
+    columns = [0, 1, m, *range(2, m)]
+    return GainSchedule(np.ascontiguousarray(gains[:, columns]), math.sqrt(variance))
 
 
 @njit(cache=True, nogil=True)
@@ -77,17 +76,17 @@ def _riccati(
 ) -> float:
     """Fill `gains` from a start `covariance` on; returns the last innovation variance.
 
-    Measured is (1 - late) times the indicated pressure and `late` times the one before.
+    The last state is the indicated pressure. Measured is (1 - late) times it and `late` times the one before.
     """
     variance = measurement
     newer = 1.0 - late
     for k in range(gains.shape[0]):
         moved = transition @ covariance  # of the state with the one before
-        earlier = newer * moved[2, 2] + late * covariance[2, 2]
+        earlier = newer * moved[-1, -1] + late * covariance[-1, -1]
         covariance = moved @ transition.T + process
-        column = newer * covariance[:, 2] + late * moved[:, 2]
-        row = newer * covariance[2] + late * moved[:, 2]
-        variance = newer * column[2] + late * earlier + measurement
+        column = newer * covariance[:, -1] + late * moved[:, -1]
+        row = newer * covariance[-1] + late * moved[:, -1]
+        variance = newer * column[-1] + late * earlier + measurement
         gains[k] = column / variance
         covariance = covariance - np.outer(gains[k], row)
     return variance

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.open_loop import OpenLoop
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.model.laws import seat_area_slope
+from observer_rt.model.line.interface import line_slopes, no_slopes
+from observer_rt.model.seat import seat_area_slope
 from observer_rt.model.sensor import lagged_slopes
-
-_AREA, _VOLUME, _SIZE = 3, 4, 5  # after x: the area's error at the sample, the volume [m3] since the opening
 
 
 @dataclass(frozen=True)
@@ -29,12 +28,15 @@ def input_variance(window: Window, run: OpenLoop, setting: Setting, noise: Noise
     result = InputVariance(np.zeros(n), np.zeros(n))
     c = setting.coefficients
     line_pressure = noise.line_pressure / c.pressure_scale
+    pressure = setting.gain[0] * line_pressure**2
+    slopes = no_slopes(c.line)
+    line_slopes((0.0,) * c.states, 0.0, 0.0, 0.0, c.line, slopes)
     _propagate(
         window,
         run,
         setting,
-        setting.gain[0] * line_pressure**2,
-        noise.rail_pressure / c.pressure_scale,
+        (pressure, pressure / c.line.impedance**2),
+        slopes.by_rail * (setting.interval * noise.rail_pressure / c.pressure_scale),
         noise.needle_lift / c.area_scale,
         result.rate,
         result.volume,
@@ -47,52 +49,59 @@ def _propagate(
     window: Window,
     run: OpenLoop,
     setting: Setting,
-    start: float,
-    rail: float,
+    start: tuple[float, float],
+    rail: NDArray[np.float64],
     lift: float,
     rate: NDArray[np.float64],
     volume: NDArray[np.float64],
 ) -> None:
-    """Covariance of [x, A_S, volume] from sample to sample; start: variance of x~_1; rail, lift: sigmas.
+    """Covariance of [x, A_S, volume] from sample to sample.
+
+    start: variances of x~_1 and x~_2; rail: sigma of the rail pressure's noise in x (states,); lift: sigma.
 
     x~ at the opening errs as the steady Kalman filter says: K R, as much in Q_L as in p_L, for the line hardly damped
     turns one into the other. Rail noise, linear between samples, is white to Q_L. The area reaches p_S with the lag
     of the sac.
     """
     c, interval = setting.coefficients, setting.interval
-    covariance = np.zeros((_SIZE, _SIZE))
-    covariance[0, 0] = start
-    covariance[1, 1] = start * c.a3 / c.a1
-    to_line_flow = c.a3 * interval * rail
-    change = np.zeros((_SIZE, _SIZE))
-    by_rail, by_area, gradient = np.zeros(_SIZE), np.zeros(_SIZE), np.zeros(_SIZE)
-    by_area[_AREA] = 1.0
+    states = rail.shape[0]
+    area, end = (
+        states,
+        states + 1,
+    )  # after x: the area's error at the sample, the volume [m3] since the opening
+    covariance = np.zeros((states + 2, states + 2))
+    covariance[0, 0], covariance[1, 1] = start
+    change = np.zeros((states + 2, states + 2))
+    by_rail, by_area, gradient = np.zeros(states + 2), np.zeros(states + 2), np.zeros(states + 2)
+    by_rail[:states] = rail
+    by_area[area] = 1.0
     for k in range(max(window.opening, 1), rate.shape[0]):
         if not run.transition[k].any():  # drained: x^ was followed no further
-            volume[k:] = covariance[_VOLUME, _VOLUME]
+            volume[k:] = covariance[end, end]
             break
         relaxation = run.relaxation[k]
         by_start, by_end = 0.0, 0.0
         if relaxation > 0.0:
             _, by_start, by_end, _ = lagged_slopes(0.0, 0.0, 0.0, interval, 1.0 / relaxation)
         half = 0.5 * interval * run.gradient[k]
-        change[:3, :3] = run.transition[k]
-        change[2, _AREA] = run.by_area[k] * by_start
-        by_rail[1] = to_line_flow
+        change[:states, :states] = run.transition[k]
+        change[2, area] = run.by_area[k] * by_start
         by_area[2] = run.by_area[k] * by_end
-        change[_VOLUME, :_VOLUME] = 0.5 * interval * run.gradient[k - 1]
-        for i in range(3):
-            change[_VOLUME, :_VOLUME] += half[i] * change[i, :_VOLUME]
-        change[_VOLUME, _VOLUME] = 1.0
-        by_rail[_VOLUME] = half[1] * by_rail[1]
-        by_area[_VOLUME] = half[2] * by_area[2] + half[_AREA]
-        area = lift * seat_area_slope(window.inputs[k, 1] * c.area_scale, c.seat_diameter, c.half_cone_angle)
+        change[end, :end] = 0.5 * interval * run.gradient[k - 1]
+        for i in range(states):
+            change[end, :end] += half[i] * change[i, :end]
+        change[end, end] = 1.0
+        by_rail[end] = half[:states] @ rail
+        by_area[end] = half[2] * by_area[2] + half[area]
+        opened = lift * seat_area_slope(window.inputs[k, 1], c.seat)
         covariance = (
-            change @ covariance @ change.T + np.outer(by_rail, by_rail) + area**2 * np.outer(by_area, by_area)
+            change @ covariance @ change.T
+            + np.outer(by_rail, by_rail)
+            + opened**2 * np.outer(by_area, by_area)
         )
-        gradient[:_VOLUME] = run.gradient[k]
+        gradient[:end] = run.gradient[k]
         rate[k] = gradient @ covariance @ gradient
-        volume[k] = covariance[_VOLUME, _VOLUME]
+        volume[k] = covariance[end, end]
         if window.inputs[k, 1] > 0.0 and window.inputs[k - 1, 1] <= 0.0:
-            covariance[_VOLUME, :] = 0.0
-            covariance[:, _VOLUME] = 0.0
+            covariance[end, :] = 0.0
+            covariance[:, end] = 0.0

@@ -111,14 +111,13 @@ class EventCost:
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
-        innovations(self._window, self._setting, learned_of(theta), self.innovations)
+        learned = learned_of(theta, self._setting.coefficients)
+        innovations(self._window, self._setting, learned, self.innovations)
         return self._cost()
 
     def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
         """J round theta (m,); leaves the innovations and their slopes (n, m) behind."""
-        innovations_with_sensitivity(
-            self._window, self._setting, learned_of(theta), self.innovations, self.slopes
-        )
+        innovations_with_sensitivity(self._window, self._setting, theta, self.innovations, self.slopes)
         gradient = np.zeros(PARAMETERS)
         information = np.zeros((PARAMETERS, PARAMETERS))
         weigh(self.innovations, self.slopes, self.burn_in, self.sigma, gradient, information)

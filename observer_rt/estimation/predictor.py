@@ -1,29 +1,33 @@
 """The identification system x~: prediction by the model with phi, correction by the gain, its innovations."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import Learned
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter, advance_over_with_sensitivity
-from observer_rt.model.coefficients import Coefficients, with_line_terms
-from observer_rt.model.integrator import advance_over
-from observer_rt.model.right_hand_side import injection_rate
+from observer_rt.estimation.learned import Learned, by_theta, learned_of
+from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.integrator import advance_over, empty_sac
+from observer_rt.model.network import Network
+from observer_rt.model.right_hand_side import Tangent, injection_rate, tangent_of
 from observer_rt.model.sensor import LAG_UNIT, lagged, lagged_slopes, recorded
 
+NO_RATE = np.empty(0)
+NO_SLOPES = np.empty((0, 0))
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 _LAG = int(Parameter.SENSOR_LAG)
+_SAC = 2  # place of p_S in x
 
 
 class Window(NamedTuple):
     """Consecutive samples round one event, normalised by (24); n samples.
 
     inputs: (n, 2) u = [p_R, A_S]; output: (n,) y, moved by the whole samples it is recorded late; resting:
-    (n,) needle shut so long that p_S = p_C; start: (4,) x~ and the indicated pressure at the first sample; opening:
-    index of the first sample with an open needle; knots: (n, 2), where the area bends after each sample, as in
-    `integrator.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not.
+    (n,) needle shut so long that p_S = p_C; start: (states + 1,) x~ and the indicated pressure at the first sample;
+    opening: index of the first sample with an open needle; knots: (n, 2), where the area bends after each sample, as
+    in `integrator.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not.
     """
 
     inputs: NDArray[np.float64]
@@ -35,7 +39,7 @@ class Window(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What stays the same while parameters are sought: sample interval [s], substeps, model, gain (3,).
+    """What stays the same while parameters are sought: sample interval [s], substeps, model, gain (states,).
 
     late: by which share of an interval (0..1) the indicated pressure is recorded late; lag [s] and offset (in units
     of p_0): of the sensor of the model in force, what is learned comes on top.
@@ -58,12 +62,83 @@ def knot_before(window: Window, k: int) -> tuple[float, float]:
     return window.knots[k - 1, 0], window.knots[k - 1, 1]
 
 
+class Gradient(NamedTuple):
+    """What carries the filtered gradient d e~/d theta along; all (m,) but the state's tangent."""
+
+    tangent: Tangent
+    before: NDArray[np.float64]  # of p_L one sample before
+    indicated: NDArray[np.float64]
+    error: NDArray[np.float64]  # of the innovation
+
+
+def gradient_of(theta: NDArray[np.float64], c: Coefficients, learned: Learned) -> Gradient:
+    """A gradient of 0 for theta (m,) on the model `c`."""
+    m = theta.size
+    tangent = tangent_of(c, learned.network, by_theta(theta, c), m)
+    return Gradient(tangent, np.zeros(m), np.zeros(m), np.zeros(m))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def predict(
+    x: NDArray[np.float64],
+    indicated: float,
+    u_start: tuple[float, float],
+    knot: tuple[float, float],
+    u_end: tuple[float, float],
+    interval: float,
+    substeps: int,
+    late: float,
+    lag: float,
+    c: Coefficients,
+    network: Network,
+    gradient: Any,
+) -> tuple[float, float]:
+    """x (n,) one sample on, in place; what the sensor indicates then, and what is recorded of it.
+
+    gradient: `Gradient` to be moved with it, None for none.
+    """
+    before = x[0]
+    if gradient is None:
+        advance_over(x, u_start, knot, u_end, interval, substeps, c, network, None)
+    else:
+        gradient.before[:] = gradient.tangent.by[0]
+        advance_over(x, u_start, knot, u_end, interval, substeps, c, network, gradient.tangent)
+        _predict_gradient(gradient, lagged_slopes(indicated, before, x[0], interval, lag), late)
+    moved = lagged(indicated, before, x[0], interval, lag)
+    return moved, recorded(indicated, moved, late)
+
+
 @njit(cache=True, nogil=True)
+def _predict_gradient(gradient: Gradient, slopes: tuple[float, float, float, float], late: float) -> None:
+    """The gradient through the sensor, with its slopes as `lagged_slopes` has them."""
+    by_self, by_start, by_end, by_lag = slopes
+    pressure = gradient.tangent.by[0]
+    for j in range(gradient.error.shape[0]):
+        predicted = by_self * gradient.indicated[j] + by_start * gradient.before[j] + by_end * pressure[j]
+        if j == _LAG:
+            predicted += by_lag * LAG_UNIT
+        gradient.error[j] = -recorded(gradient.indicated[j], predicted, late)
+        gradient.indicated[j] = predicted
+    gradient.error[_OFFSET] -= 1.0
+
+
+@njit(cache=True, nogil=True, inline="always")
 def correct(
-    x: tuple[float, float, float], innovation: float, gain_pressure: float, gain_flow: float
-) -> tuple[float, float, float]:
-    """x~ after a measurement: x~ + K e~, the plus sign of an observer (the paper prints (5) with a minus)."""
-    return x[0] + gain_pressure * innovation, x[1] + gain_flow * innovation, x[2]
+    x: NDArray[np.float64], indicated: float, innovation: float, gain: NDArray[np.float64], gradient: Any
+) -> float:
+    """x~ (n,) after a measurement, in place, and the indicated pressure: x~ + K e~.
+
+    The plus sign is that of an observer (the paper prints (5) with a minus). p_S gets no gain; its place in `gain`
+    (n,) is the indicated pressure's.
+    """
+    for i in range(x.shape[0]):
+        if i != _SAC:
+            x[i] += gain[i] * innovation
+            if gradient is not None:
+                gradient.tangent.by[i] += gain[i] * gradient.error
+    if gradient is not None:
+        gradient.indicated[:] += gain[_SAC] * gradient.error
+    return float(indicated + gain[_SAC] * innovation)
 
 
 @njit(cache=True, nogil=True)
@@ -74,116 +149,83 @@ def follow(
     corrected: int,
     errors: NDArray[np.float64],
     rate: NDArray[np.float64],
-) -> tuple[float, float, float]:
-    """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state.
+    gradient: Any,
+    slopes: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
 
     errors: (n,) y - o - (indicated pressure), before the correction, errors[0] is 0; rate: of injection, before the
-    correction [m3/s], (n,), or (0,) if not wanted.
+    correction [m3/s], (n,), or (0,) if not wanted. With a `Gradient` of 0 (else None), slopes (n, m) becomes
+    d(errors)/dtheta.
     """
-    c = with_line_terms(setting.coefficients, learned.line)
+    c, network = learned.coefficients, learned.network
     lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
-    x = (window.start[0], window.start[1], window.start[2])
-    indicated = window.start[3]
-    inputs, output, resting, network = window.inputs, window.output, window.resting, learned.network
-    gain = (setting.gain[0], setting.gain[1], setting.gain[2])
+    inputs, output = window.inputs, window.output
+    x = window.start[:-1].copy()
+    indicated = window.start[-1]
     errors[:1] = 0.0
     rate[:1] = 0.0
+    slopes[:1] = 0.0
     for k in range(1, output.shape[0]):
-        u_start = (inputs[k - 1, 0], inputs[k - 1, 1])
         u_end = (inputs[k, 0], inputs[k, 1])
-        before = x[0]
-        x = advance_over(
-            x, u_start, knot_before(window, k), u_end, setting.interval, setting.substeps, c, network
+        indicated, shown = predict(
+            x,
+            indicated,
+            (inputs[k - 1, 0], inputs[k - 1, 1]),
+            knot_before(window, k),
+            u_end,
+            setting.interval,
+            setting.substeps,
+            setting.late,
+            lag,
+            c,
+            network,
+            gradient,
         )
         if rate.shape[0] > 0:
             rate[k] = injection_rate(x, (u_end[0], max(u_end[1], 0.0)), c, network)
-        indicated_before = indicated
-        indicated = lagged(indicated, before, x[0], setting.interval, lag)
-        error = output[k] - offset - recorded(indicated_before, indicated, setting.late)
-        errors[k] = error
+        errors[k] = output[k] - offset - shown
+        if gradient is not None:
+            slopes[k] = gradient.error
         if k < corrected:
-            x = correct(x, error, gain[0], gain[1])
-            indicated += gain[2] * error
-        if resting[k]:
-            x = (x[0], x[1], 0.0)
+            indicated = correct(x, indicated, errors[k], setting.gain, gradient)
+        if window.resting[k]:
+            empty_sac(x, None if gradient is None else gradient.tangent)
     return x
 
 
-@njit(cache=True, nogil=True)
 def innovations(window: Window, setting: Setting, learned: Learned, result: NDArray[np.float64]) -> None:
     """Innovations e~ = y - o - (indicated pressure of x~) of every sample into `result` (n,); result[0] is 0."""
-    follow(window, setting, learned, window.output.shape[0], result, np.empty(0))
+    follow(window, setting, learned, window.output.size, result, NO_RATE, None, NO_SLOPES)
 
 
-@njit(cache=True, nogil=True)
+def innovations_with_sensitivity(
+    window: Window,
+    setting: Setting,
+    theta: NDArray[np.float64],
+    result: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+) -> None:
+    """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, m): the filtered gradient."""
+    learned = learned_of(theta, setting.coefficients)
+    gradient = gradient_of(theta, setting.coefficients, learned)
+    follow(window, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)
+
+
 def open_loop_error(window: Window, setting: Setting, learned: Learned) -> float:
     """Sum of squared output errors of the observer re-simulated over a window, through the sensor's lag.
 
     x^ follows x~ up to the opening and runs open loop from there, as it does live.
     """
-    errors = np.empty(window.output.shape[0])
-    follow(window, setting, learned, window.opening, errors, np.empty(0))
-    total = 0.0
-    for error in errors[window.opening :]:
-        total += error * error
-    return total
+    errors = np.empty(window.output.size)
+    follow(window, setting, learned, window.opening, errors, NO_RATE, None, NO_SLOPES)
+    return float(sum_of_squares(errors[window.opening :]))
 
 
 @njit(cache=True, nogil=True)
-def innovations_with_sensitivity(
-    window: Window,
-    setting: Setting,
-    learned: Learned,
-    result: NDArray[np.float64],
-    slopes: NDArray[np.float64],
-) -> None:
-    """`innovations` and their derivatives de~/dtheta into `slopes` (n, PARAMETERS): the filtered gradient."""
-    c = with_line_terms(setting.coefficients, learned.line)
-    lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
-    x = (window.start[0], window.start[1], window.start[2])
-    indicated = window.start[3]
-    sensitivity = np.zeros((3, PARAMETERS))
-    before_slope = np.zeros(PARAMETERS)
-    indicated_slope = np.zeros(PARAMETERS)
-    work = np.zeros((6, 3, PARAMETERS))
-    result[0] = 0.0
-    slopes[0, :] = 0.0
-    for k in range(1, window.output.shape[0]):
-        u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
-        u_end = (window.inputs[k, 0], window.inputs[k, 1])
-        before = x[0]
-        before_slope[:] = sensitivity[0]
-        x = advance_over_with_sensitivity(
-            x,
-            u_start,
-            knot_before(window, k),
-            u_end,
-            setting.interval,
-            setting.substeps,
-            setting.coefficients,
-            c,
-            learned.network,
-            sensitivity,
-            work,
-        )
-        by_self, by_start, by_end, by_lag = lagged_slopes(indicated, before, x[0], setting.interval, lag)
-        indicated_before = indicated
-        indicated = lagged(indicated, before, x[0], setting.interval, lag)
-        innovation = window.output[k] - offset - recorded(indicated_before, indicated, setting.late)
-        result[k] = innovation
-        x = correct(x, innovation, setting.gain[0], setting.gain[1])
-        indicated += setting.gain[2] * innovation
-        for j in range(PARAMETERS):
-            predicted = by_self * indicated_slope[j] + by_start * before_slope[j] + by_end * sensitivity[0, j]
-            if j == _LAG:
-                predicted += by_lag * LAG_UNIT
-            slope = -recorded(indicated_slope[j], predicted, setting.late)
-            if j == _OFFSET:
-                slope -= 1.0
-            slopes[k, j] = slope
-            sensitivity[0, j] += setting.gain[0] * slope
-            sensitivity[1, j] += setting.gain[1] * slope
-            indicated_slope[j] = predicted + setting.gain[2] * slope
-        if window.resting[k]:
-            x = (x[0], x[1], 0.0)
-            sensitivity[2, :] = 0.0
+def sum_of_squares(errors: NDArray[np.float64]) -> float:
+    """In the order of the samples."""
+    total = 0.0
+    for error in errors:
+        total += error * error
+    return total

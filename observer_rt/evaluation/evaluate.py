@@ -152,7 +152,7 @@ class _Part:
         trace.injection_rate[place] = rows["injection_rate"]
         trace.valid[place] = rows["valid"]
         trace.state[place] = rows["state"]
-        trace.x[place[available]] = rows["x_hat"][available]
+        trace.x[place[available]] = rows["x_hat"][available, :3]
         trace.phi[place[available]] = rows["phi"][available]
 
     def note_report(self, report: InjectionReport) -> None:

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
-from observer_rt.model.coefficients import NO_DEPARTURES, Coefficients, Departures, coefficients
+from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.model.departures import NO_DEPARTURES, Departures
 from observer_rt.model.parameters import InjectorParameters
 
 

@@ -1,18 +1,27 @@
-"""Classical Runge-Kutta of fourth order, with inputs linear between samples.
+"""Classical Runge-Kutta of fourth order, once for every system; and the injector over a sample interval.
 
 What a step calls is inlined: passing coefficients and weights by value would cost more than the arithmetic.
 """
 
 import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
+import numpy as np
 from numba import njit
+from numba.extending import overload
+from numba.np.unsafe.ndarray import to_fixed_tuple
+from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.line.interface import line_fastest
 from observer_rt.model.network import Network
-from observer_rt.model.right_hand_side import is_at_rest, right_hand_side
+from observer_rt.model.right_hand_side import Tangent, is_at_rest, right_hand_side, tangent_rates
 
 EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
-LINE_STEP = 0.1  # radians of the line mode an RK4 step may span while nothing flows through the needle
+LINE_STEP = (
+    0.1  # radians of the line's fastest motion an RK4 step may span while nothing flows through the needle
+)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -26,54 +35,137 @@ def between(u_start: tuple[float, float], u_end: tuple[float, float], share: flo
     return u_start[0] + share * (u_end[0] - u_start[0]), max(area, 0.0)
 
 
-@njit(cache=True, nogil=True, inline="always")
-def along(
-    x: tuple[float, float, float], step: float, rate: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    """x + step * rate."""
-    return x[0] + step * rate[0], x[1] + step * rate[1], x[2] + step * rate[2]
+def _along(x: Any, step: float, rate: Any) -> Any:
+    """x + step * rate, of tuples."""
 
 
-@njit(cache=True, nogil=True, inline="always")
-def step_end(
-    x: tuple[float, float, float],
-    step: float,
-    k1: tuple[float, float, float],
-    k2: tuple[float, float, float],
-    k3: tuple[float, float, float],
-    k4: tuple[float, float, float],
-) -> tuple[float, float, float]:
-    """The state after an RK4 step, from its four stages."""
-    sixth = step / 6.0
-    return (
-        x[0] + sixth * (k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0]),
-        x[1] + sixth * (k1[1] + 2.0 * (k2[1] + k3[1]) + k4[1]),
-        x[2] + sixth * (k1[2] + 2.0 * (k2[2] + k3[2]) + k4[2]),
+@overload(_along, strict=False)
+def _along_compiled(x: Any, step: Any, rate: Any) -> Any:
+    if len(x) == 1:
+        return lambda x, step, rate: (x[0] + step * rate[0],)
+    return lambda x, step, rate: (x[0] + step * rate[0],) + _along(x[1:], step, rate[1:])  # noqa: RUF005
+
+
+def _weighted(k1: Any, k2: Any, k3: Any, k4: Any) -> Any:
+    """k1 + 2 k2 + 2 k3 + k4, of tuples."""
+
+
+@overload(_weighted, strict=False)
+def _weighted_compiled(k1: Any, k2: Any, k3: Any, k4: Any) -> Any:
+    if len(k1) == 1:
+        return lambda k1, k2, k3, k4: (k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0],)
+    return lambda k1, k2, k3, k4: (
+        (k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0],) + _weighted(k1[1:], k2[1:], k3[1:], k4[1:])  # noqa: RUF005
     )
 
 
 @njit(cache=True, nogil=True, inline="always")
 def runge_kutta_step(
-    x: tuple[float, float, float],
-    u_start: tuple[float, float],
-    u_mid: tuple[float, float],
-    u_end: tuple[float, float],
+    rates: Callable[..., Any],
+    x: Any,
+    u_start: Any,
+    u_mid: Any,
+    u_end: Any,
     step: float,
-    c: Coefficients,
-    network: Network,
-) -> tuple[float, float, float]:
-    """One RK4 step of length `step` [s]; fourth order for inputs sampled at its start, middle and end."""
-    k1 = right_hand_side(x, u_start, c, network)
-    k2 = right_hand_side(along(x, 0.5 * step, k1), u_mid, c, network)
-    k3 = right_hand_side(along(x, 0.5 * step, k2), u_mid, c, network)
-    k4 = right_hand_side(along(x, step, k3), u_end, c, network)
-    end: tuple[float, float, float] = step_end(x, step, k1, k2, k3, k4)
-    return end
+    system: Any,
+    tangent: Any,
+) -> Any:
+    """One RK4 step [s] of x' = rates(x, u, system, tangent, stage) with the inputs at its start, middle and end.
+
+    x: a tuple of any length. tangent: None, or the `Tangent` that moves with it: `rates` then leaves the derivatives
+    of x' in its `stages`, along those of x in `by` at the first stage and in `moved` at the others.
+    """
+    k1 = rates(x, u_start, system, tangent, 0)
+    if tangent is not None:
+        _move(tangent, 0.5 * step, 0)
+    k2 = rates(_along(x, 0.5 * step, k1), u_mid, system, tangent, 1)
+    if tangent is not None:
+        _move(tangent, 0.5 * step, 1)
+    k3 = rates(_along(x, 0.5 * step, k2), u_mid, system, tangent, 2)
+    if tangent is not None:
+        _move(tangent, step, 2)
+    k4 = rates(_along(x, step, k3), u_end, system, tangent, 3)
+    if tangent is not None:
+        _finish(tangent, step / 6.0)
+    return _along(x, step / 6.0, _weighted(k1, k2, k3, k4))
+
+
+@njit(cache=True, nogil=True)
+def _move(tangent: Tangent, step: float, stage: int) -> None:
+    """The derivatives as far as a stage's rates lead them."""
+    for row in range(tangent.by.shape[0]):
+        for j in range(tangent.by.shape[1]):
+            tangent.moved[row, j] = tangent.by[row, j] + step * tangent.stages[stage, row, j]
+
+
+@njit(cache=True, nogil=True)
+def _finish(tangent: Tangent, sixth: float) -> None:
+    """The derivatives after a step; the exact derivative of the RK4 step."""
+    k1, k2, k3, k4 = tangent.stages
+    for row in range(tangent.by.shape[0]):
+        for j in range(tangent.by.shape[1]):
+            tangent.by[row, j] += sixth * (k1[row, j] + 2.0 * (k2[row, j] + k3[row, j]) + k4[row, j])
 
 
 @njit(cache=True, nogil=True, inline="always")
-def steps_in(
-    x: tuple[float, float, float],
+def integrate(
+    rates: Callable[..., Any],
+    inputs_at: Callable[..., Any],
+    x: NDArray[np.float64],
+    u_start: Any,
+    u_end: Any,
+    interval: float,
+    steps: int,
+    system: Any,
+    tangent: Any,
+    line: Any,
+) -> None:
+    """`steps` RK4 steps over an interval [s], x (n,) in place; inputs_at: as `between`."""
+    state = _state(x, line)
+    for i in range(steps):
+        state = runge_kutta_step(
+            rates,
+            state,
+            inputs_at(u_start, u_end, i / steps),
+            inputs_at(u_start, u_end, (i + 0.5) / steps),
+            inputs_at(u_start, u_end, (i + 1.0) / steps),
+            interval / steps,
+            system,
+            tangent,
+        )
+    for i in range(len(state)):
+        x[i] = state[i]
+
+
+def _state(x: NDArray[np.float64], line: Any) -> Any:
+    """The array x (n,) as a tuple."""
+
+
+@overload(_state, inline="always", strict=False)
+def _state_compiled(x: Any, line: Any) -> Any:
+    states = 3 + line.instance_class.further
+    return lambda x, line: to_fixed_tuple(x, states)
+
+
+class System(NamedTuple):
+    """The injector as RK4 sees it."""
+
+    coefficients: Coefficients
+    network: Network
+
+
+@njit(cache=True, nogil=True, inline="always")
+def injector_rates(x: Any, u: tuple[float, float], system: System, tangent: Any, stage: int) -> Any:
+    """(25)-(26), with their derivatives where a tangent is carried."""
+    if tangent is None:
+        return right_hand_side(x, u, system.coefficients, system.network)
+    direction = tangent.by if stage == 0 else tangent.moved
+    return tangent_rates(x, u, system.coefficients, system.network, tangent, direction, tangent.stages[stage])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _steps_in(
+    x: Any,
     u_start: tuple[float, float],
     u_end: tuple[float, float],
     interval: float,
@@ -82,39 +174,83 @@ def steps_in(
 ) -> int:
     """RK4 steps an interval needs: `substeps` for the sac, far fewer while only the line moves."""
     if is_at_rest(x, u_start) and u_end[1] <= 0.0:
-        return min(substeps, math.ceil(interval * math.sqrt(c.a1 * c.a3) / LINE_STEP))
+        return min(substeps, math.ceil(interval * line_fastest(c.line) / LINE_STEP))
     return substeps
 
 
 @njit(cache=True, nogil=True)
-def advance(
-    x: tuple[float, float, float],
+def runge_kutta(
+    x: NDArray[np.float64],
     u_start: tuple[float, float],
     u_end: tuple[float, float],
     interval: float,
     substeps: int,
     c: Coefficients,
     network: Network,
-) -> tuple[float, float, float]:
-    """State one sample interval [s] later, inputs linear from u_start to u_end; at most `substeps` RK4 steps."""
-    steps = steps_in(x, u_start, u_end, interval, substeps, c)
-    for i in range(steps):
-        x = runge_kutta_step(
-            x,
-            between(u_start, u_end, i / steps),
-            between(u_start, u_end, (i + 0.5) / steps),
-            between(u_start, u_end, (i + 1.0) / steps),
-            interval / steps,
-            c,
-            network,
-        )
-    end: tuple[float, float, float] = emptied(x, u_start, u_end)
-    return end
+    tangent: Any,
+) -> None:
+    """`advance` of a line that is an ordinary differential equation."""
+    steps = _steps_in(x, u_start, u_end, interval, substeps, c)
+    integrate(
+        injector_rates, between, x, u_start, u_end, interval, steps, System(c, network), tangent, c.line
+    )
+
+
+def _line_step(
+    x: Any, u_start: Any, u_end: Any, interval: Any, substeps: Any, c: Any, network: Any, tangent: Any
+) -> None:
+    """The step of the line at hand: its own, or RK4."""
+
+
+@overload(_line_step, inline="always", strict=False)
+def _line_step_compiled(
+    x: Any, u_start: Any, u_end: Any, interval: Any, substeps: Any, c: Any, network: Any, tangent: Any
+) -> Any:
+    step = c.types[c.fields.index("line")].instance_class.step or runge_kutta
+    return lambda x, u_start, u_end, interval, substeps, c, network, tangent: step(
+        x, u_start, u_end, interval, substeps, c, network, tangent
+    )
+
+
+@njit(cache=True, nogil=True)
+def advance(
+    x: NDArray[np.float64],
+    u_start: tuple[float, float],
+    u_end: tuple[float, float],
+    interval: float,
+    substeps: int,
+    c: Coefficients,
+    network: Network,
+    tangent: Any,
+) -> None:
+    """State x (n,) one sample interval [s] later, in place; inputs linear, at most `substeps` steps.
+
+    tangent: the `Tangent` that moves with it, None for none.
+    """
+    _line_step(x, u_start, u_end, interval, substeps, c, network, tangent)
+    empty_if_drained(x, u_start, u_end, tangent)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def empty_if_drained(
+    x: NDArray[np.float64], u_start: tuple[float, float], u_end: tuple[float, float], tangent: Any
+) -> None:
+    """A sac that has drained behind a shut needle is at exactly chamber pressure."""
+    if u_start[1] <= 0.0 and u_end[1] <= 0.0 and math.fabs(x[2]) < EMPTY_SAC:
+        empty_sac(x, tangent)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def empty_sac(x: NDArray[np.float64], tangent: Any) -> None:
+    """p_S is at chamber pressure, whatever the parameters."""
+    x[2] = 0.0
+    if tangent is not None:
+        tangent.by[2, :] = 0.0
 
 
 @njit(cache=True, nogil=True)
 def advance_over(
-    x: tuple[float, float, float],
+    x: NDArray[np.float64],
     u_start: tuple[float, float],
     knot: tuple[float, float],
     u_end: tuple[float, float],
@@ -122,43 +258,18 @@ def advance_over(
     substeps: int,
     c: Coefficients,
     network: Network,
-) -> tuple[float, float, float]:
+    tangent: Any,
+) -> None:
     """`advance` where the area is linear only up to a knot within the interval, and from it on.
 
-    knot: the share (0..1) of the interval it comes after, and the normalised area there; a share of 0 is none.
+    knot: the share (0..1) of the interval it comes after, and the normalised area there; a share of 0 is none. It
+    means nothing where the needle is shut all through the interval.
     """
     share = knot[0]
-    if not is_bent(u_start, knot, u_end):
-        end: tuple[float, float, float] = advance(x, u_start, u_end, interval, substeps, c, network)
-        return end
-    u_knot = at_knot(u_start, knot, u_end)
-    x = advance(x, u_start, u_knot, share * interval, math.ceil(share * substeps), c, network)
+    if not (0.0 < share < 1.0 and (u_start[1] > 0.0 or knot[1] > 0.0 or u_end[1] > 0.0)):
+        advance(x, u_start, u_end, interval, substeps, c, network, tangent)
+        return
+    u_knot = (u_start[0] + share * (u_end[0] - u_start[0]), knot[1])
     rest = 1.0 - share
-    beyond: tuple[float, float, float] = advance(
-        x, u_knot, u_end, rest * interval, math.ceil(rest * substeps), c, network
-    )
-    return beyond
-
-
-@njit(cache=True, nogil=True, inline="always")
-def is_bent(u_start: tuple[float, float], knot: tuple[float, float], u_end: tuple[float, float]) -> bool:
-    """Whether a knot within an interval means anything: the needle is open somewhere in it."""
-    return 0.0 < knot[0] < 1.0 and (u_start[1] > 0.0 or knot[1] > 0.0 or u_end[1] > 0.0)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def at_knot(
-    u_start: tuple[float, float], knot: tuple[float, float], u_end: tuple[float, float]
-) -> tuple[float, float]:
-    """The inputs at a knot: its area, and the rail pressure, which is linear across it."""
-    return u_start[0] + knot[0] * (u_end[0] - u_start[0]), knot[1]
-
-
-@njit(cache=True, nogil=True, inline="always")
-def emptied(
-    x: tuple[float, float, float], u_start: tuple[float, float], u_end: tuple[float, float]
-) -> tuple[float, float, float]:
-    """The state with a sac that has drained behind a shut needle at exactly chamber pressure."""
-    if u_start[1] <= 0.0 and u_end[1] <= 0.0 and math.fabs(x[2]) < EMPTY_SAC:
-        return x[0], x[1], 0.0
-    return x
+    advance(x, u_start, u_knot, share * interval, math.ceil(share * substeps), c, network, tangent)
+    advance(x, u_knot, u_end, rest * interval, math.ceil(rest * substeps), c, network, tangent)

@@ -7,6 +7,9 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
+import observer_rt.model.line.lump  # noqa: F401 - the line every injector may have
+from observer_rt.model.line.interface import known_line
+
 FORMAT = 1  # of `injector.toml`; raised when an older program would misread a newer file
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -26,12 +29,6 @@ class LineOutflow(StrEnum):
     SEAT = "seat"
 
 
-class LineModel(StrEnum):
-    """How the feed line is modelled; one lump is (19)-(20)."""
-
-    LUMP = "lump"
-
-
 class Fluid(_Section):
     density_line: Positive  # rho_L, kg/m3
     density_nozzle: Positive  # rho_C, kg/m3
@@ -49,7 +46,7 @@ class Line(_Section):
     diameter: Positive  # m
     volume: Positive  # V_L, m3
     loss_factor: NonNegative  # xi, -
-    model: LineModel = LineModel.LUMP
+    model: Annotated[str, AfterValidator(known_line)] = "lump"  # a name of `model.line`
 
     @property
     def area(self) -> float:

@@ -1,64 +1,56 @@
-"""The state equations (25) with phi, for every sign of flow and a closed needle."""
+"""The state equations (25) with phi, composed from the elements, and their derivatives; any flow, any needle."""
 
-import math
+from typing import Any, NamedTuple
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.flows import line_stiffness, nozzle_law
-from observer_rt.model.laws import root
-from observer_rt.model.network import Network, back_pressure_at, flow_changes
+from observer_rt.model.line.interface import Slopes, line_rates, line_slopes, no_slopes
+from observer_rt.model.network import Network, activation, back_pressure_at, flow_changes
+from observer_rt.model.nozzle import nozzle_law, nozzle_law_slopes
+from observer_rt.model.sac import sac_rate
+from observer_rt.model.seat import seat_law, seat_law_slopes
 
 
 @njit(cache=True, nogil=True, inline="always")
-def model_flows(
-    x: tuple[float, float, float], u: tuple[float, float], c: Coefficients
-) -> tuple[float, float]:
+def model_flows(x: Any, u: tuple[float, float], c: Coefficients) -> tuple[float, float]:
     """Normalised flows of the model alone: q_H of (23) through the nozzle, q_S of (21) through the seat."""
-    return nozzle_law(x[2], u[1], 0.0, c), u[1] * root(x[0] - x[2], c.transition)
+    return nozzle_law(x[2], u[1], 0.0, c.nozzle), seat_law(x[0], x[2], u[1], c.seat)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def changed_flows(
-    x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
-) -> tuple[float, float]:
+def changed_flows(x: Any, u: tuple[float, float], c: Coefficients, network: Network) -> tuple[float, float]:
     """Normalised flows with phi: q_H through the nozzle, q_S through the seat."""
     nozzle_change, seat_change = flow_changes(x, u, network)
-    q_h = nozzle_law(x[2], u[1], back_pressure_at(u[1], network), c) * (1.0 + nozzle_change)
-    q_s = u[1] * root(x[0] - x[2], c.transition) * (1.0 + seat_change)
+    q_h = nozzle_law(x[2], u[1], back_pressure_at(u[1], network), c.nozzle) * (1.0 + nozzle_change)
+    q_s = seat_law(x[0], x[2], u[1], c.seat) * (1.0 + seat_change)
     return q_h, q_s
 
 
 @njit(cache=True, nogil=True, inline="always")
-def is_at_rest(x: tuple[float, float, float], u: tuple[float, float]) -> bool:
+def is_at_rest(x: Any, u: tuple[float, float]) -> bool:
     """Needle shut and sac at chamber pressure: no flow, so phi vanishes whatever the network says."""
     return u[1] <= 0.0 and x[2] == 0.0
 
 
 @njit(cache=True, nogil=True, inline="always")
-def right_hand_side(
-    x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
-) -> tuple[float, float, float]:
-    """x' = f(x, u) + phi(x, u) of (25)-(26) [1/s].
+def right_hand_side(x: Any, u: tuple[float, float], c: Coefficients, network: Network) -> Any:
+    """x' = f(x, u) + phi(x, u) of (25)-(26) [1/s], a tuple as x is.
 
-    x = [p_L, Q_L, p_S], u = [p_R, A_S], normalised by (24). phi = G(x, u) N with G the nozzle and seat flows:
-    the network changes q_H and q_S by the factors 1 + N_H and 1 + N_S.
+    x = [p_L, Q_L, p_S, further states of the line], u = [p_R, A_S], normalised by (24). phi = G(x, u) N with G the
+    nozzle and seat flows: the network changes q_H and q_S by the factors 1 + N_H and 1 + N_S.
     """
-    line_flow_rate = c.a3 * (u[0] - x[0]) - c.a4 * x[1] * math.fabs(x[1])
-    if is_at_rest(x, u):
-        return line_stiffness(x[0], c) * (c.a1 * x[1] - c.leak * x[0]), line_flow_rate, 0.0
-    q_h, q_s = changed_flows(x, u, c, network)
-    return (
-        line_stiffness(x[0], c) * (c.a1 * x[1] - c.a2_nozzle * q_h - c.a2_seat * q_s - c.leak * x[0]),
-        line_flow_rate,
-        c.a5 * q_s - c.a6 * q_h,
-    )
+    q_h, q_s = 0.0, 0.0
+    if not is_at_rest(x, u):
+        q_h, q_s = changed_flows(x, u, c, network)
+    line = line_rates(x, u[0], q_h, q_s, c.line)
+    return (line[0], line[1], sac_rate(q_h, q_s, c.sac)) + line[2:]  # noqa: RUF005 - compiled code cannot unpack
 
 
 @njit(cache=True, nogil=True)
-def fault(
-    x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
-) -> tuple[float, float, float]:
+def fault(x: Any, u: tuple[float, float], c: Coefficients, network: Network) -> tuple[float, float, float]:
     """phi(x, u) = G(x, u) N of (2), (27), its three rows [1/s]."""
     if is_at_rest(x, u):
         return 0.0, 0.0, 0.0
@@ -66,13 +58,11 @@ def fault(
     q_h, q_s = changed_flows(x, u, c, network)
     d_q_h = q_h - nozzle_flow
     d_q_s = q_s - seat_flow
-    return -c.a2_nozzle * d_q_h - c.a2_seat * d_q_s, 0.0, c.a5 * d_q_s - c.a6 * d_q_h
+    return -c.line.a2_nozzle * d_q_h - c.line.a2_seat * d_q_s, 0.0, sac_rate(d_q_h, d_q_s, c.sac)
 
 
 @njit(cache=True, nogil=True)
-def injection_rate(
-    x: tuple[float, float, float], u: tuple[float, float], c: Coefficients, network: Network
-) -> float:
+def injection_rate(x: Any, u: tuple[float, float], c: Coefficients, network: Network) -> float:
     """Injection rate Q_H^ [m3/s]: the model's nozzle flow plus what phi says of it.
 
     Nozzle form: Q_H,model - (V_L p0/K_L) phi_1; seat form: Q_H,model - (V_S p0/K_C) phi_3 - (V_L p0/K_L) phi_1.
@@ -81,4 +71,160 @@ def injection_rate(
     if is_at_rest(x, u):
         return 0.0
     nozzle_flow, _ = changed_flows(x, u, c, network)
-    return float(c.nozzle_flow * nozzle_flow)
+    return float(c.nozzle.flow * nozzle_flow)
+
+
+class FlowSlopes(NamedTuple):
+    """Flows with phi and their derivatives with respect to x_1..x_3, u_2, and what the network adds."""
+
+    q_h: float
+    q_s: float
+    h_x: tuple[float, float, float]
+    s_x: tuple[float, float, float]
+    h_area: float
+    s_area: float
+    h_change: float  # by N_H: the flow without it
+    s_change: float  # by N_S
+    h_back_pressure: float
+
+
+@njit(cache=True, nogil=True)
+def flow_slopes(
+    x: Any, u: tuple[float, float], c: Coefficients, network: Network, sigmas: NDArray[np.float64]
+) -> FlowSlopes:
+    """`changed_flows` with their derivatives; sigmas (q,) becomes the activations of the hidden neurons."""
+    back_pressure = back_pressure_at(u[1], network)
+    nozzle_flow = nozzle_law(x[2], u[1], back_pressure, c.nozzle)
+    seat_flow = seat_law(x[0], x[2], u[1], c.seat)
+    nozzle_change = network.bias[0]
+    seat_change = network.bias[1]
+    h_1, h_2, h_3, h_area, s_1, s_2, s_3, s_area = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for neuron in range(network.hidden.shape[0]):
+        sigma = activation(x, u, network.hidden, neuron)
+        sigmas[neuron] = sigma
+        nozzle_change += network.output[0, neuron] * sigma
+        seat_change += network.output[1, neuron] * sigma
+        bend = 1.0 - sigma * sigma
+        to_nozzle = nozzle_flow * network.output[0, neuron] * bend
+        to_seat = seat_flow * network.output[1, neuron] * bend
+        h_1 += to_nozzle * network.hidden[neuron, 0]
+        h_2 += to_nozzle * network.hidden[neuron, 1]
+        h_3 += to_nozzle * network.hidden[neuron, 2]
+        h_area += to_nozzle * network.hidden[neuron, 4]
+        s_1 += to_seat * network.hidden[neuron, 0]
+        s_2 += to_seat * network.hidden[neuron, 1]
+        s_3 += to_seat * network.hidden[neuron, 2]
+        s_area += to_seat * network.hidden[neuron, 4]
+    by_sac, by_chamber = nozzle_law_slopes(x[2], u[1], back_pressure, c.nozzle)
+    by_chamber *= 1.0 + nozzle_change
+    by_difference, by_area = seat_law_slopes(x[0], x[2], u[1], c.seat)
+    by_difference *= 1.0 + seat_change
+    return FlowSlopes(
+        nozzle_flow * (1.0 + nozzle_change),
+        seat_flow * (1.0 + seat_change),
+        (h_1, h_2, h_3 + by_sac * (1.0 + nozzle_change)),
+        (s_1 + by_difference, s_2, s_3 - by_difference),
+        h_area + by_chamber * network.back_pressure[1],
+        s_area + by_area * (1.0 + seat_change),
+        nozzle_flow,
+        seat_flow,
+        by_chamber,
+    )
+
+
+class ByTheta(NamedTuple):
+    """How a parameter vector theta acts: the columns of the network's parameters, the slopes of the line's.
+
+    line_slopes: d(coefficient)/d(theta) of every pair (line_coefficients, line_columns) that is not 0, all (k,).
+    """
+
+    nozzle_bias: int
+    nozzle_weight: int
+    seat_bias: int
+    back_pressure: int
+    line_columns: NDArray[np.int64]
+    line_coefficients: NDArray[np.int64]
+    line_slopes: NDArray[np.float64]
+
+
+class Tangent(NamedTuple):
+    """Derivatives carried with a state: `by` (n, m), of n states by m numbers, theta first; the rest is scratch.
+
+    Columns beyond those of theta are those of a change of the state: dx/dx(start), if the unit matrix at the start.
+    """
+
+    by: NDArray[np.float64]
+    moved: NDArray[np.float64]  # (n, m)
+    stages: NDArray[np.float64]  # (4, n, m)
+    slopes: Slopes
+    sigmas: NDArray[np.float64]  # (q,)
+    theta: ByTheta
+
+
+def tangent_of(c: Coefficients, network: Network, theta: ByTheta, columns: int) -> Tangent:
+    """A tangent of 0."""
+    n = c.states
+    return Tangent(
+        np.zeros((n, columns)),
+        np.zeros((n, columns)),
+        np.zeros((4, n, columns)),
+        no_slopes(c.line),
+        np.zeros(network.hidden.shape[0]),
+        theta,
+    )
+
+
+@njit(cache=True, nogil=True)
+def tangent_rates(
+    x: Any,
+    u: tuple[float, float],
+    c: Coefficients,
+    network: Network,
+    tangent: Tangent,
+    direction: NDArray[np.float64],
+    rate: NDArray[np.float64],
+) -> Any:
+    """x' = f + phi and, into `rate` (n, m), d(x')/dtheta [1/s] where dx/dtheta is `direction` (n, m)."""
+    slopes, theta = tangent.slopes, tangent.theta
+    slopes.by_state[:] = 0.0
+    q_h, q_s = 0.0, 0.0
+    if is_at_rest(x, u):
+        line_slopes(x, u[0], q_h, q_s, c.line, slopes)
+        _move_along(slopes.by_state, direction, rate)
+    else:
+        flows = flow_slopes(x, u, c, network, tangent.sigmas)
+        q_h, q_s = flows.q_h, flows.q_s
+        line_slopes(x, u[0], q_h, q_s, c.line, slopes)
+        slopes.by_flow[2, 0], slopes.by_flow[2, 1] = -c.sac.a6, c.sac.a5
+        for row in range(rate.shape[0]):
+            by_h, by_s = slopes.by_flow[row, 0], slopes.by_flow[row, 1]
+            for i in range(3):
+                slopes.by_state[row, i] += by_h * flows.h_x[i] + by_s * flows.s_x[i]
+        _move_along(slopes.by_state, direction, rate)
+        for row in range(rate.shape[0]):
+            by_h, by_s = slopes.by_flow[row, 0], slopes.by_flow[row, 1]
+            rate[row, theta.nozzle_bias] += by_h * flows.h_change
+            for neuron in range(tangent.sigmas.shape[0]):
+                rate[row, theta.nozzle_weight + neuron] += by_h * flows.h_change * tangent.sigmas[neuron]
+            rate[row, theta.seat_bias] += by_s * flows.s_change
+            rate[row, theta.back_pressure] += by_h * flows.h_back_pressure
+            rate[row, theta.back_pressure + 1] += by_h * flows.h_back_pressure * u[1]
+    for k in range(theta.line_slopes.shape[0]):
+        for row in range(rate.shape[0]):
+            by_coefficient = slopes.by_coefficient[row, theta.line_coefficients[k]]
+            rate[row, theta.line_columns[k]] += by_coefficient * theta.line_slopes[k]
+    line = line_rates(x, u[0], q_h, q_s, c.line)
+    return (line[0], line[1], sac_rate(q_h, q_s, c.sac)) + line[2:]  # noqa: RUF005
+
+
+@njit(cache=True, nogil=True)
+def _move_along(
+    by_state: NDArray[np.float64], direction: NDArray[np.float64], rate: NDArray[np.float64]
+) -> None:
+    """rate = by_state @ direction, for matrices of a few rows."""
+    for row in range(rate.shape[0]):
+        for j in range(rate.shape[1]):
+            rate[row, j] = by_state[row, 0] * direction[0, j]
+        for i in range(1, rate.shape[0]):
+            for j in range(rate.shape[1]):
+                rate[row, j] += by_state[row, i] * direction[i, j]

@@ -2,28 +2,25 @@
 
 import math
 
-from observer_rt.model.coefficients import (
-    NO_DEPARTURES,
-    Coefficients,
-    Departures,
-    coefficients,
-    full_lift_area,
-)
+from observer_rt.model.coefficients import coefficients
+from observer_rt.model.departures import NO_DEPARTURES, Departures
+from observer_rt.model.line.interface import line_fastest
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.seat import full_lift_area
 
 RK4_LIMIT = 2.6  # step * fastest rate; RK4 is stable to 2.78 on the negative real axis
 MAX_SUBSTEPS = 64  # beyond this a sample costs more than it is worth: the sample rate is too low
 
 
 def fastest_rate(parameters: InjectorParameters, departures: Departures = NO_DEPARTURES) -> float:
-    """Upper bound of the sac's relaxation rate [1/s] in a model, at full lift and any pressure.
+    """Upper bound of the fastest rate [1/s] in a model, at full lift and any pressure.
 
     The orifice laws are steepest, 1/sqrt(t), at zero pressure difference; seat and nozzle act in parallel.
     """
-    c: Coefficients = coefficients(parameters, departures)
-    area = full_lift_area(parameters) / c.area_scale * (1.0 + max(-c.seat_loss, 0.0))
-    seat = (c.a5 + c.a2_seat) * area  # a seat that drains the line is faster
-    return max((seat + c.a6) / math.sqrt(c.transition), math.sqrt(c.a1 * c.a3))
+    c = coefficients(parameters, departures)
+    area = full_lift_area(parameters) / c.area_scale * (1.0 + max(-c.seat.loss, 0.0))
+    seat = (c.sac.a5 + c.line.a2_seat) * area  # a seat that drains the line is faster
+    return float(max((seat + c.sac.a6) / math.sqrt(c.seat.transition), line_fastest(c.line)))
 
 
 def substeps_needed(

@@ -21,14 +21,14 @@ from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
     INJECTIONS,
-    OBSERVER,
     PENDING_EVENTS,
     RING,
-    SAMPLE,
     Constants,
     Observer,
     Reason,
     Timing,
+    observer_dtype,
+    sample_dtype,
 )
 
 SETTLE = 3 * MILLISECOND
@@ -84,8 +84,8 @@ def make_observer(constants: Constants, knowledge: Knowledge, learner: EventLear
     """An observer with empty memory that carries `knowledge`."""
     observer = Observer(
         constants,
-        np.zeros(1, OBSERVER),
-        np.zeros(RING, SAMPLE),
+        np.zeros(1, observer_dtype(len(constants.coefficients.line._fields))),
+        np.zeros(RING, sample_dtype(constants.coefficients.states)),
         learner.schedule.gains.copy(),
         learner.phi,
     )
@@ -183,7 +183,7 @@ def judge(observer: Observer, outcome: Outcome | None) -> None:
 
 def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: float) -> None:
     memory = observer.memory[0]
-    learned = learned_of(theta)
+    learned = learned_of(theta, observer.constants.coefficients)
     memory["theta"] = theta
     memory["output"] = learned.network.output
     memory["bias"] = learned.network.bias
@@ -191,5 +191,5 @@ def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: fl
     sensor = observer.constants.sensor
     memory["offset"] = sensor.offset + learned.offset
     memory["lag"] = sensor.lag + learned.lag
-    memory["friction"], memory["leakage"], memory["stiffness"], memory["air"] = learned.line
+    memory["line"] = learned.coefficients.line
     memory["lift_on"], memory["lift_off"] = dead_band(lift_noise)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.units import MICROMETRE
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.flows import normalised_area
 from observer_rt.model.network import constant_network
 from observer_rt.model.right_hand_side import fault
+from observer_rt.model.seat import normalised_area
 from observer_rt.observer.observer import LEARNING_LEAD, SETTLE, WINDOW_LEAD, WINDOW_TAIL, Durations
 from observer_rt.simulation.plant import Truth
 
@@ -56,7 +56,7 @@ def true_states(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
 
 def inputs(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
     """u of (24) (n, 2)."""
-    area = [normalised_area(lift, c) for lift in truth.needle_lift]
+    area = [normalised_area(lift, c.seat) for lift in truth.needle_lift]
     return np.column_stack([(truth.rail_pressure - c.chamber_pressure) / c.pressure_scale, np.array(area)])
 
 

@@ -1,6 +1,5 @@
 """`report.md`: what was reproduced, where and why our figures differ from the paper's."""
 
-from observer_rt.observer.paper_scheme.gain import line_mode
 from observer_rt.observer.paper_scheme.training import BETA, EPOCHS, GAMMA
 from observer_rt.paper.comparison import Estimator, Study
 from observer_rt.paper.study import NOZZLE_WEAR, TRAININGS
@@ -89,8 +88,8 @@ def report(study: Study) -> str:
     worse = [f"{case.nozzle_wear:+g}" for case in worn if case.mse_ratio(Estimator.PAPER_TRAINED_ON) < 1.0]
     return _TEMPLATE.format(
         rate=study.sample_rate / 1e3,
-        coefficients=", ".join(f"{a:.4g}" for a in (c.a1, c.a2_nozzle, c.a3, c.a4, c.a5, c.a6)),
-        ratio=c.a6 / c.a2_nozzle,
+        coefficients=", ".join(f"{a:.4g}" for a in (*c.line[:2], *c.line[3:5], *c.sac)),
+        ratio=c.sac.a6 / c.line.a2_nozzle,
         table=markdown(study),
         trainings=TRAININGS,
         paper_low=min(ratios(Estimator.PAPER)),
@@ -103,7 +102,7 @@ def report(study: Study) -> str:
         often_high=max(ratios(Estimator.PAPER_TRAINED_ON)),
         often_worst=worst_mass(Estimator.PAPER_TRAINED_ON),
         divergence=f"worse than no observer at v_H = {', '.join(worse)}" if worse else "not diverge",
-        mode=line_mode(c),
+        mode=c.line.mode,
         gains="".join(
             f"| {case.gain:g} | {case.mse_ratio:.2f} | {100 * case.mass_error:+.1f} |\n"
             for case in study.gains

@@ -9,7 +9,7 @@ from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.laws import root
+from observer_rt.model.orifice import root
 from observer_rt.observer.learning.knowledge import Adoption, no_knowledge
 from observer_rt.observer.paper_scheme.gain import check_gain
 from observer_rt.observer.paper_scheme.learner import PaperLearner
@@ -97,7 +97,7 @@ def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> We
             Estimator.OURS: _ours(bench, single, single, injection),
             Estimator.OURS_TRAINED_ON: _ours(bench, several, single, injection),
         },
-        law_rate=np.array([c.nozzle_flow * root(value, c.transition) for value in paper.x_3]),
+        law_rate=np.array([c.nozzle.flow * root(value, c.nozzle.transition) for value in paper.x_3]),
         rejected=rejected,
     )
 

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import EffectiveModel, SensorTerms
-from observer_rt.model.flows import normalised_area
-from observer_rt.model.integrator import runge_kutta_step
+from observer_rt.model.integrator import System, injector_rates, runge_kutta_step
+from observer_rt.model.line.interface import rest_line
 from observer_rt.model.network import Network, constant_network
 from observer_rt.model.right_hand_side import injection_rate
+from observer_rt.model.seat import normalised_area
 from observer_rt.model.sensor import lagged
 from observer_rt.model.stability import fastest_rate
 from observer_rt.simulation.needle import CORNER_ROUNDING, Stroke, lift_of_stroke
@@ -68,11 +69,13 @@ def run_plant(
     steps = math.ceil(period / longest_step)
     rail = (rail_pressure - c.chamber_pressure) / c.pressure_scale
     table = np.array(strokes, dtype=np.float64).reshape(len(strokes), len(Stroke._fields))
-    states = np.empty((time.size, 3))
+    states = np.empty((time.size, c.states))
+    start = np.zeros(c.states)
+    rest_line(start, float(rail[0]), c.line)
     lift = np.empty(time.size)
     rate = np.empty(time.size)
     recorded = np.empty(time.size)
-    x, number, indicated, due = (float(rail[0]), 0.0, 0.0), 0, float(rail[0]), 0
+    x, number, indicated, due = tuple(start.tolist()), 0, float(rail[0]), 0
     for first in range(0, time.size, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, time.size)
         x, number, indicated, due = _run(
@@ -110,7 +113,7 @@ def run_plant(
 
 @njit(cache=True, nogil=True)
 def _inputs(rail: float, lift: float, c: Coefficients) -> tuple[float, float]:
-    return rail, normalised_area(lift, c)
+    return rail, normalised_area(lift, c.seat)
 
 
 @njit(cache=True, nogil=True)
@@ -124,7 +127,7 @@ def _stroke(strokes: NDArray[np.float64], number: int) -> Stroke:
 
 @njit(cache=True, nogil=True)
 def _run(
-    x: tuple[float, float, float],
+    x: tuple[float, ...],
     number: int,
     indicated: float,
     due: int,
@@ -141,7 +144,7 @@ def _run(
     lift: NDArray[np.float64],
     rate: NDArray[np.float64],
     recorded: NDArray[np.float64],
-) -> tuple[tuple[float, float, float], int, float, int]:
+) -> tuple[tuple[float, ...], int, float, int]:
     """Record samples first..last-1 and step on to `last`; `number` is the stroke under way or next.
 
     `indicated` is what the sensor shows, `due` the first sample of the line pressure not recorded yet.
@@ -151,7 +154,7 @@ def _run(
         lift[n] = lift_of_stroke(time[n], s)
         u = _inputs(rail[n], lift[n], c)
         if u[1] == 0.0 and math.fabs(x[2]) < EMPTY_SAC:
-            x = (x[0], x[1], 0.0)  # at rest, not decaying towards denormal numbers
+            x = (x[0], x[1], 0.0) + x[3:]  # noqa: RUF005 - at rest, not decaying towards denormal numbers
         states[n] = x
         rate[n] = injection_rate(x, u, c, network)
         if n + 1 == time.size:
@@ -168,7 +171,7 @@ def _run(
             u_middle = _inputs(rail_middle, lift_of_stroke(start + 0.5 * step, s), c)
             u_end = _inputs(rail_end, lift_of_stroke(start + step, s), c)
             before, shown = x[0], indicated
-            x = runge_kutta_step(x, u, u_middle, u_end, step, c, network)
+            x = runge_kutta_step(injector_rates, x, u, u_middle, u_end, step, System(c, network), None)
             indicated = lagged(shown, before, x[0], step, sensor.lag)
             end = time[n] + (i + 1) * step if i + 1 < steps else time[n + 1]
             while due < time.size and time[due] - sensor.delay < end:

@@ -19,7 +19,7 @@ from observer_rt.config.bench import (
 )
 from observer_rt.config.signals import Role, SignalConfig
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.parameters import InjectorParameters, LineModel, LineOutflow
+from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
 SIGNALS = "".join(
     f'[signals.{role}]\nmessage = "SampleBlock"\npattern = "{name}_{{:02d}}"\n'
@@ -100,7 +100,7 @@ def test_example_bench_shows_every_key_with_its_default(tmp_path: Path) -> None:
 def test_example_injector_is_the_nominal_one() -> None:
     injector = load_injector(NOMINAL_INJECTOR)
     assert injector.line_outflow is LineOutflow.NOZZLE
-    assert injector.line.model is LineModel.LUMP
+    assert injector.line.model == "lump"
     assert injector.nozzle.sac_volume == 75e-9
     assert injector.chamber.pressure == 5e6
 

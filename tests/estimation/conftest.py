@@ -12,7 +12,7 @@ from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.model.coefficients import Coefficients, coefficients, with_line_terms
+from observer_rt.model.coefficients import Coefficients, coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.integrator import advance
 from observer_rt.model.network import HIDDEN
@@ -35,8 +35,8 @@ class Case:
 
     def tuned_to(self, theta: NDArray[np.float64]) -> "Case":
         """The same model with the gain for the line and the sensor of theta."""
-        learned = learned_of(theta)
-        schedule = gain_schedule(with_line_terms(self.c, learned.line), NOISE, SAMPLE_RATE, learned.lag)
+        learned = learned_of(theta, self.c)
+        schedule = gain_schedule(learned.coefficients, NOISE, SAMPLE_RATE, learned.lag)
         return Case(self.c, schedule, self.setting._replace(gain=schedule.gains[-1].copy()))
 
 
@@ -111,14 +111,14 @@ def simulated_event(
     case: Case, theta: NDArray[np.float64], inputs: NDArray[np.float64], seed: int | None = None
 ) -> Window:
     """What is measured of an injector that is exactly `theta`; `seed` adds the noise of NOISE."""
-    learned = learned_of(theta)
-    c, setting = with_line_terms(case.c, learned.line), case.setting
+    learned = learned_of(theta, case.c)
+    c, setting = learned.coefficients, case.setting
     x = settled_line(c, float(inputs[0, 0]))
     start = np.array([*x, x[0]])
     indicated = [x[0]]
     for u_start, u_end in pairwise((float(rail), float(area)) for rail, area in inputs):
         before = x[0]
-        x = advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network)
+        advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network, None)
         lag = setting.lag + learned.lag
         indicated.append(lagged(indicated[-1], before, x[0], setting.interval, lag))
     shown = np.array(indicated)
@@ -135,16 +135,16 @@ def simulated_event(
     return Window(measured, output, resting, start, opening)
 
 
-def settled_line(c: Coefficients, rail: float) -> tuple[float, float, float]:
+def settled_line(c: Coefficients, rail: float) -> NDArray[np.float64]:
     """The state behind a shut needle that has rested for long: what leaks flows in, against the friction."""
     pressure = rail
     for _ in range(50):
-        pressure = rail - c.a4 / c.a3 * (c.leak / c.a1 * pressure) ** 2
-    return pressure, c.leak / c.a1 * pressure, 0.0
+        pressure = rail - c.line.a4 / c.line.a3 * (c.line.leak / c.line.a1 * pressure) ** 2
+    return np.array([pressure, c.line.leak / c.line.a1 * pressure, 0.0])
 
 
 def innovations_at(case: Case, window: Window, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Innovations (n,) of a window for theta."""
     result = np.empty(window.output.size)
-    innovations(window, case.setting, learned_of(theta), result)
+    innovations(window, case.setting, learned_of(theta, case.c), result)
     return result

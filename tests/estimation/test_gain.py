@@ -34,7 +34,7 @@ def steady_kalman(
     of it, a share `late` of a sample late.
     """
     interval = 1.0 / sample_rate
-    line = expm(np.array([[0.0, c.a1, 0.0], [-c.a3, 0.0, c.a3], [0.0, 0.0, 0.0]]) * interval)
+    line = expm(np.array([[0.0, c.line.a1, 0.0], [-c.line.a3, 0.0, c.line.a3], [0.0, 0.0, 0.0]]) * interval)
     slowness = max(lag, 1e-3 * interval)
     ramp = expm(np.array([[-1.0, 1.0, 0.0], [0.0, 0.0, slowness], [0.0, 0.0, 0.0]]) * interval / slowness)[0]
     by_start, by_end = ramp[1] - ramp[2] / interval, ramp[2] / interval
@@ -104,9 +104,9 @@ def test_start_in_a_ringing_line_is_good_after_a_millisecond(nominal: Case) -> N
     """From p_L = y and Q_L = 0 in a line that swings by 10 mm3/ms: then within five steady sigmas of x~."""
     c, setting = nominal.c, nominal.setting
     time = np.arange(300) / SAMPLE_RATE
-    angle = math.sqrt(c.a1 * c.a3) * time
+    angle = c.line.mode * time
     flow = 1e-5 / c.flow_scale
-    line = 0.95 + flow * math.sqrt(c.a1 / c.a3) * np.sin(angle)
+    line = 0.95 + flow * c.line.impedance * np.sin(angle)
     random = np.random.default_rng(5)
     output = line + random.normal(0.0, NOISE.line_pressure / c.pressure_scale, line.size)
     x = np.array([output[0], 0.0, 0.0])
@@ -128,9 +128,9 @@ def test_start_in_a_ringing_line_is_good_after_a_millisecond(nominal: Case) -> N
 
 def _free_line(c: Coefficients, x: NDArray[np.float64]) -> NDArray[np.float64]:
     """A shut line one sample later, its friction by one Euler step."""
-    rates = np.array([[0.0, c.a1], [-c.a3, 0.0]]) / SAMPLE_RATE
+    rates = np.array([[0.0, c.line.a1], [-c.line.a3, 0.0]]) / SAMPLE_RATE
     moved = expm(rates) @ np.array([x[0] - 0.95, x[1]])
-    friction = c.a4 * x[1] * abs(x[1]) / SAMPLE_RATE
+    friction = c.line.a4 * x[1] * abs(x[1]) / SAMPLE_RATE
     return np.array([moved[0] + 0.95, moved[1] - friction, 0.0])
 
 

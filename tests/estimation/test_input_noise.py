@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.input_noise import input_variance
-from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.predictor import Window
-from observer_rt.model.laws import seat_area_slope
+from observer_rt.model.seat import seat_area_slope
 from tests.estimation.conftest import NOISE, Case, event_inputs, simulated_event, worn_theta
 
 DRAWS = 300
@@ -24,9 +23,7 @@ def noisy(case: Case, window: Window, noise: NoiseLevels, random: np.random.Gene
     c = case.c
     inputs, n = window.inputs.copy(), window.output.size
     inputs[:, 0] += random.normal(0.0, noise.rail_pressure / c.pressure_scale, n)
-    slope = np.array(
-        [seat_area_slope(float(a) * c.area_scale, c.seat_diameter, c.half_cone_angle) for a in inputs[:, 1]]
-    )
+    slope = np.array([seat_area_slope(float(a), c.seat) for a in inputs[:, 1]])
     inputs[:, 1] += slope / c.area_scale * random.normal(0.0, noise.needle_lift, n)
     output = window.output + random.normal(0.0, noise.line_pressure / c.pressure_scale, n)
     return window._replace(inputs=inputs, output=output)
@@ -55,13 +52,10 @@ def test_variances_are_those_of_many_draws(
 ) -> None:
     random = np.random.default_rng(4)
     theta = worn_theta()
-    run = open_loop(event, nominal.setting, learned_of(theta))
+    run = open_loop(event, nominal.setting, theta)
     variance = input_variance(event, run, nominal.setting, noise)
     rates = np.array(
-        [
-            open_loop(noisy(nominal, event, noise, random), nominal.setting, learned_of(theta)).rate
-            for _ in range(DRAWS)
-        ]
+        [open_loop(noisy(nominal, event, noise, random), nominal.setting, theta).rate for _ in range(DRAWS)]
     )
     assert rms(np.sqrt(variance.rate)) == pytest.approx(rms(rates.std(axis=0)), rel=tolerance)
     volumes = np.trapezoid(rates, axis=1) * INTERVAL
@@ -73,7 +67,7 @@ def rms(values: NDArray[np.float64]) -> float:
 
 
 def test_twice_the_noise_is_twice_the_spread(nominal: Case, event: Window) -> None:
-    run = open_loop(event, nominal.setting, learned_of(worn_theta()))
+    run = open_loop(event, nominal.setting, worn_theta())
     once = input_variance(event, run, nominal.setting, NOISE)
     doubled = NoiseLevels(2 * NOISE.rail_pressure, 2 * NOISE.line_pressure, 2 * NOISE.needle_lift)
     twice = input_variance(event, run, nominal.setting, doubled)
@@ -83,14 +77,14 @@ def test_twice_the_noise_is_twice_the_spread(nominal: Case, event: Window) -> No
 
 
 def test_inputs_without_noise_leave_nothing_open(nominal: Case, event: Window) -> None:
-    run = open_loop(event, nominal.setting, learned_of(worn_theta()))
+    run = open_loop(event, nominal.setting, worn_theta())
     variance = input_variance(event, run, nominal.setting, SILENT)
     assert not variance.rate.any()
     assert not variance.volume.any()
 
 
 def test_nothing_flows_and_nothing_is_uncertain_before_the_opening(nominal: Case, event: Window) -> None:
-    run = open_loop(event, nominal.setting, learned_of(worn_theta()))
+    run = open_loop(event, nominal.setting, worn_theta())
     variance = input_variance(event, run, nominal.setting, NOISE)
     assert not variance.rate[: event.opening].any()
     assert not variance.volume[: event.opening].any()
@@ -101,7 +95,7 @@ def test_volume_is_counted_from_the_last_opening(nominal: Case) -> None:
     shot = event_inputs(samples=1200)
     shot[:, 1] += np.roll(shot[:, 1], 600)
     window = simulated_event(nominal, np.zeros_like(worn_theta()), shot)
-    run = open_loop(window, nominal.setting, learned_of(np.zeros_like(worn_theta())))
+    run = open_loop(window, nominal.setting, np.zeros_like(worn_theta()))
     lift = replace(SILENT, needle_lift=NOISE.needle_lift)
     volume = input_variance(window, run, nominal.setting, lift).volume
     assert volume[600] > 0.0

@@ -8,7 +8,6 @@ from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.integrator import advance
 from observer_rt.model.right_hand_side import injection_rate
 from tests.estimation.conftest import Case, event_inputs, simulated_event, worn_theta
@@ -20,7 +19,7 @@ SENSOR = (Parameter.LINE_PRESSURE_OFFSET, Parameter.SENSOR_LAG)
 def rate_of(
     case: Case, window: Window, theta: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    run = open_loop(window, case.setting, learned_of(theta))
+    run = open_loop(window, case.setting, theta)
     return run.rate, run.slopes
 
 
@@ -67,13 +66,13 @@ def test_rate_is_that_of_the_observer_in_open_loop(case: Case) -> None:
     theta = worn_theta()
     window = quiet_event(case)
     rate, _ = rate_of(case, window, theta)
-    learned = learned_of(theta)
-    c = with_line_terms(case.c, learned.line)
-    x = (float(window.start[0]), float(window.start[1]), float(window.start[2]))
+    learned = learned_of(theta, case.c)
+    c = learned.coefficients
+    x = window.start[:3].copy()
     inputs = [(float(rail), float(area)) for rail, area in window.inputs]
     expected = [0.0]
     for k in range(1, window.output.size):
-        x = advance(x, inputs[k - 1], inputs[k], 1e-5, case.setting.substeps, c, learned.network)
+        advance(x, inputs[k - 1], inputs[k], 1e-5, case.setting.substeps, c, learned.network, None)
         expected.append(injection_rate(x, inputs[k], c, learned.network))
     assert max(expected) > 40e-6  # m3/s
     np.testing.assert_allclose(rate, expected, atol=1e-12 * max(expected))
@@ -103,7 +102,7 @@ def test_line_pressure_after_the_opening_does_not_matter(case: Case) -> None:
 def test_transitions_carry_an_error_of_the_start(case: Case, row: int) -> None:
     """Of p_L or Q_L at the opening, into the rate of every later sample."""
     window, theta = quiet_event(case), worn_theta()
-    run = open_loop(window, case.setting, learned_of(theta))
+    run = open_loop(window, case.setting, theta)
     step = np.zeros(4)
     step[row] = 1e-6
     rates = [rate_of(case, window._replace(start=window.start + side * step), theta)[0] for side in (-1, 1)]
@@ -122,10 +121,10 @@ def test_sac_goes_where_the_area_leads_it(case: Case) -> None:
     inputs = np.tile([0.95, 0.4], (60, 1))
     window = quiet_event(case)._replace(inputs=inputs, output=np.zeros(60), resting=np.zeros(60, np.bool_))
     theta = worn_theta()
-    run = open_loop(window, case.setting, learned_of(theta))
+    run = open_loop(window, case.setting, theta)
     wider = inputs.copy()
     wider[41:, 1] += 1e-4
-    change = open_loop(window._replace(inputs=wider), case.setting, learned_of(theta)).rate - run.rate
+    change = open_loop(window._replace(inputs=wider), case.setting, theta).rate - run.rate
     assert 2e4 < run.relaxation[41] < 2e5  # 1/s
     first = 1.0 - lagged_share(run.relaxation[41] * 1e-5)
     by_sac = run.gradient[41, 2] * run.by_area[41] * first

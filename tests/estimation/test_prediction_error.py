@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import learned_of
+from observer_rt.config.bench import load_injector
+from observer_rt.estimation.learned import learned_of, network_of
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window, open_loop_error
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.model.coefficients import LineTerms
+from observer_rt.model.coefficients import coefficients
 from observer_rt.model.network import HIDDEN, flow_changes
 from tests.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
 
@@ -131,17 +132,19 @@ def test_meaning_of_a_parameter_vector() -> None:
     theta[Parameter.BULK_MODULUS] = -0.1
     theta[Parameter.SENSOR_LAG] = 0.4
     theta[Parameter.ENTRAINED_AIR] = 0.05
-    learned = learned_of(theta)
-    assert learned.line == LineTerms(friction=2.0, leakage=0.04, stiffness=-0.1, air=0.05)
+    c = coefficients(load_injector())
+    learned = learned_of(theta, c)
+    changed = c.line.with_stiffness(-0.1).with_friction(2.0).with_leakage(0.04).with_air(0.05)
+    assert learned.coefficients == c._replace(line=changed)
     assert learned.offset == 0.3
     assert learned.lag == pytest.approx(40e-6)
     assert flow_changes(x, u, learned.network) == (0.0, 0.0)
     theta[Parameter.NOZZLE_BIAS] = 0.2
-    assert flow_changes(x, u, learned_of(theta).network) == (0.2, 0.0)
+    assert flow_changes(x, u, network_of(theta)) == (0.2, 0.0)
     theta[Parameter.SEAT_BIAS] = -0.1
-    assert flow_changes(x, u, learned_of(theta).network) == (0.2, -0.1)
+    assert flow_changes(x, u, network_of(theta)) == (0.2, -0.1)
     theta[Parameter.NOZZLE_WEIGHT + HIDDEN - 1] = 0.05
-    nozzle, seat = flow_changes(x, u, learned_of(theta).network)
+    nozzle, seat = flow_changes(x, u, network_of(theta))
     assert nozzle == pytest.approx(0.2 + 0.05 * math.tanh(4 * u[1] - 3.2))
     assert seat == -0.1
 
@@ -151,7 +154,7 @@ def test_open_loop_error_is_lowest_for_the_truth(case: Case) -> None:
     window = simulated_event(case, theta, event_inputs())
 
     def error(of: NDArray[np.float64]) -> float:
-        return float(open_loop_error(window, case.setting, learned_of(of)))
+        return float(open_loop_error(window, case.setting, learned_of(of, case.c)))
 
     assert error(theta) < 1e-20
     for parameter in range(PARAMETERS):
@@ -165,5 +168,5 @@ def test_open_loop_error_leaves_the_time_before_the_opening_out(nominal: Case) -
     window = simulated_event(nominal, HEALTHY, event_inputs())
     start = window.start.copy()
     start[[0, 3]] += 0.01
-    disturbed = open_loop_error(window._replace(start=start), nominal.setting, learned_of(HEALTHY))
+    disturbed = open_loop_error(window._replace(start=start), nominal.setting, learned_of(HEALTHY, nominal.c))
     assert disturbed < 0.02 * 0.01**2 * window.output.size

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Window, innovations_with_sensitivity
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.sensor import LAG_UNIT
@@ -26,7 +25,7 @@ def with_slopes(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     result = np.empty(window.output.size)
     slopes = np.empty((window.output.size, PARAMETERS))
-    innovations_with_sensitivity(window, case.setting, learned_of(theta), result, slopes)
+    innovations_with_sensitivity(window, case.setting, theta, result, slopes)
     return result, slopes
 
 

@@ -1,6 +1,7 @@
 """Shared by the tests of the model: an injector in both outflow forms, and trajectories over given inputs."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.integrator import advance
+from observer_rt.model.integrator import advance, advance_over
 from observer_rt.model.network import Network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
@@ -35,15 +36,30 @@ def integrate() -> Trajectory:
         network: Network | None = None,
         zero_order_hold: bool = False,
     ) -> NDArray[np.float64]:
-        states = np.empty((len(inputs), 3))
-        x = start
-        states[0] = x
+        states = np.empty((len(inputs), c.states))
+        states[0] = start
         network = network or zero_network()
         for n in range(len(inputs) - 1):
             u_start = (float(inputs[n, 0]), float(inputs[n, 1]))
             u_end = u_start if zero_order_hold else (float(inputs[n + 1, 0]), float(inputs[n + 1, 1]))
-            x = advance(x, u_start, u_end, interval, substeps, c, network)
-            states[n + 1] = x
+            states[n + 1] = states[n]
+            advance(states[n + 1], u_start, u_end, interval, substeps, c, network, None)
         return states
 
     return run
+
+
+def advanced(x: State, *rest: Any) -> State:
+    """`advance` without a tangent, as a function of the state."""
+    return _moved(advance, x, *rest)
+
+
+def advanced_over(x: State, *rest: Any) -> State:
+    """`advance_over` likewise."""
+    return _moved(advance_over, x, *rest)
+
+
+def _moved(move: Callable[..., None], x: State, *rest: Any) -> State:
+    state = np.array(x)
+    move(state, *rest, None)
+    return float(state[0]), float(state[1]), float(state[2])

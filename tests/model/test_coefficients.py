@@ -5,9 +5,9 @@ import math
 import pytest
 
 from observer_rt.config.bench import load_injector
-from observer_rt.model.coefficients import coefficients, full_lift_area
-from observer_rt.model.laws import seat_area
+from observer_rt.model.coefficients import coefficients
 from observer_rt.model.parameters import LineOutflow
+from observer_rt.model.seat import full_lift_area, seat_area
 
 NOMINAL = load_injector()
 CONSERVING = NOMINAL.model_copy(update={"line_outflow": LineOutflow.SEAT})
@@ -16,29 +16,29 @@ CONSERVING = NOMINAL.model_copy(update={"line_outflow": LineOutflow.SEAT})
 def test_coefficients_are_those_printed_with_the_nominal_parameters() -> None:
     """`crin3_nominal.toml`: a1..a6 = 1067, 1236, 6.056e4, 353.7, 5.498e4, 1.483e4 1/s, to the last digit."""
     c = coefficients(NOMINAL)
-    assert c.a1 == pytest.approx(1067, abs=0.5)
-    assert c.a2_nozzle == pytest.approx(1236, abs=0.5)
-    assert c.a3 == pytest.approx(6.056e4, abs=5)
-    assert c.a4 == pytest.approx(353.7, abs=0.05)
-    assert c.a5 == pytest.approx(5.498e4, abs=5)
-    assert c.a6 == pytest.approx(1.483e4, abs=5)
+    assert c.line.a1 == pytest.approx(1067, abs=0.5)
+    assert c.line.a2_nozzle == pytest.approx(1236, abs=0.5)
+    assert c.line.a3 == pytest.approx(6.056e4, abs=5)
+    assert c.line.a4 == pytest.approx(353.7, abs=0.05)
+    assert c.sac.a5 == pytest.approx(5.498e4, abs=5)
+    assert c.sac.a6 == pytest.approx(1.483e4, abs=5)
 
 
 def test_line_is_drained_by_one_flow_only() -> None:
-    assert coefficients(NOMINAL).a2_seat == 0.0
-    assert coefficients(CONSERVING).a2_nozzle == 0.0
+    assert coefficients(NOMINAL).line.a2_seat == 0.0
+    assert coefficients(CONSERVING).line.a2_nozzle == 0.0
 
 
 def test_ratio_of_sac_and_line_is_the_twelve_of_the_paper() -> None:
     """L = [1 0 12]^T is a6/a2 = (K_C/V_S)/(K_L/V_L); in the conserving form the same ratio is a5/a2."""
-    assert coefficients(NOMINAL).a6 / coefficients(NOMINAL).a2_nozzle == pytest.approx(12, rel=1e-12)
-    assert coefficients(CONSERVING).a5 / coefficients(CONSERVING).a2_seat == pytest.approx(12, rel=1e-12)
+    nominal, conserving = coefficients(NOMINAL), coefficients(CONSERVING)
+    assert nominal.sac.a6 / nominal.line.a2_nozzle == pytest.approx(12, rel=1e-12)
+    assert conserving.sac.a5 / conserving.line.a2_seat == pytest.approx(12, rel=1e-12)
 
 
 def test_line_mode_is_the_one_printed() -> None:
     """1.28 kHz, from the inertia and the stiffness of the line."""
-    c = coefficients(NOMINAL)
-    assert math.sqrt(c.a1 * c.a3) / (2 * math.pi) == pytest.approx(1280, abs=5)
+    assert coefficients(NOMINAL).line.mode / (2 * math.pi) == pytest.approx(1280, abs=5)
 
 
 def test_seat_area_of_the_full_cone_angle() -> None:

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import effective_model
-from observer_rt.model.integrator import advance, advance_over
-from observer_rt.model.laws import seat_area
 from observer_rt.model.network import zero_network
 from observer_rt.model.right_hand_side import injection_rate
+from observer_rt.model.seat import normalised_area
 from observer_rt.model.stability import substeps_needed
 from observer_rt.simulation.needle import Stroke
 from observer_rt.simulation.plant import Truth, run_plant
-from tests.model.conftest import Trajectory
+from tests.model.conftest import Trajectory, advanced, advanced_over
 
 NOMINAL = load_injector()
 C = coefficients(NOMINAL)
@@ -75,7 +74,7 @@ def _error(truth: Truth, integrate: Trajectory, sample_rate: float, zero_order_h
 
 
 def _area(lift: float) -> float:
-    return float(seat_area(lift, C.seat_diameter, C.half_cone_angle)) / C.area_scale
+    return float(normalised_area(lift, C.seat))
 
 
 def _rms(values: NDArray[np.float64]) -> float:
@@ -92,16 +91,16 @@ def test_a_bend_between_samples_is_followed(share: float) -> None:
         fine = x
         areas = np.interp(np.linspace(0.0, 1.0, 4001), [0.0, share, 1.0], [start, knot, end])
         for before, after in pairwise(float(area) for area in areas):
-            fine = advance(fine, (0.95, before), (0.95, after), interval / 4000, 1, C, zero_network())
-        bent = advance_over(x, u_start, (share, knot), u_end, interval, substeps, C, zero_network())
-        straight = advance(x, u_start, u_end, interval, substeps, C, zero_network())
+            fine = advanced(fine, (0.95, before), (0.95, after), interval / 4000, 1, C, zero_network())
+        bent = advanced_over(x, u_start, (share, knot), u_end, interval, substeps, C, zero_network())
+        straight = advanced(x, u_start, u_end, interval, substeps, C, zero_network())
         assert bent == pytest.approx(fine, abs=1e-4)
         assert np.abs(np.subtract(straight, fine)).max() > 4e-3
 
 
 def test_no_bend_changes_nothing() -> None:
     ends = (0.95, 0.2), (0.94, 0.5)
-    plain = advance((0.8, 0.6, 0.5), *ends, 5e-5, 21, C, zero_network())
-    assert advance_over((0.8, 0.6, 0.5), ends[0], (0.0, 0.7), ends[1], 5e-5, 21, C, zero_network()) == plain
-    on_the_line = advance_over((0.8, 0.6, 0.5), ends[0], (0.5, 0.35), ends[1], 5e-5, 21, C, zero_network())
+    plain = advanced((0.8, 0.6, 0.5), *ends, 5e-5, 21, C, zero_network())
+    assert advanced_over((0.8, 0.6, 0.5), ends[0], (0.0, 0.7), ends[1], 5e-5, 21, C, zero_network()) == plain
+    on_the_line = advanced_over((0.8, 0.6, 0.5), ends[0], (0.5, 0.35), ends[1], 5e-5, 21, C, zero_network())
     assert on_the_line == pytest.approx(plain, abs=1e-4)

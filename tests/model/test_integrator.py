@@ -2,14 +2,16 @@
 
 import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
+from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from observer_rt.model.coefficients import Coefficients, coefficients
-from observer_rt.model.integrator import runge_kutta_step
+from observer_rt.model.integrator import System, injector_rates, runge_kutta_step
 from observer_rt.model.network import constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.right_hand_side import injection_rate
@@ -28,6 +30,12 @@ def stroke(length: int, sample: float, area: float = 0.95) -> NDArray[np.float64
     return np.column_stack([np.full(length, RAIL), opening])
 
 
+@njit
+def rk4(x: State, u_start: Any, u_mid: Any, u_end: Any, step: float, system: System) -> Any:
+    """One step of the injector."""
+    return runge_kutta_step(injector_rates, x, u_start, u_mid, u_end, step, system, None)
+
+
 def _end_state(c: Coefficients, steps: int) -> NDArray[np.float64]:
     """From an open needle's state through smooth inputs for 50 us."""
     span = 5e-5
@@ -35,13 +43,11 @@ def _end_state(c: Coefficients, steps: int) -> NDArray[np.float64]:
     def inputs(time: float) -> tuple[float, float]:
         return 0.95 + 0.05 * math.sin(9e4 * time), 0.6 + 0.2 * math.cos(7e4 * time)
 
-    step = span / steps
+    step, system = span / steps, System(c, constant_network(0.3, -0.2))
     x = (0.9, 1.0, 0.7)
     for k in range(steps):
         at = k * step
-        x = runge_kutta_step(
-            x, inputs(at), inputs(at + 0.5 * step), inputs(at + step), step, c, constant_network(0.3, -0.2)
-        )
+        x = rk4(x, inputs(at), inputs(at + 0.5 * step), inputs(at + step), step, system)
     return np.array(x)
 
 

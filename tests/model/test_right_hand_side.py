@@ -9,10 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.model.coefficients import Coefficients, coefficients
-from observer_rt.model.integrator import advance
 from observer_rt.model.network import Network, constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.right_hand_side import fault, injection_rate, right_hand_side
+from tests.model.conftest import advanced
 
 NO_FAULT = zero_network()
 PRESSURE = st.floats(-0.5, 2.5)
@@ -145,18 +145,22 @@ def test_steady_state_with_an_open_needle_in_closed_form(
     injector: InjectorParameters, rail: float, area: float
 ) -> None:
     """Q_L = Q_S = Q_H for either form: three square-root laws in a row share the pressure drop."""
-    c = coefficients(injector)._replace(transition=1e-9)
+    c = coefficients(injector)
+    c = c._replace(seat=c.seat._replace(transition=1e-9), nozzle=c.nozzle._replace(transition=1e-9))
     steady = _steady_state(c, rail, area)
     rates = right_hand_side(steady, (rail, area), c, NO_FAULT)
-    np.testing.assert_allclose(rates, 0.0, atol=1e-8 * c.a5)
+    np.testing.assert_allclose(rates, 0.0, atol=1e-8 * c.sac.a5)
     assert math.copysign(1.0, steady[1]) == math.copysign(1.0, rail)
 
 
 def _steady_state(c: Coefficients, rail: float, area: float) -> tuple[float, float, float]:
-    ratio = (c.a5 * area / c.a6) ** 2
-    nozzle_over_line = (c.a2_nozzle + c.a2_seat * c.a6 / c.a5) / c.a1  # Q_L over root x3, either form
+    line_c, a5, a6 = c.line, c.sac.a5, c.sac.a6
+    ratio = (a5 * area / a6) ** 2
+    nozzle_over_line = (
+        line_c.a2_nozzle + line_c.a2_seat * a6 / a5
+    ) / line_c.a1  # Q_L over root x3, either form
     sac_share = ratio / (1.0 + ratio)
-    line = abs(rail) / (1.0 + c.a4 / c.a3 * nozzle_over_line**2 * sac_share)
+    line = abs(rail) / (1.0 + line_c.a4 / line_c.a3 * nozzle_over_line**2 * sac_share)
     sac = line * sac_share
     sign = math.copysign(1.0, rail)
     return sign * line, sign * nozzle_over_line * math.sqrt(sac), sign * sac
@@ -166,7 +170,7 @@ def test_an_open_needle_settles_in_its_steady_state(injector: InjectorParameters
     c = coefficients(injector)
     x = (0.95, 0.0, 0.0)
     for _ in range(40_000):
-        x = advance(x, (0.95, 0.9), (0.95, 0.9), 1e-5, 4, c, NO_FAULT)
+        x = advanced(x, (0.95, 0.9), (0.95, 0.9), 1e-5, 4, c, NO_FAULT)
     # the transition pressure of 0.5 MPa moves the seat's 6 MPa drop by a part in six hundred
     np.testing.assert_allclose(x, _steady_state(c, 0.95, 0.9), rtol=2e-3)
 
@@ -185,7 +189,7 @@ def test_sac_of_a_closed_needle_empties_through_the_nozzle(injector: InjectorPar
     x = (0.95, 0.0, 0.8)
     sac = [x[2]]
     for _ in range(100):
-        x = advance(x, (0.95, 0.0), (0.95, 0.0), 1e-5, 4, c, NO_FAULT)
+        x = advanced(x, (0.95, 0.0), (0.95, 0.0), 1e-5, 4, c, NO_FAULT)
         sac.append(x[2])
     assert all(later < earlier or later == earlier == 0.0 for earlier, later in pairwise(sac))
     assert sac[10] > 0.0

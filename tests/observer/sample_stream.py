@@ -22,7 +22,7 @@ from observer_rt.observer.observer import (
     make_observer,
 )
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
-from observer_rt.observer.stream.state import INJECTIONS, RING, SAMPLE, Observer
+from observer_rt.observer.stream.state import INJECTIONS, RING, Observer, sample_dtype
 from observer_rt.observer.stream.step import advance_stream, push
 
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
@@ -109,8 +109,8 @@ class Stream:
 
     @property
     def rows(self) -> NDArray[np.void]:
-        """Processed samples, dtype SAMPLE."""
-        return np.concatenate(self._kept) if self._kept else np.zeros(0, SAMPLE)
+        """Processed samples, dtype of the ring."""
+        return np.concatenate(self._kept) if self._kept else np.zeros(0, sample_dtype(3))
 
     @property
     def injections(self) -> NDArray[np.void]:

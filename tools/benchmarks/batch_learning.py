@@ -20,7 +20,6 @@ from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.scalars import SCALARS, Theta
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.model.coefficients import with_line_terms
 from observer_rt.observer.learning.fitting import TOLERANCE, Cost, EventFitter, Limits
 from observer_rt.observer.learning.knowledge import EventLearner, Outcome
 from observer_rt.observer.learning.learner import BURN_IN, FIRST_ITERATIONS, ITERATIONS
@@ -210,9 +209,8 @@ def _total(
 
 
 def _setting(constants: Constants, theta: NDArray[np.float64], noise: NoiseLevels) -> tuple[Setting, float]:
-    learned = learned_of(theta)
-    c = with_line_terms(constants.coefficients, learned.line)
-    schedule = gain_schedule(c, noise, 1.0 / constants.interval, learned.lag)
+    learned = learned_of(theta, constants.coefficients)
+    schedule = gain_schedule(learned.coefficients, noise, 1.0 / constants.interval, learned.lag)
     setting = Setting(
         constants.interval, constants.substeps, constants.coefficients, schedule.gains[-1].copy()
     )

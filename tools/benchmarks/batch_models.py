@@ -6,12 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned, learned_of
-from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.prediction_error import HUBER, EventCost, Linearisation, robust_cost
-from observer_rt.estimation.predictor import Setting, Window, innovations
+from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow, innovations
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.network import ARGUMENTS, HIDDEN, constant_network, zero_network
 from observer_rt.observer.learning.fitting import Limits, theta_limits
 from observer_rt.observer.paper_scheme.network import FreeNetwork
@@ -79,7 +77,7 @@ def trained_hidden_model(scale: float) -> Model:
     def cost(window: Window, setting: Setting, sigma: float, burn_in: int) -> DifferencedCost:
         def predict(theta: NDArray[np.float64]) -> NDArray[np.float64]:
             result = np.zeros(window.output.size)
-            innovations(window, setting, _with_hidden(theta), result)
+            innovations(window, setting, _with_hidden(theta, setting), result)
             return result
 
         return DifferencedCost(predict, DIFFERENCE * prior, sigma, burn_in)
@@ -104,17 +102,20 @@ def tied_rows_model(scale: float) -> Model:
     def swept(
         window: Window, setting: Setting, theta: NDArray[np.float64], corrected: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        learned = learned_of(theta)
-        c = with_line_terms(setting.coefficients, learned.line)
+        learned = learned_of(theta, setting.coefficients)
+        c = learned.coefficients
         weights = np.append(theta[_NOZZLE_WEIGHTS], theta[Parameter.NOZZLE_BIAS])
         rows = -np.outer(design_vector(c), weights)
         network = FreeNetwork(
-            zero_network().hidden, np.ascontiguousarray(rows[:, :HIDDEN]), rows[:, HIDDEN].copy(), c.a2_nozzle
+            zero_network().hidden,
+            np.ascontiguousarray(rows[:, :HIDDEN]),
+            rows[:, HIDDEN].copy(),
+            c.line.a2_nozzle,
         )
         errors, rate = np.zeros((2, window.output.size))
         sweep(
             window,
-            PaperSetting(setting.interval, setting.substeps, c, constant_network(), c.a2_nozzle),
+            PaperSetting(setting.interval, setting.substeps, c, constant_network(), c.line.a2_nozzle),
             Correction(setting.gain, learned.offset, learned.lag),
             network,
             corrected,
@@ -135,9 +136,9 @@ def tied_rows_model(scale: float) -> Model:
     return Model(prior, drift, theta_limits(scale), cost, rate)
 
 
-def _with_hidden(theta: NDArray[np.float64]) -> Learned:
+def _with_hidden(theta: NDArray[np.float64], setting: Setting) -> Learned:
     """theta (m,), with the change of V appended or without."""
-    learned = learned_of(theta)
+    learned = learned_of(theta, setting.coefficients)
     if theta.size == PARAMETERS:
         return learned
     hidden = learned.network.hidden + theta[PARAMETERS:].reshape(HIDDEN, ARGUMENTS)
@@ -145,4 +146,6 @@ def _with_hidden(theta: NDArray[np.float64]) -> Learned:
 
 
 def _structured_rate(window: Window, setting: Setting, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    return open_loop(window, setting, _with_hidden(theta)).rate
+    errors, rate = np.zeros((2, window.output.size))
+    follow(window, setting, _with_hidden(theta, setting), window.opening, errors, rate, None, NO_SLOPES)
+    return rate

@@ -34,24 +34,23 @@ def sweep(
 
     Nothing holds phi at 0 while the needle is shut; only when it has long been is the sac at rest and the rate 0.
     """
-    x = (window.start[0], window.start[1], window.start[2])
-    indicated = window.start[3]
+    x = window.start[:-1].copy()
+    indicated = window.start[-1]
     innovations[0] = 0.0
     rate[0] = 0.0
     for k in range(1, window.output.shape[0]):
         u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
         u_end = (window.inputs[k, 0], window.inputs[k, 1])
         before = x[0]
-        x = observe(x, u_start, u_end, setting, network)
+        observe(x, u_start, u_end, setting, network)
         indicated = lagged(indicated, before, x[0], setting.interval, correction.lag)
         innovation = window.output[k] - correction.offset - indicated
         innovations[k] = innovation
         if k < corrected:
-            x = correct(x, innovation, correction.gain[0], correction.gain[1])
-            indicated += correction.gain[2] * innovation
+            indicated = correct(x, indicated, innovation, correction.gain, None)
         rate[k] = 0.0
         if window.resting[k]:
-            x = (x[0], x[1], 0.0)
+            x[2] = 0.0
         else:
             phi = free_fault(x, (u_end[0], max(u_end[1], 0.0)), network)
             rate[k] = balanced_rate(x[2], u_end[1], phi[0], setting.coefficients)

@@ -64,7 +64,7 @@ def apparent_effects() -> list[Effect]:
 def _of_recording(number: int, measurement: Measurement, c: Coefficients) -> list[StandstillFigure]:
     noise = measurement.noise
     result = []
-    period = 2.0 * math.pi / math.sqrt(c.a1 * c.a3)
+    period = 2.0 * math.pi / c.line.mode
     blocks = _blocks(measurement, period)
     if blocks is not None:
         offset, sigma = float(np.mean(blocks.differences)), _error_of_mean(blocks.differences)

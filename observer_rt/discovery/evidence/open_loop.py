@@ -10,7 +10,7 @@ from observer_rt.discovery.evidence.measurement import JudgedEvent, Measurement
 from observer_rt.discovery.evidence.windows import Rows, TrueInputs, batch_of
 from observer_rt.estimation.gain import gain_schedule
 from observer_rt.estimation.learned import nothing_learned
-from observer_rt.estimation.predictor import Setting, follow
+from observer_rt.estimation.predictor import NO_SLOPES, Setting, follow
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import substeps_needed
 
@@ -48,13 +48,13 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
     offset = sensor.offset / c.pressure_scale
     setting = Setting(interval, substeps, c, gains[-1].copy(), share, sensor.lag, offset)
-    learned = nothing_learned()
+    learned = nothing_learned(c)
     result = []
     for number, event in enumerate(measurement.events):
         window = batch.window(number)
         size = window.output.size
         errors, rate = np.empty(size), np.empty(size)
-        follow(window, setting, learned, window.opening, errors, rate)
+        follow(window, setting, learned, window.opening, errors, rate, None, NO_SLOPES)
         shown = window.output - errors
         first = event.openings[0].first - event.start
         samples = rows.samples[batch.bounds[number] : batch.bounds[number + 1]][first:]

@@ -17,7 +17,8 @@ from observer_rt.estimation.phases import AFTERGLOW, EDGE, phases_of
 from observer_rt.estimation.predictor import Window
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
-from observer_rt.model.flows import normalised_area
+from observer_rt.model.line.interface import rest_line
+from observer_rt.model.seat import normalised_area
 
 RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
@@ -26,7 +27,7 @@ FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in
 class Batch(NamedTuple):
     """All windows of a recording, one after another; n samples, w windows, normalised by (24).
 
-    inputs (n, 2), output (n,), resting (n,), starts (w, 4) as in `Window`; bounds (w + 1,): window i is
+    inputs (n, 2), output (n,), resting (n,), starts (w, states + 1) as in `Window`; bounds (w + 1,): window i is
     [bounds[i], bounds[i+1]); openings (w,): in the window.
     """
 
@@ -156,7 +157,7 @@ def _extend(
 @njit(cache=True, nogil=True)
 def _area(lift: float, c: Coefficients) -> float:
     """Normalised seat area, odd in the lift."""
-    area: float = normalised_area(abs(lift), c)
+    area: float = normalised_area(abs(lift), c.seat)
     return area if lift >= 0.0 else -area
 
 
@@ -174,10 +175,11 @@ def batch_of(
     source = rows.samples - late
     output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale
     beside = round(START_MEAN * recording.sample_rate)
-    starts = np.zeros((len(measurement.events), 4))
+    starts = np.zeros((len(measurement.events), c.states + 1))
     for i, event in enumerate(measurement.events):
         mean = float(np.mean(output[event.start - beside : event.start + beside + 1]))
-        starts[i, [0, 3]] = mean - offset / c.pressure_scale
+        starts[i, -1] = mean - offset / c.pressure_scale
+        rest_line(starts[i], starts[i, -1], c.line)
     return Batch(
         np.ascontiguousarray(np.stack((inputs.rail[source], inputs.area[source]), axis=1)),
         output[rows.samples],

@@ -14,9 +14,11 @@ from observer_rt.discovery.evidence.windows import Batch, Rows, TrueInputs, batc
 from observer_rt.discovery.search.bounded_fit import Residuals
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.learned import Learned, nothing_learned
-from observer_rt.estimation.predictor import Setting, Window, follow
+from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import EffectiveModel, InputTerms
+from observer_rt.model.line.interface import Line
+from observer_rt.model.seat import Seat
 from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
@@ -30,6 +32,7 @@ def predict(
     learned: Learned,
     innovation: NDArray[np.float64],
     rate: NDArray[np.float64],
+    no_slopes: NDArray[np.float64],
 ) -> None:
     """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording."""
     for i in range(batch.openings.shape[0]):
@@ -42,7 +45,7 @@ def predict(
             batch.openings[i],
             np.empty((0, 2)),  # compiled code knows no defaults
         )
-        follow(window, setting, learned, end - first, innovation[first:end], rate[first:end])
+        follow(window, setting, learned, end - first, innovation[first:end], rate[first:end], None, no_slopes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +68,7 @@ class Trial:
         rate = measurement.recording.sample_rate
         needed = substeps_needed(nominal.injector, rate, nominal.departures)
         self._substeps = min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS)
-        self._gains: dict[tuple[float, float, float, float], GainSchedule] = {}
+        self._gains: dict[tuple[Line, float, float], GainSchedule] = {}
         self._nominal_key = _input_key(nominal)
         self._nominal_inputs = TrueInputs(measurement, nominal.inputs, nominal.coefficients)
         batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, 0.0, nominal.coefficients)
@@ -115,7 +118,7 @@ class Trial:
         gain = schedule.gains[-1].copy()
         setting = Setting(interval, self._substeps_of(model), c, gain, share, sensor.lag, offset)
         innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
-        predict(batch, setting, nothing_learned(), innovation, rate)
+        predict(batch, setting, nothing_learned(c), innovation, rate, NO_SLOPES)
         return innovation, rate
 
     def _substeps_of(self, model: EffectiveModel) -> int:
@@ -125,7 +128,7 @@ class Trial:
     def _schedule(self, model: EffectiveModel) -> GainSchedule:
         c, sensor = model.coefficients, model.sensor
         share = (sensor.delay / self.measurement.interval) % 1.0
-        key = (c.a1, c.a3, sensor.lag, share)
+        key = (c.line, sensor.lag, share)
         schedule = self._gains.get(key)
         if schedule is None:
             if len(self._gains) > _MOST_GAINS:
@@ -206,6 +209,6 @@ def residuals_of(judged: Sequence[Judged]) -> Residuals:
     )
 
 
-def _input_key(model: EffectiveModel) -> tuple[InputTerms, float, float]:
+def _input_key(model: EffectiveModel) -> tuple[InputTerms, Seat]:
     """What the inputs depend on."""
-    return model.inputs, model.coefficients.seat_loss, model.coefficients.seat_loss_lift
+    return model.inputs, model.coefficients.seat

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.learned import network_of
 from observer_rt.estimation.scalars import NOZZLE, SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.network import HIDDEN, activation, back_pressure_at, flow_changes
@@ -65,7 +65,7 @@ def nozzle_change(
 
     (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d together, the equivalent of v_H in (27).
     """
-    network = learned_of(theta).network
+    network = network_of(theta)
     factor = 1.0 + flow_changes(x, u, network)[0]
     x_3 = max(x[2], LEAST_SAC_PRESSURE)
     against_chamber = math.sqrt(max(1.0 - back_pressure_at(u[1], network) / x_3, 0.0))

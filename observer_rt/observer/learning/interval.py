@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.input_noise import InputVariance, input_variance
-from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.open_loop import OpenLoop, open_loop
 from observer_rt.estimation.predictor import Setting, Window
 
@@ -43,7 +42,7 @@ def resimulated(
     carried_covariance: NDArray[np.float64],
 ) -> Resimulated:
     """An event with what was learned from it, theta (m,); the covariances as in `Resimulated`."""
-    run = open_loop(window, setting, learned_of(theta))
+    run = open_loop(window, setting, theta)
     by_inputs = input_variance(window, run, setting, noise)
     return Resimulated(run, by_inputs, covariance, carried_covariance, setting.interval)
 

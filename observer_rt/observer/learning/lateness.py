@@ -43,7 +43,10 @@ def lag_score(
     output = np.append(window.output[late:], np.full(late, window.output[-1]))
     other = np.empty(len(output))
     innovations(
-        window._replace(output=output), setting._replace(late=samples - late), learned_of(delayed), other
+        window._replace(output=output),
+        setting._replace(late=samples - late),
+        learned_of(delayed, setting.coefficients),
+        other,
     )
     first = cost.burn_in + late
     direction = (other[first - late : early_enough] - fit.innovations[first:]) / cost.sigma

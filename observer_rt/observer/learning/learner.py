@@ -22,7 +22,6 @@ from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Setting, Window, open_loop_error
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.model.coefficients import with_line_terms
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.adequacy import (
     Freezer,
@@ -198,7 +197,7 @@ class Learner:
             previous, constants = self._previous
             events.insert(0, (previous, self._setting(constants)))
         errors = [
-            sum(open_loop_error(*event, learned_of(theta)) for event in events)
+            sum(open_loop_error(*event, learned_of(theta, event[1].coefficients)) for event in events)
             for theta in (self._theta, in_force)
         ]
         return bool(errors[0] < ADOPTION_TOLERANCE * errors[1])
@@ -263,11 +262,10 @@ class Learner:
         return EventCost(window, self._setting(), self._schedule.innovation_sigma, burn_in)
 
     def _gains(self) -> GainSchedule:
-        learned = learned_of(self._theta)
-        c = with_line_terms(self._constants.coefficients, learned.line)
-        sensor = self._constants.sensor
+        learned = learned_of(self._theta, self._constants.coefficients)
+        sensor, rate = self._constants.sensor, 1.0 / self._constants.interval
         lag = sensor.lag + learned.lag
-        return gain_schedule(c, self._noise, 1.0 / self._constants.interval, lag, sensor.fraction)
+        return gain_schedule(learned.coefficients, self._noise, rate, lag, sensor.fraction)
 
     def _setting(self, constants: Constants | None = None) -> Setting:
         constants = constants or self._constants

@@ -7,8 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.laws import root
 from observer_rt.model.network import Network
+from observer_rt.model.orifice import root
 from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
 from observer_rt.observer.paper_scheme.systems import PaperSetting, balanced_rate, observe
 from observer_rt.observer.stream.phi import carry
@@ -26,7 +26,7 @@ class FreePhi(NamedTuple):
         """v_H of (27) from phi_1 at state x (3,) and inputs u (2,)."""
         network = FreeNetwork(self.hidden, self.output, self.bias, float(self.unit[0]))
         phi_1, _, _ = free_fault((float(x[0]), float(x[1]), float(x[2])), (float(u[0]), float(u[1])), network)
-        flow = c.a2_nozzle * root(float(x[2]), c.transition)
+        flow = c.line.a2_nozzle * root(float(x[2]), c.nozzle.transition)
         return -phi_1 / flow if flow > 0.0 else 0.0
 
 
@@ -45,7 +45,7 @@ def _network(phi: FreePhi) -> FreeNetwork:
 @njit(cache=True, nogil=True)
 def _advance_free(
     phi: FreePhi,
-    x: tuple[float, float, float],
+    x: NDArray[np.float64],
     u_start: tuple[float, float],
     knot: tuple[float, float],
     u_end: tuple[float, float],
@@ -53,16 +53,15 @@ def _advance_free(
     substeps: int,
     c: Coefficients,
     network: Network,
-) -> tuple[float, float, float]:
+) -> None:
     setting = PaperSetting(interval, substeps, c, network, phi.unit[0])
-    after: tuple[float, float, float] = observe(x, u_start, u_end, setting, _network(phi))
-    return after
+    observe(x, u_start, u_end, setting, _network(phi))
 
 
 @njit(cache=True, nogil=True)
 def _read_free(
     phi: FreePhi,
-    x: tuple[float, float, float],
+    x: NDArray[np.float64],
     u: tuple[float, float],
     resting: bool,
     c: Coefficients,

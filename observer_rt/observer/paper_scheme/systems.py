@@ -13,7 +13,7 @@ for which the gradient (13) is exact. L = [1 0 a6/a2]^T, the paper's [1 0 12]^T 
 nozzle flow lacks is missed by line and sac in this ratio (27).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.flows import nozzle_law
-from observer_rt.model.integrator import along, between, emptied, step_end
+from observer_rt.model.integrator import between, empty_if_drained, integrate
 from observer_rt.model.network import Network
+from observer_rt.model.nozzle import nozzle_law
 from observer_rt.model.right_hand_side import right_hand_side
 from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
 
@@ -56,78 +56,82 @@ class EventPass(NamedTuple):
 
 def design_vector(c: Coefficients) -> NDArray[np.float64]:
     """L = [1 0 a6/a2]^T (3,), which gives line and sac their share of the measured error."""
-    return np.array([1.0, 0.0, c.a6 / c.a2_nozzle])
+    return np.array([1.0, 0.0, c.sac.a6 / c.line.a2_nozzle])
 
 
-@njit(cache=True, nogil=True)
+class _Driven(NamedTuple):
+    """The observer as RK4 sees it."""
+
+    setting: PaperSetting
+    network: FreeNetwork
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _measured_between(
+    u_start: tuple[float, float, float], u_end: tuple[float, float, float], share: float
+) -> tuple[float, float, float]:
+    """Inputs and measured line pressure, linear between the samples."""
+    rail, area = between((u_start[0], u_start[1]), (u_end[0], u_end[1]), share)
+    return rail, area, u_start[2] + share * (u_end[2] - u_start[2])
+
+
+@njit(cache=True, nogil=True, inline="always")
 def _identification_rate(
-    x: tuple[float, float, float],
-    u: tuple[float, float],
-    y: float,
-    setting: PaperSetting,
-) -> tuple[float, float, float]:
+    x: Any, u: tuple[float, float, float], setting: PaperSetting, tangent: None, stage: int
+) -> Any:
     """x~' of (5), with the plus sign."""
-    f = right_hand_side(x, u, setting.coefficients, setting.nominal)
-    return f[0] + setting.gain * (y - x[0]), f[1], f[2]
+    f = right_hand_side(x, (u[0], u[1]), setting.coefficients, setting.nominal)
+    return (f[0] + setting.gain * (u[2] - x[0]),) + f[1:]  # noqa: RUF005 - compiled code cannot unpack
 
 
-@njit(cache=True, nogil=True)
-def _observer_rate(
-    x: tuple[float, float, float], u: tuple[float, float], setting: PaperSetting, network: FreeNetwork
-) -> tuple[float, float, float]:
+@njit(cache=True, nogil=True, inline="always")
+def _observer_rate(x: Any, u: tuple[float, float], driven: _Driven, tangent: None, stage: int) -> Any:
     """x^' of (26)."""
-    f = right_hand_side(x, u, setting.coefficients, setting.nominal)
-    phi = free_fault(x, u, network)
-    return f[0] + phi[0], f[1] + phi[1], f[2] + phi[2]
+    f = right_hand_side(x, u, driven.setting.coefficients, driven.setting.nominal)
+    phi = free_fault(x, u, driven.network)
+    return (f[0] + phi[0], f[1] + phi[1], f[2] + phi[2]) + f[3:]  # noqa: RUF005
 
 
 @njit(cache=True, nogil=True)
 def identify(
-    x: tuple[float, float, float],
+    x: NDArray[np.float64],
     u_start: tuple[float, float],
     u_end: tuple[float, float],
     y_start: float,
     y_end: float,
     setting: PaperSetting,
-) -> tuple[float, float, float]:
-    """x~ one sample later; inputs and measured line pressure are linear between the samples."""
-    step = setting.interval / setting.substeps
-    for i in range(setting.substeps):
-        start, middle, end = i / setting.substeps, (i + 0.5) / setting.substeps, (i + 1.0) / setting.substeps
-        u_middle = between(u_start, u_end, middle)
-        y_middle = y_start + middle * (y_end - y_start)
-        k1 = _identification_rate(
-            x, between(u_start, u_end, start), y_start + start * (y_end - y_start), setting
-        )
-        k2 = _identification_rate(along(x, 0.5 * step, k1), u_middle, y_middle, setting)
-        k3 = _identification_rate(along(x, 0.5 * step, k2), u_middle, y_middle, setting)
-        k4 = _identification_rate(
-            along(x, step, k3), between(u_start, u_end, end), y_start + end * (y_end - y_start), setting
-        )
-        x = step_end(x, step, k1, k2, k3, k4)
-    x = emptied(x, u_start, u_end)
-    return x  # noqa: RET504 - a compiled function's result has no type of its own
+) -> None:
+    """x~ (n,) one sample later, in place; inputs and measured line pressure are linear between the samples."""
+    start, end = (u_start[0], u_start[1], y_start), (u_end[0], u_end[1], y_end)
+    line = setting.coefficients.line
+    integrate(
+        _identification_rate,
+        _measured_between,
+        x,
+        start,
+        end,
+        setting.interval,
+        setting.substeps,
+        setting,
+        None,
+        line,
+    )
+    empty_if_drained(x, u_start, u_end, None)
 
 
 @njit(cache=True, nogil=True)
 def observe(
-    x: tuple[float, float, float],
+    x: NDArray[np.float64],
     u_start: tuple[float, float],
     u_end: tuple[float, float],
     setting: PaperSetting,
     network: FreeNetwork,
-) -> tuple[float, float, float]:
-    """x^ one sample later, inputs linear between the samples."""
-    step = setting.interval / setting.substeps
-    for i in range(setting.substeps):
-        u_middle = between(u_start, u_end, (i + 0.5) / setting.substeps)
-        k1 = _observer_rate(x, between(u_start, u_end, i / setting.substeps), setting, network)
-        k2 = _observer_rate(along(x, 0.5 * step, k1), u_middle, setting, network)
-        k3 = _observer_rate(along(x, 0.5 * step, k2), u_middle, setting, network)
-        u_stop = between(u_start, u_end, (i + 1.0) / setting.substeps)
-        k4 = _observer_rate(along(x, step, k3), u_stop, setting, network)
-        x = step_end(x, step, k1, k2, k3, k4)
-    return x
+) -> None:
+    """x^ (n,) one sample later, in place, inputs linear between the samples."""
+    system, line = _Driven(setting, network), setting.coefficients.line
+    integrate(
+        _observer_rate, between, x, u_start, u_end, setting.interval, setting.substeps, system, None, line
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -136,7 +140,7 @@ def balanced_rate(x_3: float, u_2: float, phi_1: float, c: Coefficients) -> floa
 
     The orifice law at x^3 alone is not the injection rate of a worn nozzle.
     """
-    return float(c.flow_scale / c.a1 * (c.a2_nozzle * nozzle_law(x_3, u_2, 0.0, c) - phi_1))
+    return float(c.flow_scale / c.line.a1 * (c.line.a2_nozzle * nozzle_law(x_3, u_2, 0.0, c.nozzle) - phi_1))
 
 
 @njit(cache=True, nogil=True)
@@ -147,8 +151,8 @@ def sweep(window: Window, setting: PaperSetting, network: FreeNetwork, result: E
     been shut again; in between it runs open loop on phi.
     """
     c = setting.coefficients
-    x_tilde = (window.start[0], window.start[1], window.start[2])
-    x = x_tilde
+    x_tilde = window.start[:-1].copy()
+    x = x_tilde.copy()
     opened = False
     for k in range(window.output.shape[0]):
         u = (window.inputs[k, 0], window.inputs[k, 1])
@@ -157,19 +161,19 @@ def sweep(window: Window, setting: PaperSetting, network: FreeNetwork, result: E
         driven = opened and not window.resting[k]
         if k > 0:
             u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
-            x_tilde = identify(x_tilde, u_start, u, window.output[k - 1], window.output[k], setting)
+            identify(x_tilde, u_start, u, window.output[k - 1], window.output[k], setting)
             if driven:
-                x = observe(x, u_start, u, setting, network)
+                observe(x, u_start, u, setting, network)
         if window.resting[k]:
-            x_tilde = (x_tilde[0], x_tilde[1], 0.0)
+            x_tilde[2] = 0.0
         if not driven:
-            x = x_tilde
+            x[:] = x_tilde
         phi = (0.0, 0.0, 0.0)
         rate = 0.0
         if driven:
             phi = free_fault(x, u_read, network)
             rate = balanced_rate(x[2], u_read[1], phi[0], c)
-        result.x[k, 0], result.x[k, 1], result.x[k, 2] = x
+        result.x[k] = x[:3]
         result.phi[k, 0], result.phi[k, 1], result.phi[k, 2] = phi
         result.rate[k] = rate
         result.error[k] = window.output[k] - x_tilde[0]

@@ -132,7 +132,7 @@ def _end_window(observer: Observer, injections_before: int, position: int) -> No
     injection.phi_version = memory.phi_version
     injection.state = observer.ring[position & _MASK].state
     middle = observer.ring[((injection.start + position) // 2) & _MASK]
-    injection.middle_x[:] = middle.x_hat
+    injection.middle_x[:] = middle.x_hat[:3]
     injection.middle_u[0] = middle.rail_pressure
     injection.middle_u[1] = middle.seat_area
     volume = 0.0

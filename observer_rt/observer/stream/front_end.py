@@ -9,7 +9,7 @@ import math
 from numba import njit
 
 from observer_rt.model.effective import InputTerms
-from observer_rt.model.flows import normalised_area
+from observer_rt.model.seat import normalised_area
 from observer_rt.observer.stream.state import RING, Observer
 
 LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts
@@ -187,7 +187,7 @@ def area_at(observer: Observer, position: int) -> float:
         lift = memory.sinking_lift
     else:
         lift = _recorded_lift(observer, position)
-    return float(normalised_area(lift, observer.constants.coefficients))
+    return float(normalised_area(lift, observer.constants.coefficients.seat))
 
 
 @njit(cache=True, nogil=True)
@@ -198,13 +198,13 @@ def shut_area(observer: Observer, position: int) -> float:
     needle leaves or meets its seat, and not at the sample before or after.
     """
     virtual = 0.0
-    c = observer.constants.coefficients
+    seat = observer.constants.coefficients.seat
     foot = _foot_ahead(observer, position, 1) if known(observer, position) >= 2 else -1
     if foot > 0:
         first = _ramp_lift(observer, position + 1, foot - 1)
         if first > 0.0 or foot == 1:
             second = _ramp_lift(observer, position + 2, foot - 2)
-            virtual = 2.0 * normalised_area(first, c) - normalised_area(second, c)
+            virtual = 2.0 * normalised_area(first, seat) - normalised_area(second, seat)
     elif position >= observer.memory[0].segment_start + 2:
         last = observer.ring[(position - 1) & _MASK].lift_area
         before = observer.ring[(position - 2) & _MASK].lift_area

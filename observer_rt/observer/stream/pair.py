@@ -4,11 +4,10 @@ import math
 
 from numba import njit
 
-from observer_rt.estimation.predictor import correct
-from observer_rt.model.coefficients import Coefficients, LineTerms, with_line_terms
-from observer_rt.model.integrator import advance_over
+from observer_rt.estimation.predictor import correct, predict
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.line.interface import line_from, rest_line
 from observer_rt.model.network import Network
-from observer_rt.model.sensor import lagged, recorded
 from observer_rt.observer.stream.front_end import known
 from observer_rt.observer.stream.phi import advance_x_hat, read_phi
 from observer_rt.observer.stream.state import RING, Observer
@@ -27,11 +26,19 @@ def network_in_force(observer: Observer) -> Network:
 def coefficients_in_force(observer: Observer) -> Coefficients:
     """The model's coefficients with the line terms in the observer's memory."""
     memory = observer.memory[0]
-    c: Coefficients = with_line_terms(
-        observer.constants.coefficients,
-        LineTerms(memory.friction, memory.leakage, memory.stiffness, memory.air),
+    c = observer.constants.coefficients
+    return Coefficients(
+        line_from(memory.line, c.line),
+        c.seat,
+        c.nozzle,
+        c.sac,
+        c.pressure_scale,
+        c.flow_scale,
+        c.area_scale,
+        c.chamber_pressure,
+        c.density,
+        c.compression,
     )
-    return c
 
 
 @njit(cache=True, nogil=True)
@@ -39,13 +46,11 @@ def start_pair(observer: Observer, position: int) -> None:
     """x~ (and x^ with it) begins anew: p_L = y, Q_L = 0, empty sac."""
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
-    row.x_tilde[0] = row.line_pressure - memory.offset
-    row.x_tilde[1] = 0.0
+    pressure = row.line_pressure - memory.offset
+    rest_line(row.x_tilde, pressure, observer.constants.coefficients.line)
     row.x_tilde[2] = 0.0
-    row.indicated = row.x_tilde[0]
-    row.x_hat[0] = row.x_tilde[0]
-    row.x_hat[1] = 0.0
-    row.x_hat[2] = 0.0
+    row.indicated = pressure
+    row.x_hat[:] = row.x_tilde
     memory.since_start = 0
     memory.closed_since_start = 0
 
@@ -77,35 +82,36 @@ def step_pair(observer: Observer, position: int) -> bool:
     u_end = (row.rail_pressure, row.seat_area)
     knot = (before.lift_after, before.lift_area)
 
-    x = advance_over(
-        (before.x_tilde[0], before.x_tilde[1], before.x_tilde[2]),
+    row.x_tilde[:] = before.x_tilde
+    indicated, shown = predict(
+        row.x_tilde,
+        before.indicated,
         u_start,
         knot,
         u_end,
         constants.interval,
         constants.substeps,
+        constants.sensor.fraction,
+        memory.lag,
         c,
         network,
+        None,
     )
-    gain = min(memory.since_start, observer.gains.shape[0] - 1)
-    indicated = lagged(before.indicated, before.x_tilde[0], x[0], constants.interval, memory.lag)
     innovation = 0.0
     if _is_measured(observer, position):
         y = observer.ring[(position + constants.sensor.late) & _MASK].line_pressure
-        innovation = y - memory.offset - recorded(before.indicated, indicated, constants.sensor.fraction)
-    row.indicated = indicated + observer.gains[gain, 2] * innovation
-    x = correct(x, innovation, observer.gains[gain, 0], observer.gains[gain, 1])
+        innovation = y - memory.offset - shown
+    gain = observer.gains[min(memory.since_start, observer.gains.shape[0] - 1)]
+    row.indicated = correct(row.x_tilde, indicated, innovation, gain, None)
     memory.since_start += 1
     if row.resting:
-        x = (x[0], x[1], 0.0)
-    row.x_tilde[0], row.x_tilde[1], row.x_tilde[2] = x
-
-    if not row.resting:
-        x = (before.x_hat[0], before.x_hat[1], before.x_hat[2])
+        row.x_tilde[2] = 0.0
+        row.x_hat[:] = row.x_tilde
+    else:
+        row.x_hat[:] = before.x_hat
         interval, substeps = constants.interval, constants.substeps
-        x = advance_x_hat(observer.phi, x, u_start, knot, u_end, interval, substeps, c, network)
-    row.x_hat[0], row.x_hat[1], row.x_hat[2] = x
-    return math.isfinite(x[0] + x[1] + x[2] + row.x_tilde[0] + row.x_tilde[1] + row.x_tilde[2])
+        advance_x_hat(observer.phi, row.x_hat, u_start, knot, u_end, interval, substeps, c, network)
+    return math.isfinite(row.x_hat.sum() + row.x_tilde.sum())
 
 
 @njit(cache=True, nogil=True)
@@ -114,7 +120,7 @@ def read_out(observer: Observer, position: int) -> None:
     row = observer.ring[position & _MASK]
     c = coefficients_in_force(observer)
     network = network_in_force(observer)
-    x = (row.x_hat[0], row.x_hat[1], row.x_hat[2])
+    x = row.x_hat
     u = (row.rail_pressure, max(row.seat_area, 0.0))
     phi, row.injection_rate = read_phi(observer.phi, x, u, row.resting, c, network)
     row.phi[0], row.phi[1], row.phi[2] = phi

@@ -30,7 +30,7 @@ class StructuredPhi(NamedTuple):
 
 def advance_x_hat(
     phi: Any,
-    x: tuple[float, float, float],
+    x: NDArray[np.float64],
     u_start: tuple[float, float],
     knot: tuple[float, float],
     u_end: tuple[float, float],
@@ -38,14 +38,14 @@ def advance_x_hat(
     substeps: int,
     c: Coefficients,
     network: Network,
-) -> tuple[float, float, float]:
-    """x^ a sample interval later, under phi; other arguments as of `integrator.advance_over`. For compiled code."""
+) -> None:
+    """x^ (n,) a sample interval later, in place; arguments as of `integrator.advance_over`. For compiled code."""
     raise NotImplementedError
 
 
 def read_phi(
     phi: Any,
-    x: tuple[float, float, float],
+    x: NDArray[np.float64],
     u: tuple[float, float],
     resting: bool,
     c: Coefficients,
@@ -74,7 +74,7 @@ def carry(kind: type, advance: Callable[..., Any], read: Callable[..., Any]) -> 
 @njit(cache=True, nogil=True)
 def _advance_structured(
     phi: StructuredPhi,
-    x: tuple[float, float, float],
+    x: NDArray[np.float64],
     u_start: tuple[float, float],
     knot: tuple[float, float],
     u_end: tuple[float, float],
@@ -82,15 +82,14 @@ def _advance_structured(
     substeps: int,
     c: Coefficients,
     network: Network,
-) -> tuple[float, float, float]:
-    after: tuple[float, float, float] = advance_over(x, u_start, knot, u_end, interval, substeps, c, network)
-    return after
+) -> None:
+    advance_over(x, u_start, knot, u_end, interval, substeps, c, network, None)
 
 
 @njit(cache=True, nogil=True)
 def _read_structured(
     phi: StructuredPhi,
-    x: tuple[float, float, float],
+    x: NDArray[np.float64],
     u: tuple[float, float],
     resting: bool,
     c: Coefficients,

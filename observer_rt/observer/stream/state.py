@@ -54,33 +54,28 @@ class Reason(IntEnum):
     INPUT_STALE = 18  # one of the inputs stays away while others come
 
 
-SAMPLE = np.dtype(
-    [
-        # as received, normalised by (24), lift in m
-        ("index", np.int64),
-        ("rail_pressure", np.float64),
-        ("needle_lift", np.float64),
-        ("line_pressure", np.float64),
-        ("lift_after", np.float64),  # share of an interval by which the lift was taken later than the rest
-        ("rail_share", np.float64),  # in the rail pressure, of the later one of two neighbours
-        ("interpolated", np.bool_),
-        ("broken", np.int8),  # Break
-        ("doubt", np.int8),  # Doubt
-        # as computed
-        ("lift_area", np.float64),  # normalised seat area when the lift was taken
-        ("seat_area", np.float64),  # u2
-        ("resting", np.bool_),
-        ("x_tilde", np.float64, (3,)),
-        ("indicated", np.float64),  # line pressure as the lagging sensor of x~ shows it, without offset
-        ("x_hat", np.float64, (3,)),
-        ("phi", np.float64, (3,)),  # 1/s
-        ("injection_rate", np.float64),  # m3/s, NaN while not synchronised
-        ("valid", np.bool_),
-        ("state", np.int8),  # State
-        ("reason", np.int8),  # Reason
-    ],
-    align=True,
-)
+_SAMPLE = [
+    # as received, normalised by (24), lift in m
+    ("index", np.int64),
+    ("rail_pressure", np.float64),
+    ("needle_lift", np.float64),
+    ("line_pressure", np.float64),
+    ("lift_after", np.float64),  # share of an interval by which the lift was taken later than the rest
+    ("rail_share", np.float64),  # in the rail pressure, of the later one of two neighbours
+    ("interpolated", np.bool_),
+    ("broken", np.int8),  # Break
+    ("doubt", np.int8),  # Doubt
+    # as computed
+    ("lift_area", np.float64),  # normalised seat area when the lift was taken
+    ("seat_area", np.float64),  # u2
+    ("resting", np.bool_),
+    ("indicated", np.float64),  # line pressure as the lagging sensor of x~ shows it, without offset
+    ("phi", np.float64, (3,)),  # 1/s
+    ("injection_rate", np.float64),  # m3/s, NaN while not synchronised
+    ("valid", np.bool_),
+    ("state", np.int8),  # State
+    ("reason", np.int8),  # Reason
+]
 
 # what the closed needle has told so far
 _STANDSTILL = [
@@ -129,69 +124,73 @@ INJECTION = np.dtype(
     align=True,
 )
 
-OBSERVER = np.dtype(
-    [
-        # positions in the stream of samples: received >= processed
-        ("received", np.int64),
-        ("processed", np.int64),
-        ("segment_start", np.int64),  # position of the first sample since the last break
-        ("draining", np.bool_),  # no more samples will come: do without look-ahead
-        # parameters in force
-        ("hidden", np.float64, (HIDDEN, ARGUMENTS)),
-        ("output", np.float64, (OUTPUTS, HIDDEN)),
-        ("bias", np.float64, (OUTPUTS,)),
-        ("theta", np.float64, (PARAMETERS,)),  # of which these are parts:
-        ("offset", np.float64),
-        ("lag", np.float64),  # s
-        ("friction", np.float64),
-        ("leakage", np.float64),
-        ("stiffness", np.float64),
-        ("air", np.float64),
-        ("back_pressure", np.float64, (2,)),
-        ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
-        ("doubted", np.int8),  # Reason all that comes now is not to be trusted, 0 when it is
-        ("lift_on", np.float64),  # m
-        ("lift_off", np.float64),
-        ("phi_version", np.int64),
-        # the pair x~, x^ is in the ring; what else it needs
-        ("since_start", np.int64),  # samples since x~ started
-        ("closed_since_start", np.int64),  # of these, with a closed needle
-        ("synchronised", np.bool_),
-        ("unsynchronised_by", np.int8),  # Reason
-        # needle and event
-        ("needle_open", np.bool_),
-        ("shut_since", np.int64),  # index of the first closed sample
-        ("in_event", np.bool_),
-        ("event_learnable", np.bool_),
-        ("event_doubtful", np.bool_),
-        ("event_number", np.int64),
-        ("event_opening", np.int64),
-        # the part of a ramp that a lift recorded too low does not show
-        ("foot", np.int64),  # position of the first sample whose recorded lift counts
-        ("foot_lift", np.float64),  # m, lift at the sample before
-        ("rise", np.float64),  # m a sample
-        ("sinking_lift", np.float64),  # m, of a needle no longer recorded as open
-        ("fall", np.float64),  # m a sample, 0 while the recorded lift counts
-        ("events_judged", np.int64),
-        ("waiting", np.bool_),  # the head of `events` is due and must be judged before going on
-        ("events", EVENT, (PENDING_EVENTS,)),
-        ("events_closed", np.int64),
-        ("events_taken", np.int64),
-        ("injections", INJECTION, (INJECTIONS,)),
-        ("injections_begun", np.int64),
-        ("injections_reported", np.int64),
-        # statistics of the standstill
-        ("rest_run", np.int64),
-        *_STANDSTILL,
-        # counters
-        ("interpolated", np.int64),
-        ("lost", np.int64),
-        ("breaks", np.int64),
-        ("numerical_resets", np.int64),
-        ("doubtful_events", np.int64),  # judged
-    ],
-    align=True,
-)
+_OBSERVER = [
+    # positions in the stream of samples: received >= processed
+    ("received", np.int64),
+    ("processed", np.int64),
+    ("segment_start", np.int64),  # position of the first sample since the last break
+    ("draining", np.bool_),  # no more samples will come: do without look-ahead
+    # parameters in force
+    ("hidden", np.float64, (HIDDEN, ARGUMENTS)),
+    ("output", np.float64, (OUTPUTS, HIDDEN)),
+    ("bias", np.float64, (OUTPUTS,)),
+    ("theta", np.float64, (PARAMETERS,)),  # of which these are parts:
+    ("offset", np.float64),
+    ("lag", np.float64),  # s
+    ("back_pressure", np.float64, (2,)),
+    ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
+    ("doubted", np.int8),  # Reason all that comes now is not to be trusted, 0 when it is
+    ("lift_on", np.float64),  # m
+    ("lift_off", np.float64),
+    ("phi_version", np.int64),
+    # the pair x~, x^ is in the ring; what else it needs
+    ("since_start", np.int64),  # samples since x~ started
+    ("closed_since_start", np.int64),  # of these, with a closed needle
+    ("synchronised", np.bool_),
+    ("unsynchronised_by", np.int8),  # Reason
+    # needle and event
+    ("needle_open", np.bool_),
+    ("shut_since", np.int64),  # index of the first closed sample
+    ("in_event", np.bool_),
+    ("event_learnable", np.bool_),
+    ("event_doubtful", np.bool_),
+    ("event_number", np.int64),
+    ("event_opening", np.int64),
+    # the part of a ramp that a lift recorded too low does not show
+    ("foot", np.int64),  # position of the first sample whose recorded lift counts
+    ("foot_lift", np.float64),  # m, lift at the sample before
+    ("rise", np.float64),  # m a sample
+    ("sinking_lift", np.float64),  # m, of a needle no longer recorded as open
+    ("fall", np.float64),  # m a sample, 0 while the recorded lift counts
+    ("events_judged", np.int64),
+    ("waiting", np.bool_),  # the head of `events` is due and must be judged before going on
+    ("events", EVENT, (PENDING_EVENTS,)),
+    ("events_closed", np.int64),
+    ("events_taken", np.int64),
+    ("injections", INJECTION, (INJECTIONS,)),
+    ("injections_begun", np.int64),
+    ("injections_reported", np.int64),
+    # statistics of the standstill
+    ("rest_run", np.int64),
+    *_STANDSTILL,
+    # counters
+    ("interpolated", np.int64),
+    ("lost", np.int64),
+    ("breaks", np.int64),
+    ("numerical_resets", np.int64),
+    ("doubtful_events", np.int64),  # judged
+]
+
+
+def sample_dtype(states: int) -> np.dtype[np.void]:
+    """A sample of the ring, for a model of so many states."""
+    pair = [("x_tilde", np.float64, (states,)), ("x_hat", np.float64, (states,))]
+    return np.dtype(_SAMPLE + pair, align=True)
+
+
+def observer_dtype(line_coefficients: int) -> np.dtype[np.void]:
+    """The observer's memory, for a line of so many coefficients; `line` are those with what was learned of it."""
+    return np.dtype([*_OBSERVER, ("line", np.float64, (line_coefficients,))], align=True)
 
 
 class Timing(NamedTuple):
@@ -225,7 +224,7 @@ class Observer(NamedTuple):
     """The observer as compiled functions see it: constants and preallocated memory."""
 
     constants: Constants
-    memory: NDArray[np.void]  # (1,) OBSERVER
-    ring: NDArray[np.void]  # (RING,) SAMPLE
-    gains: NDArray[np.float64]  # (n, 3) gain schedule in force
+    memory: NDArray[np.void]  # (1,) `observer_dtype`
+    ring: NDArray[np.void]  # (RING,) `sample_dtype`
+    gains: NDArray[np.float64]  # (n, states) gain schedule in force
     phi: Phi  # of x^

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.learned import network_of
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.network import HIDDEN, zero_network
@@ -23,8 +23,9 @@ def worn() -> np.ndarray:
 
 
 def test_nozzle_change_is_that_of_the_injection_rate() -> None:
-    c = coefficients(NOMINAL)._replace(transition=1e-9)
-    changed = injection_rate(X, U, c, learned_of(worn()).network)
+    c = coefficients(NOMINAL)
+    c = c._replace(nozzle=c.nozzle._replace(transition=1e-9))
+    changed = injection_rate(X, U, c, network_of(worn()))
     assert nozzle_change(worn(), X, U)[0] == pytest.approx(
         changed / injection_rate(X, U, c, zero_network()) - 1.0
     )

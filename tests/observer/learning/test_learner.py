@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import BenchInjector, load_bench
-from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.learned import network_of
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import NOZZLE, OFFSET, SCALARS, SEAT, Scalars
@@ -169,7 +169,7 @@ def nozzle_wear(v_h: float) -> Vector:
 
 def wear_of(theta: Vector) -> float:
     """v_H that theta means with the needle open at 95 MPa: bias and hidden neurons share it."""
-    return float(flow_changes((0.9, 1.0, 0.8), (0.95, 0.9), learned_of(theta).network)[0])
+    return float(flow_changes((0.9, 1.0, 0.8), (0.95, 0.9), network_of(theta))[0])
 
 
 def event(v_h: float, seed: int | None = None) -> Window:
@@ -177,12 +177,12 @@ def event(v_h: float, seed: int | None = None) -> Window:
     constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
     time = np.arange(700) / 100e3
     area = np.interp(time, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
-    x = (0.95, 0.0, 0.0)
+    x = np.array([0.95, 0.0, 0.0])
     line = [x[0]]
-    network = learned_of(nozzle_wear(v_h)).network
+    network = network_of(nozzle_wear(v_h))
     for k in range(699):
         u_start, u_end = (0.95, float(area[k])), (0.95, float(area[k + 1]))
-        x = advance(x, u_start, u_end, 1e-5, constants.substeps, constants.coefficients, network)
+        advance(x, u_start, u_end, 1e-5, constants.substeps, constants.coefficients, network, None)
         line.append(x[0])
     output = np.array(line)
     if seed is not None:

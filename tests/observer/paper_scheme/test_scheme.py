@@ -12,7 +12,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients
-from observer_rt.observer.paper_scheme.gain import check_gain, doubts_about_gain, line_mode
+from observer_rt.observer.paper_scheme.gain import check_gain, doubts_about_gain
 from observer_rt.observer.paper_scheme.network import (
     FaultCost,
     free_fault,
@@ -137,7 +137,7 @@ def test_gains_between_line_mode_and_sample_rate_are_taken() -> None:
             return True
         return False
 
-    lowest, rate = line_mode(C), 1 / (1 / 100e3)
+    lowest, rate = C.line.mode, 1 / (1 / 100e3)
     gains = (0.99 * lowest, 1.01 * lowest, 3e4, rate, 1.01 * rate)
     assert [is_taken(gain) for gain in gains] == [False, True, True, True, False]
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from observer_rt.discovery.evidence.measurement import measurements
 from observer_rt.discovery.evidence.windows import TrueInputs
 from observer_rt.estimation.learned import nothing_learned
-from observer_rt.estimation.predictor import Setting, Window, follow
+from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.recording.signals.recording import Recording
@@ -32,7 +32,7 @@ def open_loop(
     )
     errors, rate = np.empty((2, recording.samples))
     setting = Setting(measurement.interval, SUBSTEPS, c, np.zeros(3), lag=sensor.lag)
-    follow(window, setting, nothing_learned(), 0, errors, rate)
+    follow(window, setting, nothing_learned(c), 0, errors, rate, None, NO_SLOPES)
     indicated = -errors * c.pressure_scale + c.chamber_pressure + sensor.offset
     indicated[0] = indicated[1]
     late = sensor.delay / measurement.interval

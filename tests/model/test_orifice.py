@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.model.laws import root, root_slope, seat_area, seat_area_slope
+from observer_rt.model.orifice import root, root_slope
 
 DIFFERENCES = st.floats(-3, 3, allow_nan=False)
 TRANSITIONS = st.floats(1e-4, 1e-1)
@@ -44,17 +44,3 @@ def test_slope_is_positive_and_steepest_at_zero(difference: float, transition: f
     steepest = 1.0 / math.sqrt(transition)
     assert root_slope(0.0, transition) == pytest.approx(steepest, rel=1e-12)
     assert 0.0 < root_slope(difference, transition) <= steepest * (1 + 1e-12)
-
-
-@compiled
-@given(st.floats(1e-6, 400e-6))
-def test_seat_area_slope_is_the_derivative_at_the_lift_of_the_area(lift: float) -> None:
-    diameter, angle, step = 2.4e-3, math.radians(30.0), 1e-8
-    numeric = (seat_area(lift + step, diameter, angle) - seat_area(lift - step, diameter, angle)) / (2 * step)
-    slope = seat_area_slope(seat_area(lift, diameter, angle), diameter, angle)
-    assert slope == pytest.approx(numeric, rel=1e-6)
-
-
-def test_closed_seat_does_not_open_with_noise() -> None:
-    assert seat_area_slope(0.0, 2.4e-3, 0.5) == 0.0
-    assert seat_area_slope(-1e-9, 2.4e-3, 0.5) == 0.0

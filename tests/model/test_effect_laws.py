@@ -1,21 +1,17 @@
-"""The laws that effects change against the formulas of the vocabulary in physical units, and their slopes."""
+"""The laws that effects change against the formulas of the vocabulary in physical units."""
 
 import math
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.flows import (
-    line_stiffness,
-    line_stiffness_slopes,
-    normalised_area,
-    nozzle_law,
-    nozzle_law_slopes,
-)
+from observer_rt.model.line.lump import stiffness
+from observer_rt.model.nozzle import nozzle_law
+from observer_rt.model.seat import normalised_area
 
 NOMINAL = load_injector()
 P_0, P_C, P_V, K_L = 1e8, 5e6, 2e3, 1.6e9
@@ -42,7 +38,7 @@ def cavitating(p_s: float, p_c: float, excess: float) -> float:
 @given(st.floats(30e6, 200e6), st.floats(0.0, 0.6), st.floats(0.0, 10e6))
 def test_cavitation_lowers_the_coefficient(p_s: float, excess: float, rise: float) -> None:
     c = model(orifice_cavitation={"n_crit_excess": excess}, chamber_pressure_rise={"dp": rise})
-    found = nozzle_law(x_of(p_s), 0.5, 0.0, c) * math.sqrt(P_0)
+    found = nozzle_law(x_of(p_s), 0.5, 0.0, c.nozzle) * math.sqrt(P_0)
     # the root is smooth through zero: 0.1 % at 10 MPa of difference
     assert found == pytest.approx(cavitating(p_s, P_C + rise, excess), rel=2e-3)
 
@@ -51,31 +47,33 @@ def test_cavitation_lowers_the_coefficient(p_s: float, excess: float, rise: floa
 def test_cavitation_sets_in_at_the_critical_number(pressure: float, expected: float) -> None:
     """N_crit = 1.06: below it only where p_S - p_C > 4.998 / 0.06 = 83.3 MPa."""
     c = model(orifice_cavitation={"n_crit_excess": 0.06})
-    share = nozzle_law(x_of(pressure), 0.5, 0.0, c) / nozzle_law(x_of(pressure), 0.5, 0.0, model())
+    share = nozzle_law(x_of(pressure), 0.5, 0.0, c.nozzle) / nozzle_law(
+        x_of(pressure), 0.5, 0.0, model().nozzle
+    )
     assert share == pytest.approx(expected, rel=1e-5)
 
 
 @given(pressures, st.floats(0.0, 40e6))
 def test_chamber_pressure_rises_while_the_needle_is_open_only(p_s: float, rise: float) -> None:
     c = model(chamber_pressure_rise={"dp": rise})
-    assert nozzle_law(x_of(p_s), 0.3, 0.0, c) == pytest.approx(
-        nozzle_law(x_of(p_s - rise), 0.3, 0.0, model()), abs=1e-12
+    assert nozzle_law(x_of(p_s), 0.3, 0.0, c.nozzle) == pytest.approx(
+        nozzle_law(x_of(p_s - rise), 0.3, 0.0, model().nozzle), abs=1e-12
     )
-    assert nozzle_law(x_of(p_s), 0.0, 0.0, c) == nozzle_law(x_of(p_s), 0.3, 0.0, model())
+    assert nozzle_law(x_of(p_s), 0.0, 0.0, c.nozzle) == nozzle_law(x_of(p_s), 0.3, 0.0, model().nozzle)
 
 
 @given(pressures, st.floats(-8.0, 12.0), st.floats(0.0, 0.03))
 def test_stiffness_of_the_line(p: float, slope: float, air: float) -> None:
     c = model(pressure_dependent_bulk_modulus={"n": slope}, entrained_air={"g": air})
     fuel = K_L + slope * (p - 100e6)
-    assert line_stiffness(x_of(p), c) * K_L == pytest.approx(1 / (1 / fuel + air / p), rel=1e-12)
+    assert stiffness(x_of(p), c.line) * K_L == pytest.approx(1 / (1 / fuel + air / p), rel=1e-12)
 
 
 @pytest.mark.parametrize("pressure", [-20e6, 0.0, 5e6, 400e6, 1e9])
 @pytest.mark.parametrize("slope", [-8.0, 12.0])
 def test_stiffness_stays_positive_where_no_injector_works(pressure: float, slope: float) -> None:
     c = model(pressure_dependent_bulk_modulus={"n": slope}, entrained_air={"g": 0.03})
-    assert 0.0 < line_stiffness(x_of(pressure), c) < 10.0
+    assert 0.0 < stiffness(x_of(pressure), c.line) < 10.0
 
 
 @given(st.floats(1e-6, 0.3e-3), st.floats(-0.8, 0.95), st.floats(10e-6, 200e-6))
@@ -83,47 +81,10 @@ def test_seat_coefficient_depends_on_the_lift(lift: float, a: float, scale: floa
     c = model(lift_dependent_seat_coefficient={"a": a, "x_c": scale})
     area = math.pi * lift * math.sin(math.radians(30)) * (2.2e-3 - lift / 2 * math.sin(math.radians(60)))
     expected = area * (1 - a * math.exp(-lift / scale)) / 7e-7
-    assert normalised_area(lift, c) == pytest.approx(expected, rel=1e-12)
+    assert normalised_area(lift, c.seat) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_shut_seat_has_no_area_whatever_its_coefficient() -> None:
     c = model(lift_dependent_seat_coefficient={"a": 0.5})
-    assert normalised_area(0.0, c) == 0.0
-    assert normalised_area(-1e-6, c) == 0.0
-
-
-@given(
-    st.floats(-0.5, 2.0),
-    st.sampled_from([0.0, 0.5]),
-    st.floats(0.0, 0.6),
-    st.floats(0.0, 40e6),
-    st.floats(0.0, 0.2),
-)
-def test_slopes_of_the_nozzle_law(
-    x_3: float, u_2: float, excess: float, rise: float, back_pressure: float
-) -> None:
-    c = model(orifice_cavitation={"n_crit_excess": excess}, chamber_pressure_rise={"dp": rise})
-    added = c.chamber_rise + back_pressure if u_2 > 0.0 else 0.0
-    kink = (c.vapour_margin + added) / excess + added if excess > 0.0 else -1.0
-    assume(abs(x_3 - kink) > 1e-4)
-    step = 1e-6
-
-    def flow(x: float, against: float) -> float:
-        return float(nozzle_law(x, u_2, against, c))
-
-    by_sac = (flow(x_3 + step, back_pressure) - flow(x_3 - step, back_pressure)) / (2 * step)
-    by_chamber = (flow(x_3, back_pressure + step) - flow(x_3, back_pressure - step)) / (2 * step)
-    expected = pytest.approx((by_sac, by_chamber), rel=1e-5, abs=1e-6)
-    assert nozzle_law_slopes(x_3, u_2, back_pressure, c) == expected
-
-
-@given(st.floats(0.0, 2.0), st.floats(-8.0, 12.0), st.floats(0.0, 0.03))
-def test_slopes_of_the_stiffness(x_1: float, slope: float, air: float) -> None:
-    c = model(pressure_dependent_bulk_modulus={"n": slope}, entrained_air={"g": air})
-    by_pressure, by_air = line_stiffness_slopes(x_1, c)
-    step = 1e-6
-    numeric = (line_stiffness(x_1 + step, c) - line_stiffness(x_1 - step, c)) / (2 * step)
-    assert by_pressure == pytest.approx(numeric, rel=1e-5, abs=1e-7)
-    more, most = c._replace(air=c.air + step), c._replace(air=c.air + 2 * step)
-    one_sided = 4 * line_stiffness(x_1, more) - 3 * line_stiffness(x_1, c) - line_stiffness(x_1, most)
-    assert by_air == pytest.approx(one_sided / (2 * step), rel=1e-4)  # air cannot be negative
+    assert normalised_area(0.0, c.seat) == 0.0
+    assert normalised_area(-1e-6, c.seat) == 0.0

@@ -1,0 +1,207 @@
+"""The derivatives beside the laws against differences of the laws, over the whole domain: shut to beyond full lift,
+reversed flow, pressures next to equal, cavitation, a chamber pressure that rises, air and a stiffness that bends."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
+from observer_rt.estimation.learned import by_theta, learned_of
+from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.line.interface import line_rates, line_slopes, no_slopes
+from observer_rt.model.line.lump import LumpLine
+from observer_rt.model.network import Network
+from observer_rt.model.nozzle import nozzle_law, nozzle_law_slopes
+from observer_rt.model.parameters import LineOutflow
+from observer_rt.model.right_hand_side import (
+    changed_flows,
+    flow_slopes,
+    right_hand_side,
+    tangent_of,
+    tangent_rates,
+)
+from observer_rt.model.seat import normalised_area, seat_area_slope, seat_law, seat_law_slopes
+from tests.model.conftest import State
+
+FULL_LIFT = 1.39  # u_2
+STEP = 1e-6
+AREA = st.one_of(st.just(0.0), st.floats(1e-3, FULL_LIFT), st.just(FULL_LIFT))
+PRESSURE = st.one_of(st.floats(-0.5, 2.0), st.floats(-0.005, 0.005))
+compiled = settings(deadline=None, max_examples=200)  # the first example may compile
+
+
+@st.composite
+def models(draw: st.DrawFn) -> Coefficients:
+    """Either outflow form with any effects that change a law."""
+    form = draw(st.sampled_from(list(LineOutflow)))
+    sizes = {
+        "orifice_cavitation": ("n_crit_excess", st.floats(0.0, 0.6)),
+        "chamber_pressure_rise": ("dp", st.floats(0.0, 40e6)),
+        "guide_leakage": ("c", st.floats(0.0, 5e-14)),
+        "pressure_dependent_bulk_modulus": ("n", st.floats(-8.0, 12.0)),
+        "entrained_air": ("g", st.floats(1e-5, 0.03)),
+    }
+    effects = [
+        sized(name, **{key: draw(values)}) for name, (key, values) in sizes.items() if draw(st.booleans())
+    ]
+    return effective_model(load_injector().model_copy(update={"line_outflow": form}), effects).coefficients
+
+
+@st.composite
+def thetas(draw: st.DrawFn) -> NDArray[np.float64]:
+    theta = np.array(draw(st.lists(st.floats(-0.2, 0.2), min_size=PARAMETERS, max_size=PARAMETERS)))
+    theta[[Parameter.ENTRAINED_AIR, Parameter.BACK_PRESSURE, Parameter.BACK_PRESSURE + 1]] += 0.21
+    return theta
+
+
+STATES = st.tuples(PRESSURE, st.floats(-2.0, 2.0), PRESSURE)
+INPUTS = st.tuples(PRESSURE, AREA)
+
+
+def difference(law: Callable[[float], Sequence[float] | float], at: float = 0.0) -> NDArray[np.float64]:
+    """Central difference of fourth order."""
+    near, far = (np.subtract(law(at + k * STEP), law(at - k * STEP)) for k in (1, 2))
+    return np.asarray((8.0 * near - far) / (12.0 * STEP))
+
+
+def beside(values: Sequence[float], place: int, step: float) -> tuple[float, ...]:
+    return tuple(v + step if i == place else v for i, v in enumerate(values))
+
+
+def away_from_kinks(x: State, u: tuple[float, float], c: Coefficients, back_pressure: float = 0.0) -> None:
+    """Where a law has a corner it has no derivative: the start of cavitation, the limits of the stiffness."""
+    rise = c.nozzle.chamber_rise + back_pressure if u[1] > 0.0 else 0.0
+    assume(abs((c.nozzle.vapour_margin + rise) - c.nozzle.critical_excess * (x[2] - rise)) > 1e-4)
+    assume(abs(x[0] + c.line.chamber_pressure - 0.01) > 1e-4)
+    assume(abs(1.0 + c.line.stiffness_slope * (x[0] - c.line.stiffness_pressure) - 0.05) > 1e-4)
+    assume(abs(x[1]) > 1e-4)
+
+
+@compiled
+@given(models(), STATES, AREA, st.floats(0.0, 0.2))
+def test_nozzle(c: Coefficients, x: State, u_2: float, back_pressure: float) -> None:
+    away_from_kinks(x, (0.0, u_2), c, back_pressure)
+    by_sac = difference(lambda x_3: float(nozzle_law(x_3, u_2, back_pressure, c.nozzle)), x[2])
+    by_chamber = difference(lambda p: float(nozzle_law(x[2], u_2, p, c.nozzle)), back_pressure)
+    slopes = nozzle_law_slopes(x[2], u_2, back_pressure, c.nozzle)
+    assert slopes == pytest.approx((float(by_sac), float(by_chamber)), rel=1e-6, abs=1e-7)
+
+
+@compiled
+@given(models(), PRESSURE, PRESSURE, AREA)
+def test_seat(c: Coefficients, x_1: float, x_3: float, u_2: float) -> None:
+    by_line = difference(lambda x: float(seat_law(x, x_3, u_2, c.seat)), x_1)
+    by_sac = difference(lambda x: float(seat_law(x_1, x, u_2, c.seat)), x_3)
+    by_area = difference(lambda u: float(seat_law(x_1, x_3, u, c.seat)), u_2)
+    slope, by_u = seat_law_slopes(x_1, x_3, u_2, c.seat)
+    assert (slope, -slope, by_u) == pytest.approx(
+        (float(by_line), float(by_sac), float(by_area)), rel=1e-6, abs=1e-7
+    )
+
+
+@compiled
+@given(st.floats(10e-6, 0.3e-3))
+def test_area_of_a_lift(lift: float) -> None:
+    c = effective_model(load_injector()).coefficients
+    numeric = difference(lambda um: float(normalised_area(lift + um * 1e-4, c.seat))) * 1e4 * c.area_scale
+    assert seat_area_slope(normalised_area(lift, c.seat), c.seat) == pytest.approx(float(numeric), rel=1e-6)
+
+
+@pytest.mark.parametrize("area", [0.0, -1e-3])
+def test_a_closed_seat_does_not_open_with_noise(area: float) -> None:
+    assert seat_area_slope(area, effective_model(load_injector()).coefficients.seat) == 0.0
+
+
+@compiled
+@given(models(), STATES, PRESSURE, st.floats(-1.2, 1.2), st.floats(-1.2, 1.2))
+def test_lump_by_state_flows_rail_and_coefficients(
+    c: Coefficients, x: State, rail: float, q_h: float, q_s: float
+) -> None:
+    away_from_kinks(x, (rail, 0.0), c)
+    slopes = no_slopes(c.line)
+    line_slopes(x, rail, q_h, q_s, c.line, slopes)
+
+    def check(found: NDArray[np.float64], law: Callable[[float], Sequence[float]]) -> None:
+        np.testing.assert_allclose(found[:2], difference(law), rtol=1e-5, atol=1e-4)
+
+    def by_state(place: int, d: float) -> Sequence[float]:
+        return tuple(line_rates(beside(x, place, d), rail, q_h, q_s, c.line))
+
+    def by_coefficient(place: int, d: float) -> Sequence[float]:
+        return tuple(line_rates(x, rail, q_h, q_s, LumpLine(*beside(c.line, place, d))))
+
+    for i in range(3):
+        check(slopes.by_state[:, i], partial(by_state, i))
+    check(slopes.by_rail, lambda d: line_rates(x, rail + d, q_h, q_s, c.line))
+    check(slopes.by_flow[:, 0], lambda d: line_rates(x, rail, q_h + d, q_s, c.line))
+    check(slopes.by_flow[:, 1], lambda d: line_rates(x, rail, q_h, q_s + d, c.line))
+    bending = {"air"} if c.line.air == 0.0 else set()  # one-sided: air cannot be negative
+    bending |= {"stiffness_pressure", "chamber_pressure"}  # nothing changes them
+    for i, name in enumerate(LumpLine._fields):
+        if name not in bending:
+            check(slopes.by_coefficient[:, i], partial(by_coefficient, i))
+
+
+@compiled
+@given(models(), STATES, INPUTS, thetas())
+def test_flows_by_state_and_area(
+    c: Coefficients, x: State, u: tuple[float, float], theta: NDArray[np.float64]
+) -> None:
+    network = learned_of(theta, c).network
+    away_from_kinks(x, u, c, float(network.back_pressure @ (1.0, u[1])))
+    found = flow_slopes(x, u, c, network, np.zeros(5))
+
+    def by_state(place: int, d: float) -> Sequence[float]:
+        return changed_flows_at(beside(x, place, d), u, c, network)
+
+    for i in range(3):
+        numeric = difference(partial(by_state, i))
+        np.testing.assert_allclose((found.h_x[i], found.s_x[i]), numeric, rtol=1e-6, atol=1e-6)
+    if u[1] > 0.0:  # a seat opens to one side only
+        numeric = difference(lambda d: changed_flows_at(x, (u[0], u[1] + d), c, network))
+        np.testing.assert_allclose((found.h_area, found.s_area), numeric, rtol=1e-6, atol=1e-6)
+
+
+def changed_flows_at(
+    x: tuple[float, ...], u: tuple[float, float], c: Coefficients, network: Network
+) -> tuple[float, float]:
+    flows = changed_flows(x, u, c, network)
+    return float(flows[0]), float(flows[1])
+
+
+@compiled
+@given(models(), STATES, INPUTS, thetas())
+def test_right_hand_side_by_state_and_theta(
+    c: Coefficients, x: State, u: tuple[float, float], theta: NDArray[np.float64]
+) -> None:
+    """The whole of df/dx and df/dtheta, through the elements and dc/dtheta."""
+    learned = learned_of(theta, c)
+    changed, network = learned.coefficients, learned.network
+    away_from_kinks(x, u, changed, float(network.back_pressure @ (1.0, u[1])))
+    assume(changed.line.air > 1e-3)
+    tangent = tangent_of(changed, network, by_theta(theta, c), PARAMETERS + 3)
+    direction, rate = np.zeros((3, PARAMETERS + 3)), np.zeros((3, PARAMETERS + 3))
+    direction[:, PARAMETERS:] = np.eye(3)
+    value = tangent_rates(x, u, changed, network, tangent, direction, rate)
+    assert value == right_hand_side(x, u, changed, network)
+
+    def by_state(place: int, d: float) -> Sequence[float]:
+        return tuple(right_hand_side(beside(x, place, d), u, changed, network))
+
+    def of_theta(place: int, d: float) -> Sequence[float]:
+        other = learned_of(theta + d * np.eye(PARAMETERS)[place], c)
+        return tuple(right_hand_side(x, u, other.coefficients, other.network))
+
+    for i in range(3):
+        if not (i == 2 and x[2] == 0.0 and u[1] == 0.0):  # at rest the sac stays
+            numeric = difference(partial(by_state, i))
+            np.testing.assert_allclose(rate[:, PARAMETERS + i], numeric, rtol=1e-5, atol=1e-2)
+    for j in range(PARAMETERS):
+        np.testing.assert_allclose(rate[:, j], difference(partial(of_theta, j)), rtol=1e-5, atol=1e-2)

@@ -133,12 +133,24 @@ def integrate(
             system,
             tangent,
         )
-    for i in range(len(state)):
-        x[i] = state[i]
+    _store(state, x, 0)
 
 
 def _state(x: NDArray[np.float64], line: Any) -> Any:
     """The array x (n,) as a tuple."""
+
+
+def _store(state: Any, x: NDArray[np.float64], first: int) -> None:
+    """The tuple into the array x (n,), from place `first` on."""
+
+
+@overload(_store, strict=False)
+def _store_compiled(state: Any, x: Any, first: Any) -> Any:
+    def store(state: Any, x: Any, first: Any) -> None:
+        x[first] = state[0]
+        _store(state[1:], x, first + 1)
+
+    return store if len(state) else lambda state, x, first: None
 
 
 @overload(_state, inline="always", strict=False)

@@ -2,7 +2,9 @@
 
 import math
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import correct, predict
 from observer_rt.model.coefficients import Coefficients
@@ -41,6 +43,13 @@ def coefficients_in_force(observer: Observer) -> Coefficients:
     )
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _copy(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
+    """A state of few numbers; a slice would cost more than they do."""
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
 @njit(cache=True, nogil=True)
 def start_pair(observer: Observer, position: int) -> None:
     """x~ (and x^ with it) begins anew: p_L = y, Q_L = 0, empty sac."""
@@ -50,7 +59,7 @@ def start_pair(observer: Observer, position: int) -> None:
     rest_line(row.x_tilde, pressure, observer.constants.coefficients.line)
     row.x_tilde[2] = 0.0
     row.indicated = pressure
-    row.x_hat[:] = row.x_tilde
+    _copy(row.x_tilde, row.x_hat)
     memory.since_start = 0
     memory.closed_since_start = 0
 
@@ -82,7 +91,7 @@ def step_pair(observer: Observer, position: int) -> bool:
     u_end = (row.rail_pressure, row.seat_area)
     knot = (before.lift_after, before.lift_area)
 
-    row.x_tilde[:] = before.x_tilde
+    _copy(before.x_tilde, row.x_tilde)
     indicated, shown = predict(
         row.x_tilde,
         before.indicated,
@@ -106,9 +115,9 @@ def step_pair(observer: Observer, position: int) -> bool:
     memory.since_start += 1
     if row.resting:
         row.x_tilde[2] = 0.0
-        row.x_hat[:] = row.x_tilde
+        _copy(row.x_tilde, row.x_hat)
     else:
-        row.x_hat[:] = before.x_hat
+        _copy(before.x_hat, row.x_hat)
         interval, substeps = constants.interval, constants.substeps
         advance_x_hat(observer.phi, row.x_hat, u_start, knot, u_end, interval, substeps, c, network)
     return math.isfinite(row.x_hat.sum() + row.x_tilde.sum())

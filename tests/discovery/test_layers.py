@@ -8,7 +8,7 @@ from pathlib import Path
 import observer_rt.discovery
 from observer_rt.model.effects import VOCABULARY
 
-ABOVE = ("service", "evaluation", "bus", "cli")
+ABOVE = ("service", "evaluation", "cli")
 
 
 def test_discovery_imports_nothing_from_above() -> None:

@@ -92,7 +92,7 @@ def test_what_was_learned_stays_in_force(tmp_path: Path, frames: list[Frame], us
     assert third.mass_ci95 is None
     for report in (second, third):
         assert report.phi_version == 1
-        assert report.indicators[OFFSET] == first.indicators[OFFSET]
+        assert report.indicators[OFFSET].value == first.indicators[OFFSET].value
         assert report.indicators[NOZZLE].value == pytest.approx(first.indicators[NOZZLE].value, rel=1e-3)
     assert [summary["Learning"] for summary in held.summaries] == [1, 0, 0]
     assert flags(held) == sorted(flags(held), reverse=True)

@@ -72,10 +72,7 @@ LenientOption = Annotated[
     bool, typer.Option("--lenient", help="Read bus databases although signals overlap or do not fit.")
 ]
 ModelOption = Annotated[Path | None, file_option("--model", "Injector file, instead of the bench's.")]
-DecoderOption = Annotated[
-    Path | None,
-    file_option("--bench", "Bench file by which CAN logs are decoded."),
-]
+DecoderOption = Annotated[Path | None, file_option("--bench", "Bench file by which CAN logs are decoded.")]
 StateOption = Annotated[Path | None, file_option("--state", "Learned state to start from.")]
 FromChannelOption = Annotated[
     list[str] | None,

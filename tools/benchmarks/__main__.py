@@ -131,9 +131,7 @@ def frame(as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout."
 
 
 @app.command(epilog="Example: tools/bench peer-tuning --peer ekf")
-def peer_tuning(
-    peer: Annotated[str, typer.Option(help="Which filter: ukf or ekf.")] = "ukf",
-) -> None:
+def peer_tuning(peer: Annotated[str, typer.Option(help="Which filter: ukf or ekf.")] = "ukf") -> None:
     """The grid the joint Kalman filters' noise settings were chosen from, best first (minutes)."""
     if peer not in FILTERS:
         raise UserError("--peer", f"unknown filter '{peer}'", f"known: {', '.join(FILTERS)}")

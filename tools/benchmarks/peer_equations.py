@@ -10,6 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from tools.benchmarks.arrays import Array
+
 SHUT_STEP = 0.1  # radians of the line's mode per step while nothing flows
 RESTING_VARIANCE = 1e-10  # of a sac known to be at chamber pressure
 DIFFERENCE = 1e-5  # of normalised states, for the Jacobian
@@ -34,8 +36,8 @@ class Model(NamedTuple):
 class Stream(NamedTuple):
     """A recording as the filters take it, n samples: inputs (n, 2) [p_R, A_S], output (n,) p_L, resting (n,)."""
 
-    inputs: NDArray[np.float64]
-    output: NDArray[np.float64]
+    inputs: Array
+    output: Array
     resting: NDArray[np.bool_]
     interval: float  # s
     substeps: int
@@ -49,7 +51,7 @@ def root(difference: float, transition: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _rates(
-    x1: float, x2: float, x3: float, rail: float, area: float, theta: NDArray[np.float64], m: Model
+    x1: float, x2: float, x3: float, rail: float, area: float, theta: Array, m: Model
 ) -> tuple[float, float, float]:
     line_flow = m.a3 * (rail - x1) - m.a4 * (1.0 + theta[FRICTION]) * x2 * math.fabs(x2)
     stiffness = 1.0 + theta[STIFFNESS]
@@ -63,7 +65,7 @@ def _rates(
 
 @njit(cache=True, nogil=True)
 def advance(
-    x1: float, x2: float, x3: float, k: int, stream: Stream, theta: NDArray[np.float64], m: Model
+    x1: float, x2: float, x3: float, k: int, stream: Stream, theta: Array, m: Model
 ) -> tuple[float, float, float]:
     """State one sample after sample k: RK4, inputs linear."""
     r0, a0 = stream.inputs[k, 0], stream.inputs[k, 1]
@@ -86,16 +88,14 @@ def advance(
 
 
 @njit(cache=True, nogil=True)
-def _joint_advance(
-    x: NDArray[np.float64], k: int, stream: Stream, m: Model, theta: NDArray[np.float64]
-) -> None:
+def _joint_advance(x: Array, k: int, stream: Stream, m: Model, theta: Array) -> None:
     """`joint_step` in place; theta (PARAMETERS,) is room to work in."""
     theta[V_H] = x[3]
     x[0], x[1], x[2] = advance(x[0], x[1], x[2], k, stream, theta, m)
 
 
 @njit(cache=True, nogil=True)
-def joint_step(x: NDArray[np.float64], k: int, stream: Stream, m: Model) -> NDArray[np.float64]:
+def joint_step(x: Array, k: int, stream: Stream, m: Model) -> Array:
     """[x1, x2, x3, v_H] one sample after sample k."""
     after = x.copy()
     _joint_advance(after, k, stream, m, np.zeros(PARAMETERS))
@@ -103,7 +103,7 @@ def joint_step(x: NDArray[np.float64], k: int, stream: Stream, m: Model) -> NDAr
 
 
 @njit(cache=True, nogil=True)
-def joint_jacobian(x: NDArray[np.float64], k: int, stream: Stream, m: Model) -> NDArray[np.float64]:
+def joint_jacobian(x: Array, k: int, stream: Stream, m: Model) -> Array:
     """Derivative (4, 4) of `joint_step`, by central differences."""
     jacobian, theta = np.empty((4, 4)), np.zeros(PARAMETERS)
     high, low = np.empty(4), np.empty(4)
@@ -120,7 +120,7 @@ def joint_jacobian(x: NDArray[np.float64], k: int, stream: Stream, m: Model) -> 
 
 
 @njit(cache=True, nogil=True)
-def rest(x: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+def rest(x: Array, covariance: Array) -> None:
     """The sac is known to be at chamber pressure."""
     x[2] = 0.0
     covariance[2, :] = 0.0
@@ -132,12 +132,12 @@ def rest(x: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
 def unscented(
     stream: Stream,
     m: Model,
-    x: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    process: NDArray[np.float64],
+    x: Array,
+    covariance: Array,
+    process: Array,
     measurement: float,
     shape: tuple[float, float, float],
-    states: NDArray[np.float64],
+    states: Array,
 ) -> bool:
     """Joint unscented Kalman filter (van der Merwe's points; shape: alpha, beta, kappa) into `states` (n, 4).
 
@@ -189,9 +189,7 @@ def unscented(
 
 
 @njit(cache=True, nogil=True)
-def _points(
-    x: NDArray[np.float64], covariance: NDArray[np.float64], spread: float, points: NDArray[np.float64]
-) -> bool:
+def _points(x: Array, covariance: Array, spread: float, points: Array) -> bool:
     """Sigma points (9, 4); False unless the covariance is positive definite."""
     lower = points[5:]  # the Cholesky factor, its columns as rows, until the last points take its place
     for i in range(4):
@@ -216,13 +214,7 @@ def _points(
 
 @njit(cache=True, nogil=True)
 def extended(
-    stream: Stream,
-    m: Model,
-    x: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    process: NDArray[np.float64],
-    measurement: float,
-    states: NDArray[np.float64],
+    stream: Stream, m: Model, x: Array, covariance: Array, process: Array, measurement: float, states: Array
 ) -> bool:
     """Joint extended Kalman filter into `states` (n, 4); False when a state stopped being a number."""
     x, covariance = x.copy(), covariance.copy()
@@ -259,7 +251,7 @@ def extended(
 
 
 @njit(cache=True, nogil=True)
-def _product(a: NDArray[np.float64], b: NDArray[np.float64], result: NDArray[np.float64]) -> None:
+def _product(a: Array, b: Array, result: Array) -> None:
     for i in range(4):
         for j in range(4):
             result[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j] + a[i, 3] * b[3, j]
@@ -269,13 +261,13 @@ def _product(a: NDArray[np.float64], b: NDArray[np.float64], result: NDArray[np.
 def predict(
     stream: Stream,
     m: Model,
-    theta: NDArray[np.float64],
-    gain: NDArray[np.float64],
+    theta: Array,
+    gain: Array,
     first: int,
     release: int,
     end: int,
-    innovations: NDArray[np.float64],
-    sac: NDArray[np.float64],
+    innovations: Array,
+    sac: Array,
 ) -> None:
     """Predictor over samples [first, end), from x1 = y, x2 = 0; its gain (3,) on [x1, x2, lagged x1] until `release`.
 

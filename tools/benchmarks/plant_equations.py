@@ -7,10 +7,9 @@ Imports nothing of `observer_rt`: a plant that shared code with the observer wou
 
 import math
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_parameters import Faults, Injector
 
 ROUNDING = 100.0  # Pa, below which the square root of a pressure difference is rounded
@@ -50,7 +49,7 @@ def _ramp(time: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def lift_at(time: float, strokes: NDArray[np.float64]) -> float:
+def lift_at(time: float, strokes: Array) -> float:
     """True needle lift [m]; strokes (m, 6): opening, top, closing, closed [s], opening and closing speed [m/s]."""
     lift = 0.0
     for i in range(strokes.shape[0]):
@@ -135,14 +134,7 @@ def _sac_after(
 
 
 @njit(cache=True, nogil=True)
-def kick(
-    q: NDArray[np.float64],
-    p: NDArray[np.float64],
-    rail: float,
-    step: float,
-    part: Injector,
-    faults: Faults,
-) -> None:
+def kick(q: Array, p: Array, rail: float, step: float, part: Injector, faults: Faults) -> None:
     """Flows of the line over `step` [s], pressures held: (19) for every cell."""
     cells = q.shape[0]
     inertance = part.density * part.line_length * (1.0 + faults.line_inertance) / part.line_area / cells
@@ -160,14 +152,7 @@ def kick(
 
 @njit(cache=True, nogil=True)
 def drift(
-    q: NDArray[np.float64],
-    p: NDArray[np.float64],
-    p_s: float,
-    lift0: float,
-    lift1: float,
-    step: float,
-    part: Injector,
-    faults: Faults,
+    q: Array, p: Array, p_s: float, lift0: float, lift1: float, step: float, part: Injector, faults: Faults
 ) -> float:
     """Pressures over `step` [s], line flows held: (20), (22). Returns the new sac pressure."""
     cells = q.shape[0]
@@ -211,14 +196,14 @@ def drift(
 def run(
     part: Injector,
     faults: Faults,
-    strokes: NDArray[np.float64],
+    strokes: Array,
     start: float,
     interval: float,
-    rail: NDArray[np.float64],
-    q: NDArray[np.float64],
-    p: NDArray[np.float64],
-    sac_and_sensor: NDArray[np.float64],
-    result: NDArray[np.float64],
+    rail: Array,
+    q: Array,
+    p: Array,
+    sac_and_sensor: Array,
+    result: Array,
 ) -> None:
     """Integrate over the samples of `rail` (n + 1,) [Pa], linear between them, the first at `start` [s].
 

@@ -2,20 +2,19 @@
 
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window, correct
 from observer_rt.model.sensor import lagged
 from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
 from observer_rt.observer.paper_scheme.systems import PaperSetting, balanced_rate, observe
+from tools.benchmarks.arrays import Array
 
 
 class Correction(NamedTuple):
     """Gain (3,) of x~, and of the sensor the offset [p_0] and the lag [s]."""
 
-    gain: NDArray[np.float64]
+    gain: Array
     offset: float
     lag: float
 
@@ -27,8 +26,8 @@ def sweep(
     correction: Correction,
     network: FreeNetwork,
     corrected: int,
-    innovations: NDArray[np.float64],
-    rate: NDArray[np.float64],
+    innovations: Array,
+    rate: Array,
 ) -> None:
     """Innovations (n,) of x~ [p_0] and injection rate (n,) [m3/s]; from sample `corrected` on it runs open loop.
 

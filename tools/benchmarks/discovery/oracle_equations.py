@@ -2,8 +2,8 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import (
     STEPS_FLOWING,
     STEPS_SHUT,
@@ -21,13 +21,13 @@ from tools.benchmarks.plant_parameters import Faults, Injector
 def follow(
     part: Injector,
     faults: Faults,
-    rail: NDArray[np.float64],
-    lift: NDArray[np.float64],
-    line: NDArray[np.float64],
-    gain: NDArray[np.float64],
+    rail: Array,
+    lift: Array,
+    line: Array,
+    gain: Array,
     interval: float,
-    errors: NDArray[np.float64],
-    rate: NDArray[np.float64],
+    errors: Array,
+    rate: Array,
 ) -> None:
     """Errors [Pa] and injection rate [m3/s] (n,) of a plant of one cell, its inputs linear between samples.
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,15 @@ class Trace:
     x: NDArray[np.float64]
     phi: NDArray[np.float64]
     nominal_rate: NDArray[np.float64]
+
+    @classmethod
+    def unavailable(cls, samples: int, state: State) -> Self:
+        """The observer in one state, nothing available."""
+        rate, sigma, nominal = np.full((3, samples), np.nan)
+        x, phi = np.full((2, samples, 3), np.nan)
+        return cls(
+            rate, sigma, np.zeros(samples, np.bool_), np.full(samples, state, np.int8), x, phi, nominal
+        )
 
 
 @dataclass(frozen=True)
@@ -127,18 +137,9 @@ class _Part:
     """What is seen of one recording while it is evaluated."""
 
     def __init__(self, recording: Recording, first_index: int) -> None:
-        samples = recording.samples
         self.recording = recording
         self.first_index = first_index
-        self.trace = Trace(
-            injection_rate=np.full(samples, np.nan),
-            injection_rate_sigma=np.full(samples, np.nan),
-            valid=np.zeros(samples, np.bool_),
-            state=np.full(samples, State.STARTING, np.int8),
-            x=np.full((samples, 3), np.nan),
-            phi=np.full((samples, 3), np.nan),
-            nominal_rate=np.full(samples, np.nan),
-        )
+        self.trace = Trace.unavailable(recording.samples, State.STARTING)
 
     def places(self, rows: NDArray[np.void]) -> tuple[NDArray[np.void], NDArray[np.int64]]:
         """The rows that belong to this recording, and their places in it."""

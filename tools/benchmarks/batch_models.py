@@ -115,9 +115,8 @@ def tied_rows_model(scale: float) -> Model:
         sweep(
             window,
             PaperSetting(setting.interval, setting.substeps, c, constant_network(), c.a2_nozzle),
-            Correction(setting.gain, learned.offset, learned.lag),
+            Correction(setting.gain, learned.offset, learned.lag, corrected),
             network,
-            corrected,
             errors,
             rate,
         )

@@ -43,6 +43,23 @@ class Stream(NamedTuple):
     substeps: int
 
 
+class Start(NamedTuple):
+    """Of a joint filter: state (4,) and covariance (4, 4) at the first sample, noise of process (4, 4) and output."""
+
+    x: Array
+    covariance: Array
+    process: Array
+    measurement: float
+
+
+class Span(NamedTuple):
+    """Samples [first, end) of a recording, the predictor's gain in force until `release`."""
+
+    first: int
+    release: int
+    end: int
+
+
 @njit(cache=True, nogil=True)
 def root(difference: float, transition: float) -> float:
     """Signed square root, linear far below the transition."""
@@ -130,14 +147,7 @@ def rest(x: Array, covariance: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def unscented(
-    stream: Stream,
-    m: Model,
-    x: Array,
-    covariance: Array,
-    process: Array,
-    measurement: float,
-    shape: tuple[float, float, float],
-    states: Array,
+    stream: Stream, m: Model, start: Start, shape: tuple[float, float, float], states: Array
 ) -> bool:
     """Joint unscented Kalman filter (van der Merwe's points; shape: alpha, beta, kappa) into `states` (n, 4).
 
@@ -147,7 +157,12 @@ def unscented(
     spread, weight = alpha * alpha * (4.0 + kappa), 0.5 / (alpha * alpha * (4.0 + kappa))
     mean_0 = (spread - 4.0) / spread
     covariance_0 = mean_0 + 1.0 - alpha * alpha + beta
-    x, covariance = x.copy(), covariance.copy()
+    x, covariance, process, measurement = (
+        start.x.copy(),
+        start.covariance.copy(),
+        start.process,
+        start.measurement,
+    )
     states[0] = x
     points, theta, cross = np.empty((9, 4)), np.zeros(PARAMETERS), np.empty(4)
     for k in range(stream.output.shape[0] - 1):
@@ -213,11 +228,14 @@ def _points(x: Array, covariance: Array, spread: float, points: Array) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def extended(
-    stream: Stream, m: Model, x: Array, covariance: Array, process: Array, measurement: float, states: Array
-) -> bool:
+def extended(stream: Stream, m: Model, start: Start, states: Array) -> bool:
     """Joint extended Kalman filter into `states` (n, 4); False when a state stopped being a number."""
-    x, covariance = x.copy(), covariance.copy()
+    x, covariance, process, measurement = (
+        start.x.copy(),
+        start.covariance.copy(),
+        start.process,
+        start.measurement,
+    )
     theta, gain, product = np.zeros(PARAMETERS), np.empty(4), np.empty((4, 4))
     states[0] = x
     for k in range(stream.output.shape[0] - 1):
@@ -259,20 +277,13 @@ def _product(a: Array, b: Array, result: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def predict(
-    stream: Stream,
-    m: Model,
-    theta: Array,
-    gain: Array,
-    first: int,
-    release: int,
-    end: int,
-    innovations: Array,
-    sac: Array,
+    stream: Stream, m: Model, theta: Array, gain: Array, span: Span, innovations: Array, sac: Array
 ) -> None:
-    """Predictor over samples [first, end), from x1 = y, x2 = 0; its gain (3,) on [x1, x2, lagged x1] until `release`.
+    """Predictor over a span, from x1 = y, x2 = 0; its gain (3,) is on [x1, x2, lagged x1].
 
     innovations and sac (x3) hold one value a sample; with `release` = end the gain never stops.
     """
+    first, release, end = span
     x1, x2, x3 = stream.output[first] - theta[OFFSET], 0.0, 0.0
     seen = x1
     innovations[0], sac[0] = 0.0, 0.0

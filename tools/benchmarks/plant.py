@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant_equations import run
+from tools.benchmarks.plant_equations import State, run
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
 
 SAMPLE_RATE = 100e3  # Hz of the plant; slower recordings are decimated
@@ -156,8 +156,8 @@ def _rail(events: tuple[Event, ...], time: Array) -> Array:
 def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[np.int64]]:
     """Signals (n, 6) of `plant_equations.run` at all samples, and how many samples late the line is recorded."""
     part = bench.injector
-    q, p = np.zeros(part.line_cells), np.full(part.line_cells, rail[0])
-    rest = np.array([part.chamber_pressure, rail[0], 0.0])
+    flows, pressures = np.zeros(part.line_cells), np.full(part.line_cells, rail[0])
+    state = State(flows, pressures, np.array([part.chamber_pressure, rail[0], 0.0]))
     result = np.empty((time.size, 6))
     result[0] = (0.0, part.chamber_pressure, 0.0, rail[0], rail[0], 0.0)
     lateness = np.zeros(time.size, np.int64)
@@ -168,7 +168,7 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
         start, interval = float(time[first]), 1.0 / SAMPLE_RATE
         inputs, rows = rail[first : end + 1], result[first + 1 : end + 1]
         faulty = with_faults(part, event.faults)
-        run(faulty, event.faults, strokes, start, interval, inputs, q, p, rest, rows)
+        run(faulty, event.faults, strokes, start, interval, inputs, state, rows)
         lateness[first + 1 : end + 1] = math.floor(event.faults.channel_skew * SAMPLE_RATE)
     return result, lateness
 

@@ -6,6 +6,7 @@ Imports nothing of `observer_rt`: a plant that shared code with the observer wou
 """
 
 import math
+from typing import NamedTuple
 
 from numba import njit
 
@@ -20,6 +21,14 @@ STEPS_FLOWING = 40  # per sample while the needle is open or the sac empties
 STEPS_SHUT = 10  # per sample while only the line moves
 SOLVED_SAC = 1e-3  # Pa
 SOLVED_LINE = 1e-2  # Pa
+
+
+class State(NamedTuple):
+    """Of the plant, changed in place: line flows and pressures (cells,), [p_S, lagged p_L, lagged lift] (3,)."""
+
+    q: Array
+    p: Array
+    sac_and_sensor: Array
 
 
 @njit(cache=True, nogil=True)
@@ -200,17 +209,15 @@ def run(
     start: float,
     interval: float,
     rail: Array,
-    q: Array,
-    p: Array,
-    sac_and_sensor: Array,
+    state: State,
     result: Array,
 ) -> None:
     """Integrate over the samples of `rail` (n + 1,) [Pa], linear between them, the first at `start` [s].
 
-    q, p (cells,) and sac_and_sensor (3,) [p_S, lagged p_L, lagged lift] are the state, changed in place.
     result (n, 6), at the samples after the first: injection rate, p_S, lift, p_L, line pressure and lift as sensors
     with lag and late recording see them.
     """
+    q, p, sac_and_sensor = state
     last = p.shape[0] - 1
     p_s, seen, seen_lift = sac_and_sensor[0], sac_and_sensor[1], sac_and_sensor[2]
     recorded = seen

@@ -12,11 +12,12 @@ from tools.benchmarks.arrays import Array
 
 
 class Correction(NamedTuple):
-    """Gain (3,) of x~, and of the sensor the offset [p_0] and the lag [s]."""
+    """Gain (3,) of x~ before sample `end`, open loop from there on, and of the sensor the offset [p_0] and lag [s]."""
 
     gain: Array
     offset: float
     lag: float
+    end: int
 
 
 @njit(cache=True, nogil=True)
@@ -25,11 +26,10 @@ def sweep(
     setting: PaperSetting,
     correction: Correction,
     network: FreeNetwork,
-    corrected: int,
     innovations: Array,
     rate: Array,
 ) -> None:
-    """Innovations (n,) of x~ [p_0] and injection rate (n,) [m3/s]; from sample `corrected` on it runs open loop.
+    """Innovations (n,) of x~ [p_0] and injection rate (n,) [m3/s].
 
     Nothing holds phi at 0 while the needle is shut; only when it has long been is the sac at rest and the rate 0.
     """
@@ -45,7 +45,7 @@ def sweep(
         indicated = lagged(indicated, before, x[0], setting.interval, correction.lag)
         innovation = window.output[k] - correction.offset - indicated
         innovations[k] = innovation
-        if k < corrected:
+        if k < correction.end:
             x = correct(x, innovation, correction.gain[0], correction.gain[1])
             indicated += correction.gain[2] * innovation
         rate[k] = 0.0

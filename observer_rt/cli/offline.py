@@ -104,19 +104,7 @@ def evaluate(
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
 
-    evaluate_files(
-        load_bench(bench, model, lenient),
-        recordings,
-        EvaluateOptions(
-            state=state,
-            save_state=save_state,
-            learning=not no_learning,
-            chain=chain,
-            output=output,
-            plot=plot,
-            json=as_json,
-            from_channel=from_channel or (),
-            fuel_temperature=fuel_temperature,
-        ),
-        messages,
+    options = EvaluateOptions(
+        state, save_state, not no_learning, chain, output, plot, as_json, from_channel or (), fuel_temperature
     )
+    evaluate_files(load_bench(bench, model, lenient), recordings, options, messages)

@@ -26,6 +26,7 @@ from observer_rt.service.core.listener import Notes
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.inputs.measured_mass import MeasuredMass
 
+Signal = NDArray[np.float64]
 Progress = Callable[[int], None]  # samples done
 NANOSECONDS = 1e9  # in a second
 PAUSE = 1.0  # s, between two recordings of a history
@@ -41,13 +42,13 @@ class Trace:
     with phi = 0 on the same frames.
     """
 
-    injection_rate: NDArray[np.float64]
-    injection_rate_sigma: NDArray[np.float64]
+    injection_rate: Signal
+    injection_rate_sigma: Signal
     valid: NDArray[np.bool_]
     state: NDArray[np.int8]
-    x: NDArray[np.float64]
-    phi: NDArray[np.float64]
-    nominal_rate: NDArray[np.float64]
+    x: Signal
+    phi: Signal
+    nominal_rate: Signal
 
     @classmethod
     def unavailable(cls, samples: int, state: State) -> Self:
@@ -61,7 +62,11 @@ class Trace:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One recording evaluated; `first_index` is the sample index its first sample was sent with."""
+    """One recording evaluated.
+
+    first_index: the sample index its first sample was sent with; measured: masses measured online, as a log of the
+    bus has them; has_energizing: whether the bench has this input, so that reports and counters tell of commands.
+    """
 
     recording: Recording
     first_index: int
@@ -70,9 +75,7 @@ class Evaluation:
     counters: Counters
     standstill: Standstill
     measured: tuple[MeasuredMass, ...] = ()
-    """Masses measured online, as a log of the bus has them."""
     has_energizing: bool = False
-    """Whether the bench has this input, so that reports and counters tell of commands."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from tools.benchmarks.arrays import Array
 
 
 class Correction(NamedTuple):
-    """Gain (3,) of x~ before sample `end`, open loop from there on, and of the sensor the offset [p_0] and lag [s]."""
+    """Gain (3,) of x~ before sample `end`, none from there on; offset [p_0] and lag [s] of the sensor."""
 
     gain: Array
     offset: float

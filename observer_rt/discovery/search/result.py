@@ -142,6 +142,14 @@ class Cell:
 
 
 @dataclass(frozen=True)
+class Decisive:
+    """A measurement that would tell effects apart."""
+
+    measurement: str
+    separates: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Unexplained:
     """Where the best model still fails and what its excess depends on."""
 
@@ -150,14 +158,6 @@ class Unexplained:
     signal: Signal
     depends_on: tuple[str, ...]
     term: str
-
-
-@dataclass(frozen=True)
-class Decisive:
-    """A measurement that would tell effects apart."""
-
-    measurement: str
-    separates: tuple[str, ...]
 
 
 @dataclass(frozen=True)

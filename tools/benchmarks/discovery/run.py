@@ -72,24 +72,20 @@ class Plan:
 
 
 @dataclass(frozen=True)
+class Answered:
+    """A case, opened, and its answer."""
+
+    label: str
+    case: HiddenCase
+    answer: Answer
+
+
+@dataclass(frozen=True)
 class Question:
     """A case to ask about: its label is all that is known of it."""
 
     label: str
     plan: Plan
-
-
-@dataclass(frozen=True)
-class Answered:
-    """A case, opened, and its answer."""
-
-    case: HiddenCase
-    answer: Answer
-
-    @property
-    def label(self) -> str:
-        """Label of the case."""
-        return self.case.label
 
 
 @dataclass(frozen=True)
@@ -115,7 +111,9 @@ def run_discovery(plan: Plan, console: Console) -> Results:
     given = _done("answers", answers, ask_question, questions, plan.workers, console, crashes)
 
     results = Store(plan.out / "results.jsonl", CaseResult, digest_of((PACKAGE, BENCHMARKS)))
-    answered = [Answered(case, given[case.label]) for case in opened(hidden) if case.label in given]
+    answered = [
+        Answered(case.label, case, given[case.label]) for case in opened(hidden) if case.label in given
+    ]
     scored = _done("scores", results, score_answered, answered, plan.workers, console, crashes)
     return Results(tuple(scored[label] for label in labels if label in scored), tuple(crashes))
 

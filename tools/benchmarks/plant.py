@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant_equations import State, run
+from tools.benchmarks.plant_equations import Rail, State, run
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
 
 SAMPLE_RATE = 100e3  # Hz of the plant; slower recordings are decimated
@@ -165,10 +165,9 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
         first = _first_sample(number)
         end = time.size - 1 if number + 1 == len(bench.events) else _first_sample(number + 1)
         strokes = strokes_of(event, event_start(number), bench.needle, part.max_lift)
-        start, interval = float(time[first]), 1.0 / SAMPLE_RATE
-        inputs, rows = rail[first : end + 1], result[first + 1 : end + 1]
+        drive = Rail(float(time[first]), 1.0 / SAMPLE_RATE, rail[first : end + 1])
         faulty = with_faults(part, event.faults)
-        run(faulty, event.faults, strokes, start, interval, inputs, state, rows)
+        run(faulty, event.faults, strokes, drive, state, result[first + 1 : end + 1])
         lateness[first + 1 : end + 1] = math.floor(event.faults.channel_skew * SAMPLE_RATE)
     return result, lateness
 

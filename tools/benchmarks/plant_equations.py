@@ -23,6 +23,14 @@ SOLVED_SAC = 1e-3  # Pa
 SOLVED_LINE = 1e-2  # Pa
 
 
+class Rail(NamedTuple):
+    """Rail pressure (n + 1,) [Pa], linear between its samples, the first at `start` [s]."""
+
+    start: float
+    interval: float  # s
+    pressure: Array
+
+
 class State(NamedTuple):
     """Of the plant, changed in place: line flows and pressures (cells,), [p_S, lagged p_L, lagged lift] (3,)."""
 
@@ -202,21 +210,13 @@ def drift(
 
 
 @njit(cache=True, nogil=True)
-def run(
-    part: Injector,
-    faults: Faults,
-    strokes: Array,
-    start: float,
-    interval: float,
-    rail: Array,
-    state: State,
-    result: Array,
-) -> None:
-    """Integrate over the samples of `rail` (n + 1,) [Pa], linear between them, the first at `start` [s].
+def run(part: Injector, faults: Faults, strokes: Array, drive: Rail, state: State, result: Array) -> None:
+    """Integrate over the samples of the rail pressure.
 
     result (n, 6), at the samples after the first: injection rate, p_S, lift, p_L, line pressure and lift as sensors
     with lag and late recording see them.
     """
+    start, interval, rail = drive
     q, p, sac_and_sensor = state
     last = p.shape[0] - 1
     p_s, seen, seen_lift = sac_and_sensor[0], sac_and_sensor[1], sac_and_sensor[2]

@@ -122,6 +122,14 @@ class Candidate:
 
 
 @dataclass(frozen=True)
+class Decisive:
+    """A measurement that would tell effects apart."""
+
+    measurement: str
+    separates: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Cell:
     """Innovations of one signal in one phase at one operating point (recording).
 
@@ -139,14 +147,6 @@ class Cell:
     colour: float
     excess: float
     rms: float
-
-
-@dataclass(frozen=True)
-class Decisive:
-    """A measurement that would tell effects apart."""
-
-    measurement: str
-    separates: tuple[str, ...]
 
 
 @dataclass(frozen=True)

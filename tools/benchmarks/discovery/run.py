@@ -72,23 +72,6 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Answered:
-    """A case, opened, and its answer."""
-
-    label: str
-    case: HiddenCase
-    answer: Answer
-
-
-@dataclass(frozen=True)
-class Question:
-    """A case to ask about: its label is all that is known of it."""
-
-    label: str
-    plan: Plan
-
-
-@dataclass(frozen=True)
 class Results:
     """What came out, and a line for every case that failed."""
 
@@ -131,6 +114,14 @@ def print_results(found: Results, console: Console) -> None:
             console.print(f"{title}: {line}", highlight=False, markup=False)
 
 
+@dataclass(frozen=True)
+class Question:
+    """A case to ask about: its label is all that is known of it."""
+
+    label: str
+    plan: Plan
+
+
 def ask_question(question: Question) -> Answer:
     """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
     label, plan = question.label, question.plan
@@ -145,6 +136,15 @@ def ask_question(question: Question) -> Answer:
     finally:
         for folder in (recordings, answer):
             shutil.rmtree(folder, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class Answered:
+    """A case, opened, and its answer."""
+
+    label: str
+    case: HiddenCase
+    answer: Answer
 
 
 def score_answered(answered: Answered) -> CaseResult:

@@ -115,8 +115,9 @@ def tied_rows_model(scale: float) -> Model:
         sweep(
             window,
             PaperSetting(setting.interval, setting.substeps, c, constant_network(), c.a2_nozzle),
-            Correction(setting.gain, learned.offset, learned.lag, corrected),
+            Correction(setting.gain, learned.offset, learned.lag),
             network,
+            corrected,
             errors,
             rate,
         )

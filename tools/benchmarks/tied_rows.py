@@ -2,22 +2,22 @@
 
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window, correct
 from observer_rt.model.sensor import lagged
 from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
 from observer_rt.observer.paper_scheme.systems import PaperSetting, balanced_rate, observe
-from tools.benchmarks.arrays import Array
 
 
 class Correction(NamedTuple):
-    """Gain (3,) of x~ before sample `end`, none from there on; offset [p_0] and lag [s] of the sensor."""
+    """Gain (3,) of x~, and of the sensor the offset [p_0] and the lag [s]."""
 
-    gain: Array
+    gain: NDArray[np.float64]
     offset: float
     lag: float
-    end: int
 
 
 @njit(cache=True, nogil=True)
@@ -26,10 +26,11 @@ def sweep(
     setting: PaperSetting,
     correction: Correction,
     network: FreeNetwork,
-    innovations: Array,
-    rate: Array,
+    corrected: int,
+    innovations: NDArray[np.float64],
+    rate: NDArray[np.float64],
 ) -> None:
-    """Innovations (n,) of x~ [p_0] and injection rate (n,) [m3/s].
+    """Innovations (n,) of x~ [p_0] and injection rate (n,) [m3/s]; from sample `corrected` on it runs open loop.
 
     Nothing holds phi at 0 while the needle is shut; only when it has long been is the sac at rest and the rate 0.
     """
@@ -45,7 +46,7 @@ def sweep(
         indicated = lagged(indicated, before, x[0], setting.interval, correction.lag)
         innovation = window.output[k] - correction.offset - indicated
         innovations[k] = innovation
-        if k < correction.end:
+        if k < corrected:
             x = correct(x, innovation, correction.gain[0], correction.gain[1])
             indicated += correction.gain[2] * innovation
         rate[k] = 0.0

@@ -1,6 +1,6 @@
 """A link that ends in the test."""
 
-from observer_rt.bus.links.link import Frame, Link
+from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link
 
 
 class FakeLink(Link):
@@ -14,7 +14,7 @@ class FakeLink(Link):
         return None
 
     def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, *_: bool, **__: bool
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
     ) -> None:
         self.on_sent(Frame(frame_id, payload, 0, is_extended, is_fd))
 

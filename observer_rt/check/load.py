@@ -18,14 +18,6 @@ HIGH_LOAD = 0.6
 
 
 @dataclass(frozen=True)
-class BusLoad:
-    """Expected share of a bus's time, inputs and outputs together."""
-
-    continuous: float
-    windowed: float
-
-
-@dataclass(frozen=True)
 class _Traffic:
     """A message as it is sent: `frames` at once, either for `samples` at a `rate` [Hz], or `often` a second."""
 
@@ -45,6 +37,14 @@ class _Traffic:
         """Frames a second with only `WINDOW` of samples for each injection."""
         blocks = -(-round(WINDOW * self.rate) // self.samples)
         return self.frames * (self.often + INJECTIONS_PER_SECOND * blocks)
+
+
+@dataclass(frozen=True)
+class BusLoad:
+    """Expected share of a bus's time, inputs and outputs together."""
+
+    continuous: float
+    windowed: float
 
 
 def load_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:

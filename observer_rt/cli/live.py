@@ -44,8 +44,7 @@ def demo(
 def run(
     bench: Annotated[Path | None, file_option("--bench", "Bench file.")] = None,
     state: Annotated[
-        Path | None,
-        file_option("--state", "Learned state: restored at start, saved at a clean stop."),
+        Path | None, file_option("--state", "Learned state: restored at start, saved at a clean stop.")
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,
     lenient: LenientOption = False,
@@ -77,10 +76,7 @@ def check(
     bench: BenchOption = EXAMPLE_BENCH,
     model: ModelOption = None,
     state: StateOption = None,
-    log: Annotated[
-        Path | None,
-        file_option("--log", "CAN log of the bench: losses, jitter, noise."),
-    ] = None,
+    log: Annotated[Path | None, file_option("--log", "CAN log of the bench: losses, jitter, noise.")] = None,
     from_channel: FromChannelOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,

@@ -19,6 +19,7 @@ from observer_rt.cli.options import (
     LenientOption,
     RecordingArgument,
     file_option,
+    link_option,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.config.links import of_links, refuse_shared_channels
@@ -28,18 +29,14 @@ if TYPE_CHECKING:
 
 ChannelOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--channel",
-        help="CAN channel, instead of the bench's; of a bus of [links] as LINK=CHANNEL; repeatable.",
-        metavar="[LINK=]CHANNEL",
+    link_option(
+        "--channel", "CAN channel, instead of the bench's; of a bus of [links] as LINK=CHANNEL; repeatable."
     ),
 ]
 InterfaceOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--interface",
-        help="python-can interface, instead of the bench's; of a bus of [links] as LINK=INTERFACE.",
-        metavar="[LINK=]INTERFACE",
+    link_option(
+        "--interface", "python-can interface, instead of the bench's; of a bus of [links] as LINK=INTERFACE."
     ),
 ]
 MEGABYTE = 1_000_000

@@ -52,8 +52,7 @@ def simulate(
     seed: Annotated[int, typer.Option("--seed", help="Seed of the noise.", min=0)] = 0,
     fuel_temperature: FuelTemperatureOption = None,
     model: Annotated[
-        Path,
-        file_option("--model", "Injector file (default: the nominal injector).", show_default=False),
+        Path, file_option("--model", "Injector file (default: the nominal injector).", show_default=False)
     ] = NOMINAL_INJECTOR,
     effects: EffectsOption = None,
 ) -> None:
@@ -93,8 +92,7 @@ def evaluate(
         bool, typer.Option("--chain", help="The recordings are one history: learning goes on.")
     ] = False,
     output: Annotated[
-        Path | None,
-        file_option("--output", "Trace, one row per sample; a folder for several.", "FILE|DIR"),
+        Path | None, file_option("--output", "Trace, one row per sample; a folder for several.", "FILE|DIR")
     ] = None,
     plot: Annotated[Path | None, file_option("--plot", "Figure (png, svg, pdf).")] = None,
     from_channel: FromChannelOption = None,
@@ -106,19 +104,7 @@ def evaluate(
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
 
-    evaluate_files(
-        load_bench(bench, model, lenient),
-        recordings,
-        EvaluateOptions(
-            state=state,
-            save_state=save_state,
-            learning=not no_learning,
-            chain=chain,
-            output=output,
-            plot=plot,
-            json=as_json,
-            from_channel=from_channel or (),
-            fuel_temperature=fuel_temperature,
-        ),
-        messages,
+    options = EvaluateOptions(
+        state, save_state, not no_learning, chain, output, plot, as_json, from_channel or (), fuel_temperature
     )
+    evaluate_files(load_bench(bench, model, lenient), recordings, options, messages)

@@ -35,6 +35,11 @@ def file_option(name: str, purpose: str, metavar: str = "FILE", show_default: bo
     return option
 
 
+def link_option(name: str, purpose: str) -> OptionInfo:
+    """A repeatable option that says something of one bus of `[link]` or `[links]`."""
+    return file_option(name, purpose, f"[LINK=]{name.rpartition('-')[2].upper()}")
+
+
 RecordingArgument = Annotated[
     Path,
     typer.Argument(
@@ -72,17 +77,13 @@ LenientOption = Annotated[
     bool, typer.Option("--lenient", help="Read bus databases although signals overlap or do not fit.")
 ]
 ModelOption = Annotated[Path | None, file_option("--model", "Injector file, instead of the bench's.")]
-DecoderOption = Annotated[
-    Path | None,
-    file_option("--bench", "Bench file by which CAN logs are decoded."),
-]
+DecoderOption = Annotated[Path | None, file_option("--bench", "Bench file by which CAN logs are decoded.")]
 StateOption = Annotated[Path | None, file_option("--state", "Learned state to start from.")]
 FromChannelOption = Annotated[
     list[str] | None,
-    typer.Option(
+    link_option(
         "--from-channel",
-        help="Channel of a CAN log, where the inputs are on several; of a bus of [links] as LINK=CHANNEL.",
-        metavar="[LINK=]CHANNEL",
+        "Channel of a CAN log, where the inputs are on several; of a bus of [links] as LINK=CHANNEL.",
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Results as JSON on stdout.")]

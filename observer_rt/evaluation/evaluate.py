@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, Notes
 
+Signal = NDArray[np.float64]
 Progress = Callable[[int], None]  # samples done
 NANOSECONDS = 1e9  # in a second
 PAUSE = 1.0  # s, between two recordings of a history
@@ -39,18 +41,31 @@ class Trace:
     with phi = 0 on the same frames.
     """
 
-    injection_rate: NDArray[np.float64]
-    injection_rate_sigma: NDArray[np.float64]
+    injection_rate: Signal
+    injection_rate_sigma: Signal
     valid: NDArray[np.bool_]
     state: NDArray[np.int8]
-    x: NDArray[np.float64]
-    phi: NDArray[np.float64]
-    nominal_rate: NDArray[np.float64]
+    x: Signal
+    phi: Signal
+    nominal_rate: Signal
+
+    @classmethod
+    def unavailable(cls, samples: int, state: State) -> Self:
+        """The observer in one state, nothing available."""
+        rate, sigma, nominal = np.full((3, samples), np.nan)
+        x, phi = np.full((2, samples, 3), np.nan)
+        return cls(
+            rate, sigma, np.zeros(samples, np.bool_), np.full(samples, state, np.int8), x, phi, nominal
+        )
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One recording evaluated; `first_index` is the sample index its first sample was sent with."""
+    """One recording evaluated.
+
+    first_index: the sample index its first sample was sent with; measured: masses measured online, as a log of the
+    bus has them; has_energizing: whether the bench has this input, so that reports and counters tell of commands.
+    """
 
     recording: Recording
     first_index: int
@@ -59,9 +74,7 @@ class Evaluation:
     counters: Counters
     standstill: Standstill
     measured: tuple[MeasuredMass, ...] = ()
-    """Masses measured online, as a log of the bus has them."""
     has_energizing: bool = False
-    """Whether the bench has this input, so that reports and counters tell of commands."""
 
 
 @dataclass(frozen=True)
@@ -126,18 +139,9 @@ class _Part:
     """What is seen of one recording while it is evaluated."""
 
     def __init__(self, recording: Recording, first_index: int) -> None:
-        samples = recording.samples
         self.recording = recording
         self.first_index = first_index
-        self.trace = Trace(
-            injection_rate=np.full(samples, np.nan),
-            injection_rate_sigma=np.full(samples, np.nan),
-            valid=np.zeros(samples, np.bool_),
-            state=np.full(samples, State.STARTING, np.int8),
-            x=np.full((samples, 3), np.nan),
-            phi=np.full((samples, 3), np.nan),
-            nominal_rate=np.full(samples, np.nan),
-        )
+        self.trace = Trace.unavailable(recording.samples, State.STARTING)
 
     def places(self, rows: NDArray[np.void]) -> tuple[NDArray[np.void], NDArray[np.int64]]:
         """The rows that belong to this recording, and their places in it."""

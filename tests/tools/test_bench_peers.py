@@ -7,14 +7,7 @@ from numpy.typing import NDArray
 
 from tools.benchmarks.information_limit import mass_limits_mg, true_parameters
 from tools.benchmarks.joint_fit import fits, joint_fit_rate
-from tools.benchmarks.kalman_peers import (
-    UNSCENTED_SHAPE,
-    joint_ekf,
-    joint_ukf,
-    measurement_variance,
-    process_noise,
-    start_of,
-)
+from tools.benchmarks.kalman_peers import UNSCENTED_SHAPE, joint_ekf, joint_ukf, start_of
 from tools.benchmarks.peer_equations import Stream, joint_jacobian, joint_step, rest
 from tools.benchmarks.peer_inputs import PeerInputs, peer_inputs
 from tools.benchmarks.peers import TUNING
@@ -58,8 +51,8 @@ def test_joint_ukf_is_filterpys(one_injection: PeerInputs) -> None:
 
     points = MerweScaledSigmaPoints(4, *UNSCENTED_SHAPE)
     ukf = UnscentedKalmanFilter(4, 1, stream.interval, lambda x: x[:1], transition, points)
-    ukf.x, ukf.P = start_of(one_injection)
-    ukf.Q, ukf.R = process_noise(one_injection, TUNING), np.eye(1) * measurement_variance(TUNING)
+    ukf.x, ukf.P, ukf.Q, measurement = start_of(one_injection, TUNING)
+    ukf.R = np.eye(1) * measurement
     expected = [ukf.x.copy()]
     for sample in range(stream.output.size - 1):
         ukf.predict()
@@ -78,8 +71,8 @@ def test_joint_ekf_is_filterpys(one_injection: PeerInputs) -> None:
 
     ekf = ExtendedKalmanFilter(4, 1)
     ekf.predict_x = lambda u: None  # the model is not linear: below
-    ekf.x, ekf.P = start_of(one_injection)
-    ekf.Q, ekf.R = process_noise(one_injection, TUNING), np.eye(1) * measurement_variance(TUNING)
+    ekf.x, ekf.P, ekf.Q, measurement = start_of(one_injection, TUNING)
+    ekf.R = np.eye(1) * measurement
     expected = [ekf.x.copy()]
     for sample in range(stream.output.size - 1):
         ekf.F = joint_jacobian(ekf.x, sample, stream, model)

@@ -33,7 +33,12 @@ from tools.benchmarks.runs import Plan
 from tools.benchmarks.tables import json_document
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+SeedOption = Annotated[int, typer.Option(help="Master seed.")]
+WorkersOption = Annotated[int, typer.Option(min=1, help="Processes.")]
+OutOption = Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 messages = Console(stderr=True)
+PROCESSES = os.cpu_count() or 1
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
 CASES, ABLATION_CASES = 60, 10  # per class
 INTERRUPTED = 130  # exit code
@@ -52,16 +57,14 @@ def accuracy(
         int | None, typer.Option(min=1, help=f"Cases per class ({CASES}; with --ablation {ABLATION_CASES}).")
     ] = None,
     classes: Annotated[str, typer.Option(help="Classes, by commas (default: all).")] = "",
-    seed: Annotated[int, typer.Option(help="Master seed.")] = 1,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
-    out: Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")] = Path(
-        "build/accuracy"
-    ),
+    seed: SeedOption = 1,
+    workers: WorkersOption = PROCESSES,
+    out: OutOption = Path("build/accuracy"),
     no_peers: Annotated[bool, typer.Option("--no-peers", help="Only our observer.")] = False,
     ablation: Annotated[
         bool, typer.Option("--ablation", help="Instead: our observer with one part changed each.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
     chosen = _chosen(classes, "--classes", CLASSES, CLASSES_TRIED if ablation else tuple(CLASSES))
@@ -83,12 +86,10 @@ def discovery(
     cases: Annotated[int, typer.Option(min=0, help="Faulty cases, and as many healthy ones.")] = 300,
     effects: Annotated[str, typer.Option(help="Hidden effects, by commas (default: all).")] = "",
     rate: Annotated[str, typer.Option(help="Measured rate: without, with or both.")] = "both",
-    seed: Annotated[int, typer.Option(help="Master seed.")] = 1,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
-    out: Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")] = Path(
-        "build/discovery"
-    ),
-    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+    seed: SeedOption = 1,
+    workers: WorkersOption = PROCESSES,
+    out: OutOption = Path("build/discovery"),
+    as_json: JsonOption = False,
 ) -> None:
     """Whether `discover` names effects hidden in recordings of independent plants."""
     if rate not in RATES:
@@ -110,7 +111,7 @@ def discovery(
 @app.command(epilog="Example: tools/bench formats --frames 100000")
 def formats(
     frames: Annotated[int, typer.Option(min=1000, help="CAN frames, or as many samples.")] = 50_000,
-    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """What each file format holds, how exactly it keeps time, and how fast it is written and read."""
     found = measure_formats(frames)
@@ -131,9 +132,7 @@ def frame(as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout."
 
 
 @app.command(epilog="Example: tools/bench peer-tuning --peer ekf")
-def peer_tuning(
-    peer: Annotated[str, typer.Option(help="Which filter: ukf or ekf.")] = "ukf",
-) -> None:
+def peer_tuning(peer: Annotated[str, typer.Option(help="Which filter: ukf or ekf.")] = "ukf") -> None:
     """The grid the joint Kalman filters' noise settings were chosen from, best first (minutes)."""
     if peer not in FILTERS:
         raise UserError("--peer", f"unknown filter '{peer}'", f"known: {', '.join(FILTERS)}")

@@ -69,12 +69,9 @@ class VariantScore:
 
 
 @dataclass(frozen=True)
-class AblationScore:
+class AblationScore(Task):
     """All variants on one case."""
 
-    class_name: str
-    master_seed: int
-    number: int
     variants: tuple[VariantScore, ...]
 
 

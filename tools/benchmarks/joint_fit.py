@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tools.benchmarks.kalman_peers import LINE_NOISE, RAIL_NOISE
 from tools.benchmarks.line_gain import line_gain
-from tools.benchmarks.peer_equations import LAG, PARAMETERS, V_H, predict
+from tools.benchmarks.peer_equations import LAG, PARAMETERS, V_H, Span, predict
 from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs
 
 # v_H, v_S, friction k, leak c [m3/(s Pa)], offset o [p0], lag tau [s], stiffness r
@@ -65,7 +65,7 @@ def innovations(
     """Counted innovations of a segment, normalised."""
     errors, sac = np.empty((2, segment.end - segment.first))
     end = segment.end
-    predict(inputs.stream, inputs.model, theta, gain, segment.first, end, end, errors, sac)
+    predict(inputs.stream, inputs.model, theta, gain, Span(segment.first, end, end), errors, sac)
     return errors[segment.counted - segment.first :]
 
 
@@ -87,9 +87,8 @@ def open_loop_rate(
 ) -> NDArray[np.float64]:
     """Injection rate [m3/s] over [first, closed) of a segment, the gain stopped at the opening."""
     errors, sac = np.empty((2, segment.closed - segment.first))
-    predict(
-        inputs.stream, inputs.model, theta, gain, segment.first, segment.opening, segment.closed, errors, sac
-    )
+    span = Span(segment.first, segment.opening, segment.closed)
+    predict(inputs.stream, inputs.model, theta, gain, span, errors, sac)
     root = sac / np.sqrt(np.sqrt(sac**2 + inputs.model.transition**2))
     return np.asarray(inputs.model.nozzle_flow * (1.0 + theta[V_H]) * root, np.float64)
 

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tools.benchmarks.peer_equations import extended, unscented
+from tools.benchmarks.arrays import Array
+from tools.benchmarks.peer_equations import Start, extended, unscented
 from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs
 
 RAIL_NOISE, LINE_NOISE = 0.1e6, 0.15e6  # Pa, as on every bench
@@ -29,19 +29,23 @@ class Tuning:
 class FilterResult:
     """Rate [m3/s] and states (n, 4) [x1, x2, x3, v_H]; from where the filter broke down on, its last rate is 0."""
 
-    rate: NDArray[np.float64]
-    states: NDArray[np.float64]
+    rate: Array
+    states: Array
     survived: bool
 
 
-def start_of(inputs: PeerInputs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """State and covariance at the first sample: the line at rest, v_H within +-0.5."""
-    x = np.array([inputs.stream.output[0], 0.0, 0.0, 0.0])
+def start_of(inputs: PeerInputs, tuning: Tuning) -> Start:
+    """The line at rest, v_H within +-0.5."""
     line = LINE_NOISE / PRESSURE_SCALE
-    return x, np.diag([line**2, 0.1**2, 1e-10, 0.3**2])
+    return Start(
+        np.array([inputs.stream.output[0], 0.0, 0.0, 0.0]),
+        np.diag([line**2, 0.1**2, 1e-10, 0.3**2]),
+        process_noise(inputs, tuning),
+        (tuning.line_noise * LINE_NOISE / PRESSURE_SCALE) ** 2,
+    )
 
 
-def process_noise(inputs: PeerInputs, tuning: Tuning) -> NDArray[np.float64]:
+def process_noise(inputs: PeerInputs, tuning: Tuning) -> Array:
     """Covariance (4, 4) a sample adds: rail noise through the line's inertia, wear, model."""
     m, t = inputs.model, inputs.stream.interval
     scale = t / 1e-5
@@ -50,45 +54,21 @@ def process_noise(inputs: PeerInputs, tuning: Tuning) -> NDArray[np.float64]:
     return np.outer(rail, rail) + np.diag([model, 0.0, model, tuning.wear_walk**2 * scale])
 
 
-def measurement_variance(tuning: Tuning) -> float:
-    """Of p_L, normalised."""
-    return (tuning.line_noise * LINE_NOISE / PRESSURE_SCALE) ** 2
-
-
 def joint_ukf(inputs: PeerInputs, tuning: Tuning) -> FilterResult:
     """The joint UKF over a recording."""
-    x, covariance = start_of(inputs)
     states = np.full((inputs.stream.output.size, 4), np.nan)
-    survived = unscented(
-        inputs.stream,
-        inputs.model,
-        x,
-        covariance,
-        process_noise(inputs, tuning),
-        measurement_variance(tuning),
-        UNSCENTED_SHAPE,
-        states,
-    )
+    survived = unscented(inputs.stream, inputs.model, start_of(inputs, tuning), UNSCENTED_SHAPE, states)
     return _result(inputs, states, survived)
 
 
 def joint_ekf(inputs: PeerInputs, tuning: Tuning) -> FilterResult:
     """The joint EKF over a recording."""
-    x, covariance = start_of(inputs)
     states = np.full((inputs.stream.output.size, 4), np.nan)
-    survived = extended(
-        inputs.stream,
-        inputs.model,
-        x,
-        covariance,
-        process_noise(inputs, tuning),
-        measurement_variance(tuning),
-        states,
-    )
+    survived = extended(inputs.stream, inputs.model, start_of(inputs, tuning), states)
     return _result(inputs, states, survived)
 
 
-def _result(inputs: PeerInputs, states: NDArray[np.float64], survived: bool) -> FilterResult:
+def _result(inputs: PeerInputs, states: Array, survived: bool) -> FilterResult:
     sac = states[:, 2]
     difference = sac / np.sqrt(np.sqrt(sac**2 + inputs.model.transition**2))
     rate = inputs.model.nozzle_flow * (1.0 + states[:, 3]) * difference

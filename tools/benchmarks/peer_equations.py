@@ -10,6 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from tools.benchmarks.arrays import Array
+
 SHUT_STEP = 0.1  # radians of the line's mode per step while nothing flows
 RESTING_VARIANCE = 1e-10  # of a sac known to be at chamber pressure
 DIFFERENCE = 1e-5  # of normalised states, for the Jacobian
@@ -34,11 +36,28 @@ class Model(NamedTuple):
 class Stream(NamedTuple):
     """A recording as the filters take it, n samples: inputs (n, 2) [p_R, A_S], output (n,) p_L, resting (n,)."""
 
-    inputs: NDArray[np.float64]
-    output: NDArray[np.float64]
+    inputs: Array
+    output: Array
     resting: NDArray[np.bool_]
     interval: float  # s
     substeps: int
+
+
+class Start(NamedTuple):
+    """Of a joint filter: state (4,) and covariance (4, 4) at the first sample, noise of process (4, 4) and output."""
+
+    x: Array
+    covariance: Array
+    process: Array
+    measurement: float
+
+
+class Span(NamedTuple):
+    """Samples [first, end) of a recording, the predictor's gain in force until `release`."""
+
+    first: int
+    release: int
+    end: int
 
 
 @njit(cache=True, nogil=True)
@@ -49,7 +68,7 @@ def root(difference: float, transition: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _rates(
-    x1: float, x2: float, x3: float, rail: float, area: float, theta: NDArray[np.float64], m: Model
+    x1: float, x2: float, x3: float, rail: float, area: float, theta: Array, m: Model
 ) -> tuple[float, float, float]:
     line_flow = m.a3 * (rail - x1) - m.a4 * (1.0 + theta[FRICTION]) * x2 * math.fabs(x2)
     stiffness = 1.0 + theta[STIFFNESS]
@@ -63,7 +82,7 @@ def _rates(
 
 @njit(cache=True, nogil=True)
 def advance(
-    x1: float, x2: float, x3: float, k: int, stream: Stream, theta: NDArray[np.float64], m: Model
+    x1: float, x2: float, x3: float, k: int, stream: Stream, theta: Array, m: Model
 ) -> tuple[float, float, float]:
     """State one sample after sample k: RK4, inputs linear."""
     r0, a0 = stream.inputs[k, 0], stream.inputs[k, 1]
@@ -86,16 +105,14 @@ def advance(
 
 
 @njit(cache=True, nogil=True)
-def _joint_advance(
-    x: NDArray[np.float64], k: int, stream: Stream, m: Model, theta: NDArray[np.float64]
-) -> None:
+def _joint_advance(x: Array, k: int, stream: Stream, m: Model, theta: Array) -> None:
     """`joint_step` in place; theta (PARAMETERS,) is room to work in."""
     theta[V_H] = x[3]
     x[0], x[1], x[2] = advance(x[0], x[1], x[2], k, stream, theta, m)
 
 
 @njit(cache=True, nogil=True)
-def joint_step(x: NDArray[np.float64], k: int, stream: Stream, m: Model) -> NDArray[np.float64]:
+def joint_step(x: Array, k: int, stream: Stream, m: Model) -> Array:
     """[x1, x2, x3, v_H] one sample after sample k."""
     after = x.copy()
     _joint_advance(after, k, stream, m, np.zeros(PARAMETERS))
@@ -103,7 +120,7 @@ def joint_step(x: NDArray[np.float64], k: int, stream: Stream, m: Model) -> NDAr
 
 
 @njit(cache=True, nogil=True)
-def joint_jacobian(x: NDArray[np.float64], k: int, stream: Stream, m: Model) -> NDArray[np.float64]:
+def joint_jacobian(x: Array, k: int, stream: Stream, m: Model) -> Array:
     """Derivative (4, 4) of `joint_step`, by central differences."""
     jacobian, theta = np.empty((4, 4)), np.zeros(PARAMETERS)
     high, low = np.empty(4), np.empty(4)
@@ -120,7 +137,7 @@ def joint_jacobian(x: NDArray[np.float64], k: int, stream: Stream, m: Model) -> 
 
 
 @njit(cache=True, nogil=True)
-def rest(x: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+def rest(x: Array, covariance: Array) -> None:
     """The sac is known to be at chamber pressure."""
     x[2] = 0.0
     covariance[2, :] = 0.0
@@ -130,14 +147,7 @@ def rest(x: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
 
 @njit(cache=True, nogil=True)
 def unscented(
-    stream: Stream,
-    m: Model,
-    x: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    process: NDArray[np.float64],
-    measurement: float,
-    shape: tuple[float, float, float],
-    states: NDArray[np.float64],
+    stream: Stream, m: Model, start: Start, shape: tuple[float, float, float], states: Array
 ) -> bool:
     """Joint unscented Kalman filter (van der Merwe's points; shape: alpha, beta, kappa) into `states` (n, 4).
 
@@ -147,7 +157,12 @@ def unscented(
     spread, weight = alpha * alpha * (4.0 + kappa), 0.5 / (alpha * alpha * (4.0 + kappa))
     mean_0 = (spread - 4.0) / spread
     covariance_0 = mean_0 + 1.0 - alpha * alpha + beta
-    x, covariance = x.copy(), covariance.copy()
+    x, covariance, process, measurement = (
+        start.x.copy(),
+        start.covariance.copy(),
+        start.process,
+        start.measurement,
+    )
     states[0] = x
     points, theta, cross = np.empty((9, 4)), np.zeros(PARAMETERS), np.empty(4)
     for k in range(stream.output.shape[0] - 1):
@@ -189,9 +204,7 @@ def unscented(
 
 
 @njit(cache=True, nogil=True)
-def _points(
-    x: NDArray[np.float64], covariance: NDArray[np.float64], spread: float, points: NDArray[np.float64]
-) -> bool:
+def _points(x: Array, covariance: Array, spread: float, points: Array) -> bool:
     """Sigma points (9, 4); False unless the covariance is positive definite."""
     lower = points[5:]  # the Cholesky factor, its columns as rows, until the last points take its place
     for i in range(4):
@@ -215,17 +228,14 @@ def _points(
 
 
 @njit(cache=True, nogil=True)
-def extended(
-    stream: Stream,
-    m: Model,
-    x: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    process: NDArray[np.float64],
-    measurement: float,
-    states: NDArray[np.float64],
-) -> bool:
+def extended(stream: Stream, m: Model, start: Start, states: Array) -> bool:
     """Joint extended Kalman filter into `states` (n, 4); False when a state stopped being a number."""
-    x, covariance = x.copy(), covariance.copy()
+    x, covariance, process, measurement = (
+        start.x.copy(),
+        start.covariance.copy(),
+        start.process,
+        start.measurement,
+    )
     theta, gain, product = np.zeros(PARAMETERS), np.empty(4), np.empty((4, 4))
     states[0] = x
     for k in range(stream.output.shape[0] - 1):
@@ -259,7 +269,7 @@ def extended(
 
 
 @njit(cache=True, nogil=True)
-def _product(a: NDArray[np.float64], b: NDArray[np.float64], result: NDArray[np.float64]) -> None:
+def _product(a: Array, b: Array, result: Array) -> None:
     for i in range(4):
         for j in range(4):
             result[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j] + a[i, 3] * b[3, j]
@@ -267,20 +277,13 @@ def _product(a: NDArray[np.float64], b: NDArray[np.float64], result: NDArray[np.
 
 @njit(cache=True, nogil=True)
 def predict(
-    stream: Stream,
-    m: Model,
-    theta: NDArray[np.float64],
-    gain: NDArray[np.float64],
-    first: int,
-    release: int,
-    end: int,
-    innovations: NDArray[np.float64],
-    sac: NDArray[np.float64],
+    stream: Stream, m: Model, theta: Array, gain: Array, span: Span, innovations: Array, sac: Array
 ) -> None:
-    """Predictor over samples [first, end), from x1 = y, x2 = 0; its gain (3,) on [x1, x2, lagged x1] until `release`.
+    """Predictor over a span, from x1 = y, x2 = 0; its gain (3,) is on [x1, x2, lagged x1].
 
     innovations and sac (x3) hold one value a sample; with `release` = end the gain never stops.
     """
+    first, release, end = span
     x1, x2, x3 = stream.output[first] - theta[OFFSET], 0.0, 0.0
     seen = x1
     innovations[0], sac[0] = 0.0, 0.0

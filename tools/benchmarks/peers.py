@@ -12,6 +12,7 @@ from tools.benchmarks.joint_fit import joint_fit_rate
 from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
 from tools.benchmarks.peer_inputs import PeerInputs, peer_inputs
 from tools.benchmarks.plant import record
+from tools.benchmarks.pool import Task
 from tools.benchmarks.score import EKF, FIT, UKF, EstimatorScore
 from tools.benchmarks.windows import score_rate, windows_of
 
@@ -27,12 +28,9 @@ module of its own, for it is the package's."""
 
 
 @dataclass(frozen=True)
-class PeerScore:
+class PeerScore(Task):
     """Peers' part of a case; tuples are per event."""
 
-    class_name: str
-    master_seed: int
-    number: int
     estimators: tuple[EstimatorScore, ...]
     limits_mg: tuple[float, ...]
     """The information limit, smallest standard deviation of the mass; empty where it is not computed."""

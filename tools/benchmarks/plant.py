@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.benchmarks.plant_equations import run
+from tools.benchmarks.arrays import Array
+from tools.benchmarks.plant_equations import Rail, State, run
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
 
 SAMPLE_RATE = 100e3  # Hz of the plant; slower recordings are decimated
@@ -66,21 +67,21 @@ class Bench:
 class Measured:
     """What the observer gets; SI, all (n,)."""
 
-    time: NDArray[np.float64]
-    rail_pressure: NDArray[np.float64]
-    needle_lift: NDArray[np.float64]
-    line_pressure: NDArray[np.float64]
+    time: Array
+    rail_pressure: Array
+    needle_lift: Array
+    line_pressure: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
     """What really happened at the samples; SI, all (n,)."""
 
-    injection_rate: NDArray[np.float64]
-    sac_pressure: NDArray[np.float64]
-    needle_lift: NDArray[np.float64]
-    line_pressure: NDArray[np.float64]
-    rail_pressure: NDArray[np.float64]
+    injection_rate: Array
+    sac_pressure: Array
+    needle_lift: Array
+    line_pressure: Array
+    rail_pressure: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +107,7 @@ def wave_injector(sac_volume: float = 3e-9) -> Injector:
     )
 
 
-def strokes_of(event: Event, start: float, needle: Needle, max_lift: float) -> NDArray[np.float64]:
+def strokes_of(event: Event, start: float, needle: Needle, max_lift: float) -> Array:
     """Needle strokes (m, 6) of an event: opening, top, closing, closed [s], opening and closing speed [m/s]."""
     relative = event.rail_pressure / REFERENCE_PRESSURE
     up, down = needle.opening_speed * relative**0.4, needle.closing_speed * relative**0.3
@@ -141,7 +142,7 @@ def _first_sample(number: int) -> int:
     return 0 if number == 0 else round((event_start(number) - 0.005) * SAMPLE_RATE)
 
 
-def _rail(events: tuple[Event, ...], time: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rail(events: tuple[Event, ...], time: Array) -> Array:
     """True rail pressure (n,): constant round the events, smooth steps between."""
     rail = np.full(time.size, events[0].rail_pressure)
     for number in range(1, len(events)):
@@ -152,13 +153,11 @@ def _rail(events: tuple[Event, ...], time: NDArray[np.float64]) -> NDArray[np.fl
     return rail
 
 
-def _integrate(
-    bench: Bench, time: NDArray[np.float64], rail: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[np.int64]]:
     """Signals (n, 6) of `plant_equations.run` at all samples, and how many samples late the line is recorded."""
     part = bench.injector
-    q, p = np.zeros(part.line_cells), np.full(part.line_cells, rail[0])
-    rest = np.array([part.chamber_pressure, rail[0], 0.0])
+    flows, pressures = np.zeros(part.line_cells), np.full(part.line_cells, rail[0])
+    state = State(flows, pressures, np.array([part.chamber_pressure, rail[0], 0.0]))
     result = np.empty((time.size, 6))
     result[0] = (0.0, part.chamber_pressure, 0.0, rail[0], rail[0], 0.0)
     lateness = np.zeros(time.size, np.int64)
@@ -166,28 +165,21 @@ def _integrate(
         first = _first_sample(number)
         end = time.size - 1 if number + 1 == len(bench.events) else _first_sample(number + 1)
         strokes = strokes_of(event, event_start(number), bench.needle, part.max_lift)
-        start, interval = float(time[first]), 1.0 / SAMPLE_RATE
-        inputs, rows = rail[first : end + 1], result[first + 1 : end + 1]
+        drive = Rail(float(time[first]), 1.0 / SAMPLE_RATE, rail[first : end + 1])
         faulty = with_faults(part, event.faults)
-        run(faulty, event.faults, strokes, start, interval, inputs, q, p, rest, rows)
+        run(faulty, event.faults, strokes, drive, state, result[first + 1 : end + 1])
         lateness[first + 1 : end + 1] = math.floor(event.faults.channel_skew * SAMPLE_RATE)
     return result, lateness
 
 
-def _measure(
-    bench: Bench,
-    time: NDArray[np.float64],
-    rail: NDArray[np.float64],
-    result: NDArray[np.float64],
-    lateness: NDArray[np.int64],
-) -> Measured:
+def _measure(bench: Bench, time: Array, rail: Array, result: Array, lateness: NDArray[np.int64]) -> Measured:
     """Sensors, noise and the bus's 16-bit codes."""
     number = np.searchsorted(
         [_first_sample(i) for i in range(len(bench.events))], np.arange(time.size), "right"
     )
     each = [event.faults for event in bench.events]
 
-    def fault(name: str) -> NDArray[np.float64]:
+    def fault(name: str) -> Array:
         return np.array([getattr(f, name) for f in each])[number - 1]
 
     line = result[np.clip(np.arange(time.size) - lateness, 0, time.size - 1), 4]
@@ -204,11 +196,11 @@ def _measure(
     )
 
 
-def _coded(values: NDArray[np.float64], step: float, floor: float) -> NDArray[np.float64]:
+def _coded(values: Array, step: float, floor: float) -> Array:
     return np.clip(np.rint((values - floor) / step), 0, HIGHEST_CODE) * step + floor
 
 
-def _openings(lift: NDArray[np.float64]) -> NDArray[np.int64]:
+def _openings(lift: Array) -> NDArray[np.int64]:
     """Sample ranges (m, 2), ends included, with lift above 1 um."""
     is_open = np.concatenate(([False], lift > 1e-6, [False]))
     changes = np.flatnonzero(is_open[1:] != is_open[:-1])

@@ -6,11 +6,11 @@ Imports nothing of `observer_rt`: a plant that shared code with the observer wou
 """
 
 import math
+from typing import NamedTuple
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_parameters import Faults, Injector
 
 ROUNDING = 100.0  # Pa, below which the square root of a pressure difference is rounded
@@ -21,6 +21,22 @@ STEPS_FLOWING = 40  # per sample while the needle is open or the sac empties
 STEPS_SHUT = 10  # per sample while only the line moves
 SOLVED_SAC = 1e-3  # Pa
 SOLVED_LINE = 1e-2  # Pa
+
+
+class Rail(NamedTuple):
+    """Rail pressure (n + 1,) [Pa], linear between its samples, the first at `start` [s]."""
+
+    start: float
+    interval: float  # s
+    pressure: Array
+
+
+class State(NamedTuple):
+    """Of the plant, changed in place: line flows and pressures (cells,), [p_S, lagged p_L, lagged lift] (3,)."""
+
+    q: Array
+    p: Array
+    sac_and_sensor: Array
 
 
 @njit(cache=True, nogil=True)
@@ -50,7 +66,7 @@ def _ramp(time: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def lift_at(time: float, strokes: NDArray[np.float64]) -> float:
+def lift_at(time: float, strokes: Array) -> float:
     """True needle lift [m]; strokes (m, 6): opening, top, closing, closed [s], opening and closing speed [m/s]."""
     lift = 0.0
     for i in range(strokes.shape[0]):
@@ -135,14 +151,7 @@ def _sac_after(
 
 
 @njit(cache=True, nogil=True)
-def kick(
-    q: NDArray[np.float64],
-    p: NDArray[np.float64],
-    rail: float,
-    step: float,
-    part: Injector,
-    faults: Faults,
-) -> None:
+def kick(q: Array, p: Array, rail: float, step: float, part: Injector, faults: Faults) -> None:
     """Flows of the line over `step` [s], pressures held: (19) for every cell."""
     cells = q.shape[0]
     inertance = part.density * part.line_length * (1.0 + faults.line_inertance) / part.line_area / cells
@@ -160,14 +169,7 @@ def kick(
 
 @njit(cache=True, nogil=True)
 def drift(
-    q: NDArray[np.float64],
-    p: NDArray[np.float64],
-    p_s: float,
-    lift0: float,
-    lift1: float,
-    step: float,
-    part: Injector,
-    faults: Faults,
+    q: Array, p: Array, p_s: float, lift0: float, lift1: float, step: float, part: Injector, faults: Faults
 ) -> float:
     """Pressures over `step` [s], line flows held: (20), (22). Returns the new sac pressure."""
     cells = q.shape[0]
@@ -208,24 +210,14 @@ def drift(
 
 
 @njit(cache=True, nogil=True)
-def run(
-    part: Injector,
-    faults: Faults,
-    strokes: NDArray[np.float64],
-    start: float,
-    interval: float,
-    rail: NDArray[np.float64],
-    q: NDArray[np.float64],
-    p: NDArray[np.float64],
-    sac_and_sensor: NDArray[np.float64],
-    result: NDArray[np.float64],
-) -> None:
-    """Integrate over the samples of `rail` (n + 1,) [Pa], linear between them, the first at `start` [s].
+def run(part: Injector, faults: Faults, strokes: Array, drive: Rail, state: State, result: Array) -> None:
+    """Integrate over the samples of the rail pressure.
 
-    q, p (cells,) and sac_and_sensor (3,) [p_S, lagged p_L, lagged lift] are the state, changed in place.
     result (n, 6), at the samples after the first: injection rate, p_S, lift, p_L, line pressure and lift as sensors
     with lag and late recording see them.
     """
+    start, interval, rail = drive
+    q, p, sac_and_sensor = state
     last = p.shape[0] - 1
     p_s, seen, seen_lift = sac_and_sensor[0], sac_and_sensor[1], sac_and_sensor[2]
     recorded = seen

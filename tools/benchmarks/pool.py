@@ -18,20 +18,20 @@ _AHEAD = 2  # tasks handed out per process: an interrupted run loses no more
 
 
 @dataclass(frozen=True)
+class Crash(Generic[Item]):
+    """A task that raised an exception."""
+
+    task: Item
+    message: str
+
+
+@dataclass(frozen=True)
 class Task:
     """One case, by what determines it."""
 
     class_name: str
     master_seed: int
     number: int
-
-
-@dataclass(frozen=True)
-class Crash(Generic[Item]):
-    """A task that raised an exception."""
-
-    task: Item
-    message: str
 
 
 def run_tasks(

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from rich.console import Console
 
@@ -16,23 +16,7 @@ BENCHMARKS = Path(__file__).parent
 PACKAGE = Path(observer_rt.__file__).parent
 
 
-class Scored(Protocol):
-    """A result of one case."""
-
-    @property
-    def class_name(self) -> str:
-        """Class of the case."""
-
-    @property
-    def master_seed(self) -> int:
-        """Seed of the run."""
-
-    @property
-    def number(self) -> int:
-        """Number of the case in its class."""
-
-
-Part = TypeVar("Part", bound=Scored)
+Part = TypeVar("Part", bound=Task)
 
 
 @dataclass(frozen=True)
@@ -81,5 +65,5 @@ def scored(
     return scores
 
 
-def _task_of(score: Scored) -> Task:
+def _task_of(score: Task) -> Task:
     return Task(score.class_name, score.master_seed, score.number)

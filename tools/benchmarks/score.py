@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tools.benchmarks.pool import Task
+
 SCORED = slice(10, 20)  # events 11-20
 WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong
 WRONG_RATE = 3.0  # mm3/ms
@@ -34,12 +36,9 @@ class SampleTime:
 
 
 @dataclass(frozen=True)
-class CaseScore:
+class CaseScore(Task):
     """One case scored; tuples are per event."""
 
-    class_name: str
-    master_seed: int
-    number: int
     change_event: int | None
     nozzle_wear: float
     varying: bool

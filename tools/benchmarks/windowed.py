@@ -22,16 +22,7 @@ def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFac
     """
     spans = windows(recording)
     history = evaluate(bench, [_cut(recording, span) for span in spans], learner_of=learner_of)
-    samples = recording.samples
-    trace = Trace(
-        injection_rate=np.full(samples, np.nan),
-        injection_rate_sigma=np.full(samples, np.nan),
-        valid=np.zeros(samples, np.bool_),
-        state=np.full(samples, State.WAITING_FOR_DATA, np.int8),
-        x=np.full((samples, 3), np.nan),
-        phi=np.full((samples, 3), np.nan),
-        nominal_rate=np.full(samples, np.nan),
-    )
+    trace = Trace.unavailable(recording.samples, State.WAITING_FOR_DATA)
     reports = []
     for span, part in zip(spans, history.evaluations, strict=True):
         for name, values in vars(part.trace).items():

@@ -24,6 +24,16 @@ class Frame(NamedTuple):
     """Of a CAN FD frame: its sender had seen so many errors that it was error passive."""
 
 
+class FdFlags(NamedTuple):
+    """What a CAN FD frame is to be sent with, as in `Frame`."""
+
+    bit_rate_switch: bool = True
+    error_state_indicator: bool = False
+
+
+SWITCHED = FdFlags()
+
+
 class BusFrame(NamedTuple):
     """A frame, and the number of the bus it came on."""
 
@@ -61,15 +71,9 @@ class Link(Protocol):
 
     @abstractmethod
     def send(
-        self,
-        frame_id: int,
-        payload: bytes,
-        is_extended: bool,
-        is_fd: bool,
-        bit_rate_switch: bool = True,
-        error_state_indicator: bool = False,
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
     ) -> None:
-        """Send one data frame, the last two of a CAN FD frame. Waits a moment for a full queue.
+        """Send one data frame, `flags` if a CAN FD frame. Waits a moment for a full queue.
 
         A controller may set the error state indicator by itself.
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import can
 
 from observer_rt.bus.links.controller import BusCondition
-from observer_rt.bus.links.link import Frame, Link, LinkDownError, StampSource
+from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, LinkDownError, StampSource
 from observer_rt.foundation.errors import RunError, UserError
 
 SEND_TIMEOUT_S = 0.5  # how long a driver may wait for a place in its queue
@@ -79,15 +79,9 @@ class PythonCanLink(Link):
                 )
 
     def send(
-        self,
-        frame_id: int,
-        payload: bytes,
-        is_extended: bool,
-        is_fd: bool,
-        bit_rate_switch: bool = True,
-        error_state_indicator: bool = False,
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
     ) -> None:
-        message = _message(frame_id, payload, is_extended, is_fd, bit_rate_switch, error_state_indicator)
+        message = _message(frame_id, payload, is_extended, is_fd, flags)
         try:
             self._send(message, SEND_TIMEOUT_S)
         except (can.CanError, OSError) as error:
@@ -138,19 +132,14 @@ class PythonCanLink(Link):
 
 
 def _message(
-    frame_id: int,
-    payload: bytes,
-    is_extended: bool,
-    is_fd: bool,
-    bit_rate_switch: bool = True,
-    error_state_indicator: bool = False,
+    frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
 ) -> can.Message:
     return can.Message(
         arbitration_id=frame_id,
         data=payload,
         is_extended_id=is_extended,
         is_fd=is_fd,
-        bitrate_switch=is_fd and bit_rate_switch,
-        error_state_indicator=is_fd and error_state_indicator,
+        bitrate_switch=is_fd and flags.bit_rate_switch,
+        error_state_indicator=is_fd and flags.error_state_indicator,
         check=True,
     )

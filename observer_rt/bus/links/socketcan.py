@@ -12,7 +12,7 @@ from pathlib import Path
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, CLASSIC_LENGTH, FD_LENGTHS, FD_MTU
 from observer_rt.bus.links.controller import BusCondition, BusState, ErrorClass, after_error_frame
-from observer_rt.bus.links.link import Frame, Link, LinkDownError, StampSource
+from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, LinkDownError, StampSource
 from observer_rt.bus.links.stamps import ANCILLARY_BYTES, StampReader
 from observer_rt.foundation.errors import RunError, UserError
 
@@ -171,17 +171,11 @@ class SocketCanLink(Link):
         return stamp_ns or time.time_ns()  # the kernel begins to stamp a moment after it was asked to
 
     def send(
-        self,
-        frame_id: int,
-        payload: bytes,
-        is_extended: bool,
-        is_fd: bool,
-        bit_rate_switch: bool = True,
-        error_state_indicator: bool = False,
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
     ) -> None:
         deadline = time.monotonic() + SEND_PATIENCE_S
-        flags = _CANFD_BRS * bit_rate_switch | _CANFD_ESI * error_state_indicator
-        frame = self._packed(frame_id, payload, is_extended, is_fd, flags)
+        bits = _CANFD_BRS * flags.bit_rate_switch | _CANFD_ESI * flags.error_state_indicator
+        frame = self._packed(frame_id, payload, is_extended, is_fd, bits)
         while not self._try_send(frame):
             if time.monotonic() > deadline:
                 raise RunError(

@@ -49,21 +49,21 @@ _MODEL_MINUS_MEASURED = "model minus measured, rms"
 
 
 @dataclass(frozen=True)
-class Tile:
-    """A figure at the top of the page."""
-
-    value: str
-    unit: str
-    text: str
-
-
-@dataclass(frozen=True)
 class StandstillColumn:
     """Figures of one kind, by number of the recording."""
 
     title: str
     unit: str
     figures: dict[int | None, StandstillFigure]
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A figure at the top of the page."""
+
+    value: str
+    unit: str
+    text: str
 
 
 def title(found: Discovery) -> str:

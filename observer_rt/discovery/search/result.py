@@ -122,6 +122,14 @@ class Candidate:
 
 
 @dataclass(frozen=True)
+class Decisive:
+    """A measurement that would tell effects apart."""
+
+    measurement: str
+    separates: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Cell:
     """Innovations of one signal in one phase at one operating point (recording).
 
@@ -150,14 +158,6 @@ class Unexplained:
     signal: Signal
     depends_on: tuple[str, ...]
     term: str
-
-
-@dataclass(frozen=True)
-class Decisive:
-    """A measurement that would tell effects apart."""
-
-    measurement: str
-    separates: tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,7 @@ EFFECT = Effect(
     place=Place.LINE_SENSOR,
     parameters=(parameter("o", -10.0, 10.0, 0.02, unit="MPa", si=MEGAPASCAL),),
     apply=added("sensor", "offset"),
-    sentence=(
-        "The line pressure is recorded too high (or too low) by the same pressure always: y = p_L + o."
-    ),
+    sentence="The line pressure is recorded too high (or too low) by the same pressure always: y = p_L + o.",
     signature=(
         "With the needle shut the line pressure differs from the rail pressure by the same amount at "
         "every pressure."

@@ -51,11 +51,8 @@ class AscWriter(LogWriter):
         data = frame.payload.hex(" ").upper()
         length = len(frame.payload)
         if frame.is_fd:
-            flags = (
-                FLAG_FD
-                | FLAG_BIT_RATE_SWITCH * frame.bit_rate_switch
-                | FLAG_ERROR_STATE * frame.error_state_indicator
-            )
+            flags = FLAG_FD | FLAG_BIT_RATE_SWITCH * frame.bit_rate_switch
+            flags |= FLAG_ERROR_STATE * frame.error_state_indicator
             self._file.write(
                 f"{stamp} CANFD {channel:>3} {direction:<4} {identifier:>8}  {'':>32} "
                 f"{frame.bit_rate_switch:d} {frame.error_state_indicator:d} {length_code(length):x} "

@@ -63,11 +63,8 @@ class BlfWriter(LogRecorder):
         identifier = frame.frame_id | (EXTENDED_FLAG if frame.is_extended else 0)
         length = len(frame.payload)
         if frame.is_fd:
-            fd_flags = (
-                FD_FORMAT
-                | FD_BIT_RATE_SWITCH * frame.bit_rate_switch
-                | FD_ERROR_STATE * frame.error_state_indicator
-            )
+            fd_flags = FD_FORMAT | FD_BIT_RATE_SWITCH * frame.bit_rate_switch
+            fd_flags |= FD_ERROR_STATE * frame.error_state_indicator
             dlc = length_code(length)
             body = FD.pack(channel, flags, dlc, identifier, 0, 0, fd_flags, length, frame.payload)
             self._add(TYPE_FD, body, frame.stamp_ns)

@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.recording.canlog.can_log import LogReader, LogRecorder, LogWriter
+from observer_rt.recording.file_format import FileFormat
 
 
 @dataclass(frozen=True)
-class LogFormat:
+class LogFormat(FileFormat):
     """A kind of file that holds CAN frames; callables take the path, those that write the time of the start [ns]."""
 
-    suffixes: tuple[str, ...]
-    """Of its files, in lower case with their dot."""
-    description: str
     reader: Callable[[Path], LogReader]
     writer: Callable[[Path, int], LogWriter] | None = None
     """None where it is only read."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from observer_rt.bus.links.link import Link
+from observer_rt.bus.links.link import FdFlags, Link
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.lateness import LATE, Lateness, LatenessCounter
@@ -87,14 +87,9 @@ def play(
             _sleep(due - now, stop)
             report.reached(frame.time - max(0, due - time.monotonic_ns()) / NANOSECONDS * speed)
             continue
-        links.get(frame.bus, link).send(
-            frame.frame_id,
-            frame.payload,
-            frame.is_extended,
-            frame.is_fd,
-            frame.bit_rate_switch,
-            frame.error_state_indicator,
-        )
+        flags = FdFlags(frame.bit_rate_switch, frame.error_state_indicator)
+        to = links.get(frame.bus, link)
+        to.send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd, flags)
         sent += 1
         if math.isfinite(speed):
             lateness.add(now - due)

@@ -9,7 +9,7 @@ import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from observer_rt.bus.links.link import Frame, Link, LinkDownError, StampSource
+from observer_rt.bus.links.link import FdFlags, Frame, Link, LinkDownError, StampSource
 from observer_rt.bus.links.open import open_link
 from observer_rt.foundation.errors import RunError, UserError
 
@@ -56,7 +56,7 @@ def test_the_flags_of_an_fd_frame_arrive_as_sent(
     sender: Link, channel: str, is_fd: bool, switched: bool, state: bool
 ) -> None:
     with receiver_of(channel) as receiver:
-        sender.send(0x100, b"\1", False, is_fd, switched, state)
+        sender.send(0x100, b"\1", False, is_fd, FdFlags(switched, state))
         frame = receiver.receive(1.0)
     assert frame is not None
     assert (frame.bit_rate_switch, frame.error_state_indicator) == (is_fd and switched, is_fd and state)

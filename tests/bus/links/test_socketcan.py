@@ -12,7 +12,7 @@ import pytest
 
 from observer_rt.bus.links import socketcan as socketcan_link
 from observer_rt.bus.links.controller import BusCondition, BusState
-from observer_rt.bus.links.link import Frame, Link, StampSource
+from observer_rt.bus.links.link import FdFlags, Frame, Link, StampSource
 from observer_rt.bus.links.open import open_link
 from observer_rt.foundation.errors import RunError
 
@@ -53,7 +53,7 @@ def test_the_flags_of_an_fd_frame_arrive_as_sent(vcan: str, is_fd: bool, switche
         link_on(vcan) as receiver,
         can.Bus(interface="socketcan", channel=vcan, fd=True) as reference,
     ):
-        sender.send(0x100, b"\1", False, is_fd, switched, state)
+        sender.send(0x100, b"\1", False, is_fd, FdFlags(switched, state))
         frame = receiver.receive(1.0)
         message = reference.recv(1.0)
     assert frame is not None

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.benchmarks.discovery.cases import RATE_GAIN, RATE_NOISE, measured_rate
-from tools.benchmarks.discovery.oracle_equations import follow
+from tools.benchmarks.discovery.oracle_equations import Sampled, follow
 from tools.benchmarks.line_gain import line_gain
 from tools.benchmarks.plant import (
     LIFT_NOISE,
@@ -131,7 +131,7 @@ def simulated(
     gain, sigma = gain_of(part, faults, float(np.median(rail)))
     errors, rate = np.empty((2, rail.size))
     steady = gain if closed_loop else np.zeros(3)
-    follow(part, faults, rail, true_lift(r, faults), line, steady, INTERVAL, errors, rate)
+    follow(part, faults, Sampled(rail, true_lift(r, faults), line), steady, INTERVAL, errors, rate)
     return _shifted(errors, -whole), rate, sigma
 
 

@@ -1,9 +1,11 @@
 """The plant on sampled inputs, following a measured line pressure. Imports nothing of `observer_rt`."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import (
     STEPS_FLOWING,
     STEPS_SHUT,
@@ -17,23 +19,24 @@ from tools.benchmarks.plant_equations import (
 from tools.benchmarks.plant_parameters import Faults, Injector
 
 
+class Sampled(NamedTuple):
+    """What the plant follows, at the samples (n,): rail pressure [Pa], lift [m], line pressure [Pa]."""
+
+    rail: Array
+    lift: Array
+    line: Array
+
+
 @njit(cache=True, nogil=True)
 def follow(
-    part: Injector,
-    faults: Faults,
-    rail: NDArray[np.float64],
-    lift: NDArray[np.float64],
-    line: NDArray[np.float64],
-    gain: NDArray[np.float64],
-    interval: float,
-    errors: NDArray[np.float64],
-    rate: NDArray[np.float64],
+    part: Injector, faults: Faults, sampled: Sampled, gain: Array, interval: float, errors: Array, rate: Array
 ) -> None:
     """Errors [Pa] and injection rate [m3/s] (n,) of a plant of one cell, its inputs linear between samples.
 
-    rail [Pa], lift [m], line [Pa]: (n,); gain (3,) on p_L, Q_L and the lagged p_L, after every sample; all 0 is open
+    gain (3,) on p_L, Q_L and the lagged p_L, after every sample; all 0 is open
     loop. Parts of a sample by which the line is recorded late are kept; whole samples are the caller's.
     """
+    rail, lift, line = sampled
     q, p = np.zeros(1), np.full(1, rail[0])
     p_s, seen, recorded = part.chamber_pressure, rail[0], rail[0]
     late = interval - faults.channel_skew % interval

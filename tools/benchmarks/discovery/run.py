@@ -65,28 +65,10 @@ class Plan:
     out: Path
     program: tuple[str, ...] = OUR_PROGRAM
 
-
-@dataclass(frozen=True)
-class Question:
-    """A case to ask about: its label is all that is known of it."""
-
-    label: str
-    hidden: Path
-    out: Path
-    program: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Answered:
-    """A case, opened, and its answer."""
-
-    case: HiddenCase
-    answer: Answer
-
     @property
-    def label(self) -> str:
-        """Label of the case."""
-        return self.case.label
+    def hidden(self) -> Path:
+        """Folder of what is sealed."""
+        return self.out / "hidden"
 
 
 @dataclass(frozen=True)
@@ -99,20 +81,22 @@ class Results:
 
 def run_discovery(plan: Plan, console: Console) -> Results:
     """Ask about the cases not yet asked about with this state of the code, then score; progress goes to `console`."""
-    hidden = plan.out / "hidden"
+    hidden = plan.hidden
     _generate("seal", hidden, given=json.dumps(asdict(plan.hiding)))
     labels = json.loads((hidden / LABELS).read_text())
     crashes: list[str] = []
 
     answers = Store(plan.out / "answers.jsonl", Answer, digest_of((PACKAGE, *HIDING_SOURCES)))
-    questions = [Question(label, hidden, plan.out, plan.program) for label in labels]
+    questions = [Question(label, plan) for label in labels]
     if {answer.label for answer in answers.load()}.isdisjoint(labels):
         console.print("first call of discover, which compiles")
         _warm_up(plan)
     given = _done("answers", answers, ask_question, questions, plan.workers, console, crashes)
 
     results = Store(plan.out / "results.jsonl", CaseResult, digest_of((PACKAGE, BENCHMARKS)))
-    answered = [Answered(case, given[case.label]) for case in opened(hidden) if case.label in given]
+    answered = [
+        Answered(case.label, case, given[case.label]) for case in opened(hidden) if case.label in given
+    ]
     scored = _done("scores", results, score_answered, answered, plan.workers, console, crashes)
     return Results(tuple(scored[label] for label in labels if label in scored), tuple(crashes))
 
@@ -130,19 +114,37 @@ def print_results(found: Results, console: Console) -> None:
             console.print(f"{title}: {line}", highlight=False, markup=False)
 
 
+@dataclass(frozen=True)
+class Question:
+    """A case to ask about: its label is all that is known of it."""
+
+    label: str
+    plan: Plan
+
+
 def ask_question(question: Question) -> Answer:
     """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
-    recordings, answer = question.hidden / question.label, question.out / "asked" / question.label
-    files = _generate("record", question.hidden, question.label).split("\n")
+    label, plan = question.label, question.plan
+    recordings, answer = plan.hidden / label, plan.out / "asked" / label
+    files = _generate("record", plan.hidden, label).split("\n")
     try:
-        found = ask(question.program, question.label, [Path(file) for file in files if file], answer)
-        kept = question.out / "findings" / f"{question.label}.json"
+        found = ask(plan.program, label, [Path(file) for file in files if file], answer)
+        kept = plan.out / "findings" / f"{label}.json"
         kept.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(answer / "findings.json", kept)
         return found
     finally:
         for folder in (recordings, answer):
             shutil.rmtree(folder, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class Answered:
+    """A case, opened, and its answer."""
+
+    label: str
+    case: HiddenCase
+    answer: Answer
 
 
 def score_answered(answered: Answered) -> CaseResult:

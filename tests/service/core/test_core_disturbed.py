@@ -193,11 +193,7 @@ def test_jump_with_a_lost_frame_is_a_loss(bench: Path) -> None:
     assert result.core.counters.lost_samples == 2700 + 9
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [lambda k: 9 * k + 1, lambda k: 9 * k - 1],
-    ids=["one late", "one early"],
-)
+@pytest.mark.parametrize("wrong", [lambda k: 9 * k + 1, lambda k: 9 * k - 1], ids=["one late", "one early"])
 def test_index_off_by_one_is_noticed(
     bench: Path, frames: list[Frame], clean: Result, wrong: Callable[[int], int]
 ) -> None:

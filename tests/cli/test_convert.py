@@ -116,8 +116,8 @@ def test_mistakes_are_named(
 ) -> None:
     log = tmp_path / "a.asc.log"
     log.write_text("(1.5) can0 100#00\n")
-    places = {"here": tmp_path, "log": log, "csv": resting}
-    outcome = command("convert", *(argument.format(**places) for argument in arguments))
+    filled = (one.format(here=tmp_path, log=log, csv=resting) for one in arguments)
+    outcome = command("convert", *filled)
     assert outcome.code == 2
     assert message in outcome.err
     assert list(tmp_path.iterdir()) == [log]

@@ -120,19 +120,20 @@ def test_database_beside_the_bench_file_wins_over_the_shipped_one(tmp_path: Path
     assert load_bench(bench_file(tmp_path, BENCH)).databases == (tmp_path / "observer_fd.dbc",)
 
 
-@pytest.mark.parametrize(
-    ("section", "key", "nearest"),
-    [
-        ("link", "chanel", "channel"),
-        ("sampling", "rate", "rate_hz"),
-        ("learning", "event_gap", "event_gap_ms"),
-        ("noise", "rail_pressure_mpa", "rail_pressure_MPa"),
-        ("outputs", "injectionrate", "injection_rate"),
-    ],
-)
-def test_unknown_key_names_the_nearest(tmp_path: Path, section: str, key: str, nearest: str) -> None:
+NEAREST = {
+    "link.chanel": "channel",
+    "sampling.rate": "rate_hz",
+    "learning.event_gap": "event_gap_ms",
+    "noise.rail_pressure_mpa": "rail_pressure_MPa",
+    "outputs.injectionrate": "injection_rate",
+}
+
+
+@pytest.mark.parametrize(("place", "nearest"), NEAREST.items())
+def test_unknown_key_names_the_nearest(tmp_path: Path, place: str, nearest: str) -> None:
+    section, key = place.split(".")
     error = bench_refusal(tmp_path, f"{BENCH}[{section}]\n{key} = 1\n")
-    assert error.place.endswith(f": {section}.{key}")
+    assert error.place.endswith(f": {place}")
     assert error.problem == "unknown key"
     assert f"did you mean '{nearest}'?" in error.remedy
 

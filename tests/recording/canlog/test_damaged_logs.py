@@ -56,14 +56,17 @@ def damages(draw: st.DrawFn) -> Damage:
     return damage
 
 
+def often(suffix: str) -> settings:
+    """Fewer examples of the format that is slow to read."""
+    examples = 20 if suffix == ".mf4" else 200
+    return settings(max_examples=examples, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
 @pytest.mark.parametrize("suffix", sorted(suffixes_of(written(log_formats()))))
 def test_a_damaged_log(tmp_path: Path, suffix: str) -> None:
     whole = undamaged(suffix, tmp_path)
 
-    @settings(
-        max_examples=20 if suffix == ".mf4" else 200,
-        suppress_health_check=[HealthCheck.function_scoped_fixture],
-    )
+    @often(suffix)
     @given(damages())
     def check(damage: Damage) -> None:
         data = damage(whole)
@@ -95,10 +98,7 @@ def test_a_damaged_recording(tmp_path: Path, suffix: str) -> None:
     write_recording(path, Recording(values / 1e5, values * 1e5, values * 1e-6, values * 1e5))
     whole = path.read_bytes()
 
-    @settings(
-        max_examples=20 if suffix == ".mf4" else 200,
-        suppress_health_check=[HealthCheck.function_scoped_fixture],
-    )
+    @often(suffix)
     @given(damages())
     def check(damage: Damage) -> None:
         path.write_bytes(damage(whole))

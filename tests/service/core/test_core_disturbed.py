@@ -29,18 +29,6 @@ IN_INJECTION = round(0.2008 * SAMPLE_RATE) // 9  # the second one
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("core") / "bench.toml"
-    path.write_text(bench_text(ONE_MESSAGE))
-    return path
-
-
-@pytest.fixture(scope="module")
-def frames() -> list[Frame]:
-    return Device(ONE_MESSAGE).send(recording())
-
-
-@pytest.fixture(scope="module")
 def clean(bench: Path, frames: list[Frame]) -> Result:
     return run(bench, frames)
 

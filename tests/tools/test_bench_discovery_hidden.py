@@ -19,9 +19,9 @@ from tools.benchmarks.discovery.rivals import best_statistic
 from tools.benchmarks.plant import record
 from tools.benchmarks.plant_parameters import Faults
 
-REPOSITORY = Path(__file__).parents[2]
 WITH_WAVES = {"line_wave"}  # not for a lumped line
-ALONE = """import io, json
+ALONE = """
+import io, json
 from tools.benchmarks.discovery import generator, oracle, rivals
 sys.stdin = io.StringIO(sys.argv[2])
 generator.main(["seal", sys.argv[1]])

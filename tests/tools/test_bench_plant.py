@@ -1,7 +1,6 @@
 """The benchmark's plant: independent of the package, right by a reference solution, every fault felt."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +23,6 @@ from tools.benchmarks.plant import (
 from tools.benchmarks.plant_equations import lift_at
 from tools.benchmarks.plant_parameters import Faults, Injector
 
-REPOSITORY = Path(__file__).parents[2]
 ALONE = """
 from tools.benchmarks import cases, plant
 event = plant.Event(100e6, (plant.Shot(0.0, 1e-3),), plant.Faults())

@@ -13,7 +13,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.service.compiled.constants import configured_noise
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
-from tests.service.knowledge_samples import PRESSURE_SCALE, some_knowledge
+from tests.service.knowledge_samples import PRESSURE_SCALE, damage, some_knowledge
 
 MODEL = model_hash(load_injector())
 
@@ -79,13 +79,7 @@ def test_check_foretells_what_becomes_of_a_damaged_state_and_leaves_it(
 ) -> None:
     path = tmp_path / "state.json"
     save_knowledge(path, some_knowledge(), MODEL)
-    content = bytearray(path.read_bytes())
-    place = data.draw(st.integers(0, len(content) - 1))
-    if data.draw(st.booleans(), label="truncate"):
-        del content[place:]
-    else:
-        content[place] = data.draw(st.integers(0, 255))
-    path.write_bytes(content)
+    content = damage(path, data)
     finding = of_state(path)
     assert path.read_bytes() == content
     is_restored = load_knowledge(path, MODEL).knowledge is not None
@@ -97,21 +91,22 @@ def test_the_nominal_injector_is_plausible() -> None:
 
 
 @pytest.mark.parametrize(
-    ("si", "other", "key"),
+    ("key", "si", "other", "unit"),
     [
-        ("length = 0.15 ", "length = 150 ", "line.length = 150 m"),
-        ("hole_diameter = 0.17e-3", "hole_diameter = 0.17", "nozzle.hole_diameter = 0.17 m"),
-        ("sac_volume = 0.075e-6", "sac_volume = 75.0", "nozzle.sac_volume = 75 m3"),
-        ("bulk_modulus_line = 1.6e9", "bulk_modulus_line = 1600.0", "fluid.bulk_modulus_line = 1600 Pa"),
-        ("density_line = 830.0", "density_line = 0.83", "fluid.density_line = 0.83 kg/m3"),
-        ("cone_angle = 60.0", "cone_angle = 1.047", "seat.cone_angle = 1.047 deg"),
+        ("line.length", "0.15 ", 150, "m"),
+        ("nozzle.hole_diameter", "0.17e-3", 0.17, "m"),
+        ("nozzle.sac_volume", "0.075e-6", 75, "m3"),
+        ("fluid.bulk_modulus_line", "1.6e9", 1600, "Pa"),
+        ("fluid.density_line", "830.0", 0.83, "kg/m3"),
+        ("seat.cone_angle", "60.0", 1.047, "deg"),
     ],
 )
-def test_other_units_than_si_are_noticed(tmp_path: Path, si: str, other: str, key: str) -> None:
+def test_other_units_than_si_are_noticed(tmp_path: Path, key: str, si: str, other: float, unit: str) -> None:
     path = tmp_path / "injector.toml"
+    name = key.split(".")[1]
     text = NOMINAL_INJECTOR.read_text()
-    assert si in text
-    path.write_text(text.replace(si, other))
+    assert f"{name} = {si}" in text
+    path.write_text(text.replace(f"{name} = {si}", f"{name} = {other} "))
     (finding,) = plausibility_findings(load_injector(path))
     assert finding.level is Level.WARNING
-    assert key in finding.text
+    assert f"{key} = {other} {unit}" in finding.text

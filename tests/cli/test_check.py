@@ -63,16 +63,16 @@ def test_error_found_is_exit_code_1(command: Command, bench: Path) -> None:
     assert "SampleBlock" in error["text"]
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "key"),
-    [
-        ("\nrate_hz", "\nrate_hzz", "sampling.rate_hzz: unknown key"),
-        ("rate_hz = 50e3", "rate_hz = -1", "sampling.rate_hz"),
-        ("injector_id = 1", 'injector_id = "one"', "outputs.injector_id"),
-        ("[link]", "[link", "is not valid TOML"),
-        ('"observer_fd.dbc"', '"nowhere.dbc"', "nowhere.dbc"),
-    ],
-)
+MISTAKES = [
+    ("\nrate_hz", "\nrate_hzz", "sampling.rate_hzz: unknown key"),
+    ("rate_hz = 50e3", "rate_hz = -1", "sampling.rate_hz"),
+    ("injector_id = 1", 'injector_id = "one"', "outputs.injector_id"),
+    ("[link]", "[link", "is not valid TOML"),
+    ('"observer_fd.dbc"', '"nowhere.dbc"', "nowhere.dbc"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "key"), MISTAKES)
 def test_file_that_must_change(command: Command, bench: Path, old: str, new: str, key: str) -> None:
     text = bench.read_text()
     assert old in text

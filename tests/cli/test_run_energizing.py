@@ -1,10 +1,6 @@
 """`observer-rt run` with the energizing on the bus."""
 
-import math
-import os
 import re
-import signal
-import threading
 from pathlib import Path
 
 from observer_rt.bus.links.open import open_link
@@ -12,10 +8,11 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
-from observer_rt.recording.replay.player import play
+from tests.cli.bench_engineer import bench_engineer
 from tests.cli.conftest import Command
-from tests.service.participants import listening, until
-from tests.service.pulse_frames import TEXT, TIME, durations
+from tests.service.participants import listening
+from tests.service.pulse_bench import TEXT, Told
+from tests.service.pulse_frames import durations
 
 # Those of the recording, and one that does nothing.
 PULSES = [(0.12, 0.5e-3), *((0.15 + 0.05 * number, 1.1e-3) for number in range(4))]
@@ -29,7 +26,7 @@ def test_commands_and_missing_injections_are_printed(
     text = (
         bench.read_text().replace('"can0"', f'"{tmp_path.name}"').replace("enabled = true", "enabled = false")
     )
-    bench.write_text(f'{text}\n[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{TIME}')
+    bench.write_text(f'{text}\n[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{Told.TIME}')
     channel = load_bench(bench).config.link.channel
     recording = read_recording(worn)
     frames = [
@@ -41,20 +38,12 @@ def test_commands_and_missing_injections_are_printed(
     ]
     frames.sort(key=lambda frame: frame.time)
 
-    with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
-
-        def bench_engineer() -> None:
-            try:
-                until(lambda: bool(listener.heard.statuses))
-                play(frames, player, math.inf)
-                until(lambda: listener.heard.last_status()["SamplesProcessed"] >= recording.samples - 18)
-            finally:
-                os.kill(os.getpid(), signal.SIGTERM)
-
-        thread = threading.Thread(target=bench_engineer)
-        thread.start()
+    with (
+        listening("virtual", channel) as listener,
+        open_link("virtual", channel, True, []) as player,
+        bench_engineer(listener, player, frames, recording.samples),
+    ):
         outcome = command("run", "--bench", bench)
-        thread.join()
 
     assert outcome.code == 0
     printed = " ".join(outcome.err.split())

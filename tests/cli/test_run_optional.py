@@ -1,10 +1,6 @@
 """`observer-rt run` with optional inputs on the bus, in messages of their own."""
 
-import math
-import os
 import re
-import signal
-import threading
 from pathlib import Path
 
 import pytest
@@ -14,9 +10,9 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
-from observer_rt.recording.replay.player import play
+from tests.cli.bench_engineer import bench_engineer
 from tests.cli.conftest import Command
-from tests.service.participants import listening, until
+from tests.service.participants import listening
 from tests.service.slow_frames import TEXT, bed
 
 EVERY = 20  # frames of samples between two of the test bed
@@ -56,19 +52,8 @@ def test_learning_stops_and_errors_of_the_estimate_are_printed(
     samples = read_recording(worn).samples
 
     with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
-
-        def bench_engineer() -> None:
-            try:
-                until(lambda: bool(listener.heard.statuses))
-                play(frames, player, math.inf)
-                until(lambda: listener.heard.last_status()["SamplesProcessed"] >= samples - 18)
-            finally:
-                os.kill(os.getpid(), signal.SIGTERM)
-
-        thread = threading.Thread(target=bench_engineer)
-        thread.start()
-        outcome = command("run", "--bench", bench)
-        thread.join()
+        with bench_engineer(listener, player, frames, samples):
+            outcome = command("run", "--bench", bench)
         status = listener.heard.last_status()
 
     assert outcome.code == 0

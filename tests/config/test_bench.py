@@ -120,19 +120,20 @@ def test_database_beside_the_bench_file_wins_over_the_shipped_one(tmp_path: Path
     assert load_bench(bench_file(tmp_path, BENCH)).databases == (tmp_path / "observer_fd.dbc",)
 
 
-@pytest.mark.parametrize(
-    ("section", "key", "nearest"),
-    [
-        ("link", "chanel", "channel"),
-        ("sampling", "rate", "rate_hz"),
-        ("learning", "event_gap", "event_gap_ms"),
-        ("noise", "rail_pressure_mpa", "rail_pressure_MPa"),
-        ("outputs", "injectionrate", "injection_rate"),
-    ],
-)
-def test_unknown_key_names_the_nearest(tmp_path: Path, section: str, key: str, nearest: str) -> None:
+NEAREST = {
+    "link.chanel": "channel",
+    "sampling.rate": "rate_hz",
+    "learning.event_gap": "event_gap_ms",
+    "noise.rail_pressure_mpa": "rail_pressure_MPa",
+    "outputs.injectionrate": "injection_rate",
+}
+
+
+@pytest.mark.parametrize(("place", "nearest"), NEAREST.items())
+def test_unknown_key_names_the_nearest(tmp_path: Path, place: str, nearest: str) -> None:
+    section, key = place.split(".")
     error = bench_refusal(tmp_path, f"{BENCH}[{section}]\n{key} = 1\n")
-    assert error.place.endswith(f": {section}.{key}")
+    assert error.place.endswith(f": {place}")
     assert error.problem == "unknown key"
     assert f"did you mean '{nearest}'?" in error.remedy
 
@@ -255,20 +256,28 @@ def test_file_that_is_no_text(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "place"),
+    ("place", "usual", "impossible"),
     [
-        ("volume = 0.9e-6 ", "volume = -0.9e-6 ", "line.volume"),
-        ("sac_volume = 0.075e-6", "sac_volume = 0.0", "nozzle.sac_volume"),
-        ("density_line = 830.0", "density_line = nan", "fluid.density_line"),
-        ("holes = 8", "holes = 7.5", "nozzle.holes"),
-        ("cone_angle = 60.0", "cone_angle = 180.0", "seat.cone_angle"),
-        ("max_lift = 0.30e-3", 'max_lift = "0.3 mm"', "seat.max_lift"),
-        ("loss_factor = 8.0", 'loss_factor = 8.0\nmodel = "wavy"', "line.model"),
+        ("line.volume", "0.9e-6 ", -0.9e-6),
+        ("nozzle.sac_volume", "0.075e-6", 0.0),
+        ("fluid.density_line", "830.0", "nan"),
+        ("nozzle.holes", "8", 7.5),
+        ("seat.cone_angle", "60.0", 180.0),
+        ("seat.max_lift", "0.30e-3", '"0.3 mm"'),
     ],
 )
-def test_injector_with_impossible_values(tmp_path: Path, old: str, new: str, place: str) -> None:
-    error = injector_refusal(tmp_path, old, new)
+def test_injector_with_impossible_values(
+    tmp_path: Path, place: str, usual: str, impossible: str | float
+) -> None:
+    key = place.split(".")[1]
+    error = injector_refusal(tmp_path, f"{key} = {usual}", f"{key} = {impossible} ")
     assert error.place.endswith(f": {place}")
+    assert "not allowed" in error.problem
+
+
+def test_injector_with_an_unknown_model_of_the_line(tmp_path: Path) -> None:
+    error = injector_refusal(tmp_path, "loss_factor = 8.0", 'loss_factor = 8.0\nmodel = "wavy"')
+    assert error.place.endswith(": line.model")
     assert "not allowed" in error.problem
 
 

@@ -37,12 +37,7 @@ def test_what_a_further_bus_leaves_out_is_as_in_the_first(tmp_path: Path) -> Non
     ("old", "new", "place", "said"),
     [
         ('link = "lift"', 'link = "lfit"', "signals.needle_lift.link", "did you mean 'lift'?"),
-        (
-            '[outputs]\nlink = "results"',
-            '[outputs]\nlink = "result"',
-            "outputs.link",
-            "did you mean 'results'?",
-        ),
+        ('link = "results"', 'link = "result"', "outputs.link", "did you mean 'results'?"),
         ('"observer_fd.dbc"', '"observer_fd.dbc"\nlink = "lien"', "dbc.0.link", "did you mean 'line'?"),
         ('channel = "can2"', 'channel = "can1"', "links.line.channel", "as that of [links.lift]"),
         ('channel = "can2"', 'chanel = "can2"', "links.line.chanel", "did you mean 'channel'?"),

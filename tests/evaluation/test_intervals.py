@@ -41,6 +41,13 @@ class Run:
         error = trace.injection_rate[window] - self.truth.injection_rate[window]
         return error[flowing], trace.injection_rate_sigma[window][flowing]
 
+    def masses(self, report: InjectionReport) -> tuple[float, float, float]:
+        """Ends of the interval of an injection's mass, and the true one [kg]."""
+        assert report.mass_ci95 is not None
+        window = slice(report.start_index, report.end_index + 1)
+        true = float(np.trapezoid(self.truth.injection_rate[window])) / SAMPLE_RATE * C.density
+        return *report.mass_ci95, true
+
 
 @cache
 def run(seed: int, v_h: float, v_s: float = 0.0, twice: bool = False, learning: bool = True) -> Run:
@@ -71,10 +78,7 @@ def test_masses_lie_in_their_intervals() -> None:
     inside = []
     for made in population():
         for report in made.found.reports[4:]:
-            assert report.mass_ci95 is not None
-            window = slice(report.start_index, report.end_index + 1)
-            true = float(np.trapezoid(made.truth.injection_rate[window])) / SAMPLE_RATE * C.density
-            low, high = report.mass_ci95
+            low, high, true = made.masses(report)
             assert high - low < 0.04 * true
             inside.append(low <= true <= high)
     assert np.mean(inside) >= 0.87
@@ -94,10 +98,7 @@ def test_intervals_are_no_wider_than_the_errors_ask_for() -> None:
     masses, rates = [], []
     for made in population():
         for report in made.found.reports[4:]:
-            assert report.mass_ci95 is not None
-            window = slice(report.start_index, report.end_index + 1)
-            true = float(np.trapezoid(made.truth.injection_rate[window])) / SAMPLE_RATE * C.density
-            low, high = report.mass_ci95
+            low, high, true = made.masses(report)
             masses.append((0.5 * (low + high) - true) / (0.5 * (high - low) / 1.96))
             error, sigma = made.errors(report)
             rates.append(np.mean(error**2) / np.mean(sigma**2))

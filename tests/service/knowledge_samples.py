@@ -1,6 +1,9 @@
 """Knowledge as it might have been learned, for tests of what keeps it."""
 
+from pathlib import Path
+
 import numpy as np
+from hypothesis import strategies as st
 
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics
@@ -29,3 +32,15 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
             *(random.uniform(0.0, 1e4, sums.shape) for sums in vars(no_statistics()).values())
         ),
     )
+
+
+def damage(path: Path, data: st.DataObject) -> bytes:
+    """Cut the file off anywhere, or change one of its bytes; what it holds then."""
+    content = bytearray(path.read_bytes())
+    place = data.draw(st.integers(0, len(content) - 1))
+    if data.draw(st.booleans(), label="truncate"):
+        del content[place:]
+    else:
+        content[place] = data.draw(st.integers(0, 255))
+    path.write_bytes(content)
+    return bytes(content)

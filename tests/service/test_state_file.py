@@ -22,7 +22,7 @@ from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
-from tests.service.knowledge_samples import PRESSURE_SCALE, some_knowledge
+from tests.service.knowledge_samples import PRESSURE_SCALE, damage, some_knowledge
 
 MODEL = model_hash(load_injector())
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
@@ -71,13 +71,7 @@ def test_no_file_means_the_prior(tmp_path: Path) -> None:
 def test_a_damaged_file_is_restored_equal_or_set_aside(tmp_path: Path, data: st.DataObject) -> None:
     path, knowledge = tmp_path / "state.json", some_knowledge()
     save_knowledge(path, knowledge, MODEL)
-    content = bytearray(path.read_bytes())
-    place = data.draw(st.integers(0, len(content) - 1))
-    if data.draw(st.booleans(), label="truncate"):
-        del content[place:]
-    else:
-        content[place] = data.draw(st.integers(0, 255))
-    path.write_bytes(content)
+    content = damage(path, data)
     restored = load_knowledge(path, MODEL)
     if restored.knowledge is None:
         assert not path.exists()

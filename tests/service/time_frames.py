@@ -34,43 +34,35 @@ DIP = 2e6  # Pa the rail pressure falls by with an injection
 RECOVERY = 0.01  # s
 ON_BUS = 16e-6  # s a frame takes
 ROWS = 1000  # taken from the core at once
-DATABASE = """VERSION ""
+INDEX = ' SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq'
+COUNT = ' SG_ Count : 0|8@1+ (1,0) [0|0] "" Daq'
+NIBBLE = ' SG_ Nibble : 8|4@1+ (1,0) [0|0] "" Daq'
+
+
+def message(number: int, name: str, *signals: str) -> str:
+    return "\n".join([f"BO_ {number} {name}: 8 Daq", *signals])
+
+
+def pressure(name: str, bit: int) -> str:
+    return f' SG_ {name} : {bit}|16@1+ (0.005,-10) [0|0] "MPa" Daq'
+
+
+def lift(bit: int) -> str:
+    return f' SG_ Lift : {bit}|16@1+ (0.01,-50) [0|0] "um" Daq'
+
+
+DATABASE = f"""VERSION ""
 BU_: Daq
-BO_ 512 All: 8 Daq
- SG_ Count : 0|8@1+ (1,0) [0|0] "" Daq
- SG_ Nibble : 8|4@1+ (1,0) [0|0] "" Daq
- SG_ Rail : 16|16@1+ (0.005,-10) [0|0] "MPa" Daq
- SG_ Lift : 32|16@1+ (0.01,-50) [0|0] "um" Daq
- SG_ Line : 48|16@1+ (0.005,-10) [0|0] "MPa" Daq
-BO_ 513 Line: 8 Daq
- SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
- SG_ Line : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
-BO_ 514 RailLift: 8 Daq
- SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
- SG_ Rail : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
- SG_ Lift : 48|16@1+ (0.01,-50) [0|0] "um" Daq
-BO_ 515 LineLift: 8 Daq
- SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
- SG_ Line : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
- SG_ Lift : 48|16@1+ (0.01,-50) [0|0] "um" Daq
-BO_ 520 Lift: 8 Daq
- SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
- SG_ Lift : 32|16@1+ (0.01,-50) [0|0] "um" Daq
-BO_ 521 RailLine: 8 Daq
- SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
- SG_ Rail : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
- SG_ Line : 48|16@1+ (0.005,-10) [0|0] "MPa" Daq
-BO_ 516 Rail: 8 Daq
- SG_ Rail : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
-BO_ 519 RailSlow: 8 Daq
- SG_ SampleIndex : 0|32@1+ (1,0) [0|0] "" Daq
- SG_ Rail : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
-BO_ 517 LiftOnly: 8 Daq
- SG_ Lift : 32|16@1+ (0.01,-50) [0|0] "um" Daq
- SG_ Count : 0|8@1+ (1,0) [0|0] "" Daq
-BO_ 518 LineOnly: 8 Daq
- SG_ Line : 32|16@1+ (0.005,-10) [0|0] "MPa" Daq
- SG_ Count : 0|8@1+ (1,0) [0|0] "" Daq
+{message(512, "All", COUNT, NIBBLE, pressure("Rail", 16), lift(32), pressure("Line", 48))}
+{message(513, "Line", INDEX, pressure("Line", 32))}
+{message(514, "RailLift", INDEX, pressure("Rail", 32), lift(48))}
+{message(515, "LineLift", INDEX, pressure("Line", 32), lift(48))}
+{message(520, "Lift", INDEX, lift(32))}
+{message(521, "RailLine", INDEX, pressure("Rail", 32), pressure("Line", 48))}
+{message(516, "Rail", pressure("Rail", 32))}
+{message(519, "RailSlow", INDEX, pressure("Rail", 32))}
+{message(517, "LiftOnly", lift(32), COUNT)}
+{message(518, "LineOnly", pressure("Line", 32), COUNT)}
 """
 MESSAGES = {message.name: message for message in cantools.database.load_string(DATABASE, "dbc").messages}
 ROLE_OF = {"Rail": "rail_pressure", "Lift": "needle_lift", "Line": "line_pressure"}

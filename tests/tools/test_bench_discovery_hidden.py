@@ -1,8 +1,6 @@
 """What the discovery benchmark hides, and its oracle: blind, reproducible, true to the vocabulary, white."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +10,7 @@ import pytest
 
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.recording.formats import read_recording
+from tests.tools.blocked import run_alone
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, benches, make_case, make_cases, measured_rate
 from tools.benchmarks.discovery.generator import write_recordings
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, same_effect
@@ -20,17 +19,9 @@ from tools.benchmarks.discovery.rivals import best_statistic
 from tools.benchmarks.plant import record
 from tools.benchmarks.plant_parameters import Faults
 
-REPOSITORY = Path(__file__).parents[2]
 WITH_WAVES = {"line_wave"}  # not for a lumped line
 ALONE = """
-import io, json, sys
-
-class Blocked:
-    def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] == "observer_rt":
-            raise ImportError("observer_rt is blocked")
-
-sys.meta_path.insert(0, Blocked())
+import io, json
 from tools.benchmarks.discovery import generator, oracle, rivals
 sys.stdin = io.StringIO(sys.argv[2])
 generator.main(["seal", sys.argv[1]])
@@ -42,15 +33,7 @@ assert not [name for name in sys.modules if name.startswith("observer_rt")]
 
 def test_generator_and_oracle_run_where_the_package_cannot_be_imported(tmp_path: Path) -> None:
     plan = {"effects": ["seat_area"], "faulty": 1, "healthy": 0, "rates": [True], "master_seed": 1}
-    done = subprocess.run(
-        [sys.executable, "-c", ALONE, str(tmp_path), json.dumps(plan)],
-        capture_output=True,
-        text=True,
-        cwd=REPOSITORY,
-        check=False,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
+    done = run_alone(ALONE, str(tmp_path), json.dumps(plan))
     files = done.stdout.split()
     assert len(files) == len(GIVEN)
     assert not any("seat" in file for file in files)

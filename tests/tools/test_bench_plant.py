@@ -1,15 +1,13 @@
 """The benchmark's plant: independent of the package, right by a reference solution, every fault felt."""
 
 import math
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from tests.tools.blocked import run_alone
 from tools.benchmarks.plant import (
     FIRST_EVENT,
     Bench,
@@ -25,16 +23,7 @@ from tools.benchmarks.plant import (
 from tools.benchmarks.plant_equations import lift_at
 from tools.benchmarks.plant_parameters import Faults, Injector
 
-REPOSITORY = Path(__file__).parents[2]
 ALONE = """
-import sys
-
-class Blocked:
-    def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] == "observer_rt":
-            raise ImportError("observer_rt is blocked")
-
-sys.meta_path.insert(0, Blocked())
 from tools.benchmarks import cases, plant
 event = plant.Event(100e6, (plant.Shot(0.0, 1e-3),), plant.Faults())
 outcome = plant.record(plant.Bench(plant.Injector(), plant.Needle(), (event,)))
@@ -85,15 +74,7 @@ def once(
 
 
 def test_plant_and_cases_run_where_the_package_cannot_be_imported() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", ALONE],
-        capture_output=True,
-        text=True,
-        cwd=REPOSITORY,
-        check=False,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
+    run_alone(ALONE)
 
 
 def reference(

@@ -22,13 +22,14 @@ from observer_rt.observer.stream.state import State
 
 OUR_LAYOUT = Path(str(files("observer_rt.data") / "observer_fd.dbc"))
 
-USER_DBC = """VERSION ""
+PRESSURES = "\n".join(
+    f' SG_ {name} : {bit}|16@0{sign} (0.1,0) [0|0] "bar" Vector__XXX'
+    for name, bit, sign in (("Rail1", 7, "+"), ("Rail2", 23, "+"), ("Line1", 39, "-"), ("Line3", 55, "-"))
+)
+USER_DBC = f"""VERSION ""
 BU_: Device
 BO_ 2147484672 Pressures: 8 Device
- SG_ Rail1 : 7|16@0+ (0.1,0) [0|0] "bar" Vector__XXX
- SG_ Rail2 : 23|16@0+ (0.1,0) [0|0] "bar" Vector__XXX
- SG_ Line1 : 39|16@0- (0.1,0) [0|0] "bar" Vector__XXX
- SG_ Line3 : 55|16@0- (0.1,0) [0|0] "bar" Vector__XXX
+{PRESSURES}
 BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
 BA_DEF_ BO_ "SamplesPerFrame" INT 0 64;
 BA_DEF_ BO_ "E2EProfile" INT 0 22;

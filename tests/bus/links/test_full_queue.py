@@ -30,10 +30,7 @@ FULL = pytest.mark.parametrize(
 def links(interface: OwnInterface, queue: int = QUEUE, rate: int = RATE) -> tuple[Link, Link]:
     """A sender and a receiver on an interface that carries `rate` frames a second."""
     interface.slow_down(rate * FRAME_BYTES, queue * FRAME_BYTES)
-    return (
-        open_link("socketcan", interface.name, True, []),
-        open_link("socketcan", interface.name, True),
-    )
+    return (open_link("socketcan", interface.name, True, []), open_link("socketcan", interface.name, True))
 
 
 def numbers(receiver: Link) -> list[int]:

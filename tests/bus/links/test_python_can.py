@@ -12,6 +12,7 @@ from can.interfaces.virtual import VirtualBus
 from observer_rt.bus.links.link import FdFlags, Frame, Link, LinkDownError, StampSource
 from observer_rt.bus.links.open import open_link
 from observer_rt.foundation.errors import RunError, UserError
+from tests.bus.links.kinds import KINDS
 
 
 @pytest.fixture
@@ -29,15 +30,7 @@ def receiver_of(channel: str, receive_ids: list[tuple[int, bool]] | None = None)
     return open_link("virtual", channel, True, receive_ids)
 
 
-@pytest.mark.parametrize(
-    ("frame_id", "payload", "is_extended", "is_fd"),
-    [
-        (0x100, bytes(range(64)), False, True),
-        (0x1ABCDEF0, bytes(48), True, True),
-        (0x7FF, b"\x01\x02", False, False),
-        (0x1, b"", True, False),
-    ],
-)
+@pytest.mark.parametrize(("frame_id", "payload", "is_extended", "is_fd"), KINDS)
 def test_a_frame_arrives_as_sent(
     sender: Link, channel: str, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool
 ) -> None:

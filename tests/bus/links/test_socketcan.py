@@ -15,6 +15,7 @@ from observer_rt.bus.links.controller import BusCondition, BusState
 from observer_rt.bus.links.link import FdFlags, Frame, Link, StampSource
 from observer_rt.bus.links.open import open_link
 from observer_rt.foundation.errors import RunError
+from tests.bus.links.kinds import KINDS
 
 pytestmark = pytest.mark.vcan
 
@@ -24,14 +25,7 @@ def link_on(channel: str, receive_ids: list[tuple[int, bool]] | None = None, *, 
 
 
 @pytest.mark.parametrize(
-    ("frame_id", "payload", "is_extended", "is_fd"),
-    [
-        (0x100, bytes(range(64)), False, True),
-        (0x1ABCDEF0, bytes(48), True, True),
-        (0x101, b"\x55", False, True),
-        (0x7FF, b"\x01\x02", False, False),
-        (0x1, b"", True, False),
-    ],
+    ("frame_id", "payload", "is_extended", "is_fd"), [*KINDS, (0x101, b"\x55", False, True)]
 )
 def test_a_frame_arrives_as_sent(
     vcan: str, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool

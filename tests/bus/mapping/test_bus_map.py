@@ -113,31 +113,22 @@ def test_number_of_an_extended_frame_is_another() -> None:
     assert frame_key(0x1FFFFFFF, False) != frame_key(0x1FFFFFFF, True)
 
 
-def test_message_that_is_not_there(tmp_path: Path) -> None:
-    error = refusal(tmp_path, rail_pressure='message = "Dag"\nsignal = "Rail"')
-    assert error.place == f"{tmp_path / 'bench.toml'}: signals.rail_pressure.message"
-    assert "Dag" in error.problem
-    assert "Daq" in error.remedy
-
-
-def test_signal_that_is_not_there(tmp_path: Path) -> None:
-    error = refusal(tmp_path, rail_pressure='signal = "Rial"')
-    assert error.place == f"{tmp_path / 'bench.toml'}: signals.rail_pressure"
-    assert "Rial" in error.problem
-    assert "Rail" in error.remedy
-
-
-def test_unit_that_is_not_known(tmp_path: Path) -> None:
-    error = refusal(tmp_path, line_pressure='signal = "Line"')
-    assert error.place.endswith("signals.line_pressure")
-    assert "psi" in error.problem
-    assert "bar" in error.remedy
-
-
-def test_unit_that_is_not_stated(tmp_path: Path) -> None:
-    error = refusal(tmp_path, line_pressure='signal = "Bare"')
-    assert "no unit" in error.problem
-    assert 'unit = "..."' in error.remedy
+@pytest.mark.parametrize(
+    ("changes", "place", "problem", "remedy"),
+    [
+        ({"rail_pressure": 'message = "Dag"\nsignal = "Rail"'}, "rail_pressure.message", "Dag", "Daq"),
+        ({"rail_pressure": 'signal = "Rial"'}, "rail_pressure", "Rial", "Rail"),
+        ({"line_pressure": 'signal = "Line"'}, "line_pressure", "psi", "bar"),
+        ({"line_pressure": 'signal = "Bare"'}, "line_pressure", "no unit", 'unit = "..."'),
+    ],
+)
+def test_what_the_database_lacks_is_named(
+    tmp_path: Path, changes: dict[str, str], place: str, problem: str, remedy: str
+) -> None:
+    error = refusal(tmp_path, **changes)
+    assert error.place == f"{tmp_path / 'bench.toml'}: signals.{place}"
+    assert problem in error.problem
+    assert remedy in error.remedy
 
 
 def test_unit_of_another_quantity(tmp_path: Path) -> None:

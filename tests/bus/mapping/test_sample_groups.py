@@ -8,27 +8,24 @@ from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import UserError
 
-DATABASE = """VERSION ""
+RAILS = "\n".join(
+    f' SG_ Rail{k} m{group} : {bit}|8@1+ (1,0) [0|0] "MPa" Daq'
+    for k, (group, bit) in enumerate([(0, 40), (0, 48), (1, 40), (2, 40)])
+)
+LIFTS = "\n".join(f' SG_ Lift{k} : {32 + 8 * k}|8@1+ (1,0) [0|0] "um" Daq' for k in range(4))
+LINES = "\n".join(f' SG_ Line{k} : {64 + 8 * k}|8@1+ (1,0) [0|0] "MPa" Daq' for k in range(4))
+DATABASE = f"""VERSION ""
 BU_: Daq
 BO_ 291 Turns: 12 Daq
  SG_ Mux M : 0|8@1+ (1,0) [0|0] "" Daq
  SG_ Index : 8|32@1+ (1,0) [0|0] "" Daq
  SG_ Late m2 : 64|32@1+ (1,0) [0|0] "" Daq
- SG_ Rail0 m0 : 40|8@1+ (1,0) [0|0] "MPa" Daq
- SG_ Rail1 m0 : 48|8@1+ (1,0) [0|0] "MPa" Daq
- SG_ Rail2 m1 : 40|8@1+ (1,0) [0|0] "MPa" Daq
- SG_ Rail3 m2 : 40|8@1+ (1,0) [0|0] "MPa" Daq
+{RAILS}
  SG_ Always : 56|8@1+ (1,0) [0|0] "MPa" Daq
 BO_ 292 Rest: 24 Daq
  SG_ Index : 0|32@1+ (1,0) [0|0] "" Daq
- SG_ Lift0 : 32|8@1+ (1,0) [0|0] "um" Daq
- SG_ Lift1 : 40|8@1+ (1,0) [0|0] "um" Daq
- SG_ Lift2 : 48|8@1+ (1,0) [0|0] "um" Daq
- SG_ Lift3 : 56|8@1+ (1,0) [0|0] "um" Daq
- SG_ Line0 : 64|8@1+ (1,0) [0|0] "MPa" Daq
- SG_ Line1 : 72|8@1+ (1,0) [0|0] "MPa" Daq
- SG_ Line2 : 80|8@1+ (1,0) [0|0] "MPa" Daq
- SG_ Line3 : 88|8@1+ (1,0) [0|0] "MPa" Daq
+{LIFTS}
+{LINES}
 BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l","FD";
 BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
 BA_ "VFrameFormat" BO_ 291 14;

@@ -68,23 +68,30 @@ def test_slower_signal_is_held_for_two_and_a_half_frames_unless_stated(tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("rail", "key", "problem"),
+    ("key", "value", "further", "problem"),
     [
-        ('message = "Rail"\ncounter = "Cont"', "counter", "Cont"),
-        ('message = "Rail"\ncounter = "Rail"', "counter", "unsigned"),
-        ('message = "RailSlow"\nindex = "SampleIndex"\ncounter = "Rail"', "counter", "index"),
-        ('message = "Rail"\nrate_hz = 3e3', "rate_hz", "whole fraction"),
-        ('message = "Rail"\nrate_hz = 40e3', "rate_hz", "whole fraction"),
-        ('message = "Rail"\nmax_hold_ms = 4', "max_hold_ms", "slower"),
-        ('message = "Rail"\nrate_hz = 1e3\nmax_hold_ms = 0.5', "max_hold_ms", "shorter"),
-        ('message = "Rail"\nrate_hz = 1e3\nmax_hold_ms = 500', "max_hold_ms", "wait"),
-        ('message = "Rail"\nrate_hz = 10', "rate_hz", "wait"),
+        ("counter", '"Cont"', "", "Cont"),
+        ("counter", '"Rail"', "", "unsigned"),
+        ("rate_hz", 3e3, "", "whole fraction"),
+        ("rate_hz", 40e3, "", "whole fraction"),
+        ("max_hold_ms", 4, "", "slower"),
+        ("max_hold_ms", 0.5, "rate_hz = 1e3\n", "shorter"),
+        ("max_hold_ms", 500, "rate_hz = 1e3\n", "wait"),
+        ("rate_hz", 10, "", "wait"),
     ],
 )
-def test_refusals_of_the_rail_pressure(tmp_path: Path, rail: str, key: str, problem: str) -> None:
-    error = refused(tmp_path, rail)
+def test_refusals_of_the_rail_pressure(
+    tmp_path: Path, key: str, value: str | float, further: str, problem: str
+) -> None:
+    error = refused(tmp_path, f'message = "Rail"\n{further}{key} = {value}')
     assert error.place.endswith(f"signals.rail_pressure.{key}")
     assert problem in error.problem
+
+
+def test_a_counter_beside_an_index(tmp_path: Path) -> None:
+    error = refused(tmp_path, 'message = "RailSlow"\nindex = "SampleIndex"\ncounter = "Rail"')
+    assert error.place.endswith("signals.rail_pressure.counter")
+    assert "index" in error.problem
 
 
 def test_line_pressure_and_lift_cannot_be_slower(tmp_path: Path) -> None:

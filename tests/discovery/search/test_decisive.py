@@ -7,17 +7,16 @@ import pytest
 from observer_rt.discovery.search.decisive import decide_by
 from observer_rt.model.effects import VOCABULARY
 
+NEAR_TIES = {
+    ("line_pressure_sensor_lag", "channel_skew"): "one signal",
+    ("seat_area", "lift_offset"): "lift sensor",
+    ("line_pressure_sensor_offset", "rail_pressure_sensor_offset"): "reference gauge",
+    ("fuel_density", "orifice_area"): "mass",
+    ("orifice_area", "orifice_cavitation"): "rail pressures",
+}
 
-@pytest.mark.parametrize(
-    ("ids", "word"),
-    [
-        (("line_pressure_sensor_lag", "channel_skew"), "one signal"),
-        (("seat_area", "lift_offset"), "lift sensor"),
-        (("line_pressure_sensor_offset", "rail_pressure_sensor_offset"), "reference gauge"),
-        (("fuel_density", "orifice_area"), "mass"),
-        (("orifice_area", "orifice_cavitation"), "rail pressures"),
-    ],
-)
+
+@pytest.mark.parametrize(("ids", "word"), NEAR_TIES.items())
 def test_near_ties_have_a_measurement_that_decides(ids: tuple[str, str], word: str) -> None:
     (decisive,) = decide_by(ids)
     assert set(decisive.separates) == set(ids)

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.canlog.trc import TrcLog
 
 HEADS = {
@@ -56,10 +55,6 @@ def log(folder: Path, text: str) -> TrcLog:
     return TrcLog(path)
 
 
-def read(folder: Path, text: str) -> list[LogFrame]:
-    return list(log(folder, text))
-
-
 @pytest.mark.parametrize("version", HEADS)
 def test_versions(tmp_path: Path, version: str) -> None:
     found = log(tmp_path, HEADS[version] + ROWS[version])
@@ -76,7 +71,8 @@ def test_versions(tmp_path: Path, version: str) -> None:
 
 def test_the_start_time_counts_in_days(tmp_path: Path) -> None:
     text = ";$FILEVERSION=1.1\n;$STARTTIME=25569.5\n     1)      0.1  Rx     0100  0\n"
-    assert read(tmp_path, text)[0].frame.stamp_ns == 43_200 * 10**9 + 100_000
+    (only,) = log(tmp_path, text)
+    assert only.frame.stamp_ns == 43_200 * 10**9 + 100_000
 
 
 @pytest.mark.parametrize(
@@ -87,8 +83,8 @@ def test_fd_frames_by_length_code_and_by_length(
     tmp_path: Path, kind: str, switched: bool, state: bool
 ) -> None:
     data = "00 " * 12
-    (coded,) = read(tmp_path, HEADS["2.1"] + f"  1  1.000 {kind} 2 0100 Rx -  9 {data}\n")
-    (plain,) = read(tmp_path, HEADS["2.0"] + f"  1  1.000 {kind}  0100 Rx 12 {data}\n")
+    (coded,) = log(tmp_path, HEADS["2.1"] + f"  1  1.000 {kind} 2 0100 Rx -  9 {data}\n")
+    (plain,) = log(tmp_path, HEADS["2.0"] + f"  1  1.000 {kind}  0100 Rx 12 {data}\n")
     for found in (coded, plain):
         assert (found.frame.payload, found.frame.is_fd) == (bytes(12), True)
         assert (found.frame.bit_rate_switch, found.frame.error_state_indicator) == (switched, state)
@@ -137,7 +133,7 @@ def test_messages_of_a_transport_protocol_are_left_out_and_told(tmp_path: Path) 
 )
 def test_malformed_logs_are_refused(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(UserError) as raised:
-        read(tmp_path, text)
+        list(log(tmp_path, text))
     assert said in str(raised.value)
 
 

@@ -28,18 +28,6 @@ from tests.service.core_frames import (
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("core") / "bench.toml"
-    path.write_text(bench_text(ONE_MESSAGE))
-    return path
-
-
-@pytest.fixture(scope="module")
-def frames() -> list[Frame]:
-    return Device(ONE_MESSAGE).send(recording())
-
-
-@pytest.fixture(scope="module")
 def result(bench: Path, frames: list[Frame]) -> Result:
     return run(bench, frames)
 

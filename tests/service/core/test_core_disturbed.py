@@ -29,18 +29,6 @@ IN_INJECTION = round(0.2008 * SAMPLE_RATE) // 9  # the second one
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("core") / "bench.toml"
-    path.write_text(bench_text(ONE_MESSAGE))
-    return path
-
-
-@pytest.fixture(scope="module")
-def frames() -> list[Frame]:
-    return Device(ONE_MESSAGE).send(recording())
-
-
-@pytest.fixture(scope="module")
 def clean(bench: Path, frames: list[Frame]) -> Result:
     return run(bench, frames)
 
@@ -193,11 +181,7 @@ def test_jump_with_a_lost_frame_is_a_loss(bench: Path) -> None:
     assert result.core.counters.lost_samples == 2700 + 9
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [lambda k: 9 * k + 1, lambda k: 9 * k - 1],
-    ids=["one late", "one early"],
-)
+@pytest.mark.parametrize("wrong", [lambda k: 9 * k + 1, lambda k: 9 * k - 1], ids=["one late", "one early"])
 def test_index_off_by_one_is_noticed(
     bench: Path, frames: list[Frame], clean: Result, wrong: Callable[[int], int]
 ) -> None:

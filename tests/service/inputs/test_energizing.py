@@ -7,15 +7,9 @@ import pytest
 from observer_rt.config.bench import load_injector
 from observer_rt.simulation.schedule import Shot
 from tests.service.core_frames import SAMPLE_RATE, Frame
+from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
 from tests.service.pulse_frames import (
-    BED,
-    CYCLIC,
     EPOCH,
-    LEVEL,
-    LEVELS_IN_BLOCK,
-    SAFE,
-    TIME,
-    TIME_BY_STAMP,
     Sent,
     blocks,
     commands,
@@ -25,22 +19,20 @@ from tests.service.pulse_frames import (
     injected,
     is_on,
     on_change,
-    pulse_bench,
     safe_durations,
     samples,
-    triple_bench,
     watch,
 )
 
 DELAY = load_injector().needle.opening_delay
 SAMPLE = 1 / SAMPLE_RATE
 SOURCES = {
-    "level": (LEVEL, on_change, SAMPLE, SAMPLE),
-    "duration": (TIME, durations, SAMPLE, 1e-7),
-    "block": (LEVELS_IN_BLOCK, lambda pulses: blocks(pulses, 0.0, 0.3), SAMPLE, SAMPLE),
-    "by stamp": (TIME_BY_STAMP, durations, SAMPLE, 1e-7),
-    "protected": (SAFE, safe_durations, SAMPLE, 1e-7),
-    "cyclic": (CYCLIC, lambda pulses: cyclic(pulses, 0.3), 0.5e-3 + SAMPLE, 1e-3),
+    "level": (Told.LEVEL, on_change, SAMPLE, SAMPLE),
+    "duration": (Told.TIME, durations, SAMPLE, 1e-7),
+    "block": (Told.LEVELS_IN_BLOCK, lambda pulses: blocks(pulses, 0.0, 0.3), SAMPLE, SAMPLE),
+    "by stamp": (Told.TIME_BY_STAMP, durations, SAMPLE, 1e-7),
+    "protected": (Told.SAFE, safe_durations, SAMPLE, 1e-7),
+    "cyclic": (Told.CYCLIC, lambda pulses: cyclic(pulses, 0.3), 0.5e-3 + SAMPLE, 1e-3),
 }
 
 
@@ -62,7 +54,7 @@ def test_a_stamp_that_is_late_makes_the_delay_too_short(tmp_path: Path, late: fl
     """Even below zero; it is the same command all the same, that of a pilot too."""
     schedule, recording = injected(2, (Shot(0.3e-3, -1.5e-3), Shot(1.0e-3)))
     told = [Sent(one.time + late, one.frame) for one in durations(commands(schedule))]
-    watched = watch(pulse_bench(tmp_path, TIME_BY_STAMP), samples(recording), told)
+    watched = watch(pulse_bench(tmp_path, Told.TIME_BY_STAMP), samples(recording), told)
     assert watched.commands == [1, 2, 3, 4]
     assert watched.mismatches == []
     for report in watched.reports:
@@ -77,7 +69,7 @@ def test_no_alarm_while_the_receivers_clock_was_set(tmp_path: Path, step: float)
     told = durations(commands(schedule))
     frames = sorted([*samples(recording), *told], key=lambda sent: sent.time)
     stamps = [EPOCH + round((one.time + (step if one.time > 0.96 else 0.0)) * 1e9) for one in frames]
-    watched = watch(pulse_bench(tmp_path, TIME_BY_STAMP), frames, stamps=stamps)
+    watched = watch(pulse_bench(tmp_path, Told.TIME_BY_STAMP), frames, stamps=stamps)
     assert watched.mismatches == []
     assert watched.commands[:16] == [*range(1, 17)]
     assert watched.commands[-2:] == [27, 28]
@@ -87,7 +79,7 @@ def test_no_alarm_while_the_receivers_clock_was_set(tmp_path: Path, step: float)
 def test_a_delay_of_the_stamps_that_is_stated_is_made_up_for(tmp_path: Path) -> None:
     schedule, recording = injected(2)
     told = [Sent(one.time + 2e-3, one.frame) for one in durations(commands(schedule))]
-    watched = watch(pulse_bench(tmp_path, TIME_BY_STAMP + "delay_us = 2000\n"), samples(recording), told)
+    watched = watch(pulse_bench(tmp_path, Told.TIME_BY_STAMP + "delay_us = 2000\n"), samples(recording), told)
     assert watched.mismatches == []
     delays = [report.commanded.opening_delay for report in watched.reports if report.commanded]
     assert delays == pytest.approx([DELAY, DELAY], abs=1.5 * SAMPLE)
@@ -137,7 +129,7 @@ def test_mean_and_spread_of_the_delays(tmp_path: Path) -> None:
     """Commands told 40 us too late and too early in turn."""
     schedule, recording = injected(4)
     pulses = [(start + 40e-6 * (-1) ** n, duration) for n, (start, duration) in enumerate(commands(schedule))]
-    watched = watch(pulse_bench(tmp_path, TIME), samples(recording), durations(pulses))
+    watched = watch(pulse_bench(tmp_path, Told.TIME), samples(recording), durations(pulses))
     figures = watched.core.energizing
     assert figures is not None
     assert figures.commands == 4

@@ -9,14 +9,9 @@ import pytest
 
 from observer_rt.simulation.schedule import Shot
 from tests.service.core_frames import SAMPLE_RATE, damaged
+from tests.service.pulse_bench import Told, pulse_bench
 from tests.service.pulse_frames import (
-    CYCLIC,
     EPOCH,
-    LEVEL,
-    LEVELS_IN_BLOCK,
-    SAFE,
-    TIME,
-    TIME_BY_STAMP,
     Sent,
     blocks,
     commands,
@@ -28,7 +23,6 @@ from tests.service.pulse_frames import (
     level_frame,
     misfired,
     on_change,
-    pulse_bench,
     safe_durations,
     samples,
     watch,
@@ -38,9 +32,9 @@ PILOT_AND_MAIN = (Shot(0.3e-3, -1.5e-3), Shot(1.0e-3))
 Pulses = Sequence[tuple[float, float]]
 Source = Callable[[Pulses], list[Sent]]
 EVERY = {
-    "level": (LEVEL, on_change),
-    "block": (LEVELS_IN_BLOCK, lambda pulses: blocks(pulses, 0.0, 0.3)),
-    "by stamp": (TIME_BY_STAMP, durations),
+    "level": (Told.LEVEL, on_change),
+    "block": (Told.LEVELS_IN_BLOCK, lambda pulses: blocks(pulses, 0.0, 0.3)),
+    "by stamp": (Told.TIME_BY_STAMP, durations),
 }
 
 
@@ -102,7 +96,7 @@ def test_a_needle_that_bounces_has_no_second_command(tmp_path: Path) -> None:
     pulses = commands(schedule)
     bounce = pulses[3][0] + 0.9e-3
     shut = misfired(recording, (pulses[2][0], pulses[3][0]), (bounce, bounce + 0.2e-3))
-    watched = watch(pulse_bench(tmp_path, LEVEL), samples(shut), on_change(pulses))
+    watched = watch(pulse_bench(tmp_path, Told.LEVEL), samples(shut), on_change(pulses))
     assert watched.commands == [1, 2, 4, None]
     assert (watched.missing, watched.uncommanded) == ([3], [4])
 
@@ -110,7 +104,7 @@ def test_a_needle_that_bounces_has_no_second_command(tmp_path: Path) -> None:
 def test_window_of_the_bench_file(tmp_path: Path) -> None:
     """An opening after it is not the command's."""
     schedule, recording = injected(2)
-    lines = LEVEL + "missing_after_ms = 0.2\n"
+    lines = Told.LEVEL + "missing_after_ms = 0.2\n"
     watched = watch(pulse_bench(tmp_path, lines), samples(recording), on_change(commands(schedule)))
     assert watched.commands == [None, None]
     assert (watched.missing, watched.uncommanded) == ([1, 2], [1, 2])
@@ -133,7 +127,7 @@ def test_a_source_that_says_nothing(tmp_path: Path, level: int) -> None:
     silent = [
         Sent(time, level_frame("PulseLevel", level, index_at(time))) for time in (0.1, 0.151, 0.2, 0.25)
     ]
-    watched = watch(pulse_bench(tmp_path, LEVEL), samples(recording), silent)
+    watched = watch(pulse_bench(tmp_path, Told.LEVEL), samples(recording), silent)
     assert watched.commands == [None, None, None]
     assert watched.mismatches == []
 
@@ -174,7 +168,7 @@ def test_lost_samples_are_no_misfire(
 def test_a_lost_command_costs_one_alarm(tmp_path: Path) -> None:
     schedule, recording = injected(4)
     sent = safe_durations(commands(schedule))
-    watched = watch(pulse_bench(tmp_path, SAFE), samples(recording), [*sent[:1], *sent[2:]])
+    watched = watch(pulse_bench(tmp_path, Told.SAFE), samples(recording), [*sent[:1], *sent[2:]])
     assert watched.commands == [1, None, 2, 3]
     assert (watched.missing, watched.uncommanded) == ([], [2])
 
@@ -184,7 +178,7 @@ def test_a_pulse_generator_that_restarts_costs_nothing(tmp_path: Path) -> None:
     schedule, recording = injected(4)
     pulses = commands(schedule)
     sent = [*safe_durations(pulses[:2]), *safe_durations(pulses[2:])]
-    watched = watch(pulse_bench(tmp_path, SAFE), samples(recording), sent)
+    watched = watch(pulse_bench(tmp_path, Told.SAFE), samples(recording), sent)
     assert watched.commands == [1, 2, 3, 4]
     assert watched.mismatches == []
 
@@ -194,7 +188,9 @@ def test_a_lost_level_costs_one_alarm_at_most(tmp_path: Path, frame: int) -> Non
     """The start or the end of the second energizing."""
     schedule, recording = injected(4)
     sent = on_change(commands(schedule))
-    watched = watch(pulse_bench(tmp_path, LEVEL), samples(recording), [*sent[:frame], *sent[frame + 1 :]])
+    watched = watch(
+        pulse_bench(tmp_path, Told.LEVEL), samples(recording), [*sent[:frame], *sent[frame + 1 :]]
+    )
     assert watched.missing == []
     assert len(watched.uncommanded) <= 1
     assert watched.commands[0] is not None
@@ -208,7 +204,7 @@ def test_lost_blocks_of_levels_cost_none(tmp_path: Path, edge: float) -> None:
     pulses = commands(schedule)
     at = pulses[1][0] + edge
     sent = [one for one in blocks(pulses, 0.0, 0.35) if not at <= one.time < at + 0.8e-3]
-    watched = watch(pulse_bench(tmp_path, LEVELS_IN_BLOCK), samples(recording), sent)
+    watched = watch(pulse_bench(tmp_path, Told.LEVELS_IN_BLOCK), samples(recording), sent)
     assert watched.mismatches == []
     assert None not in (watched.commands[0], watched.commands[2], watched.commands[3])
 
@@ -217,7 +213,7 @@ def test_a_cyclic_source_that_falls_silent_is_not_believed(tmp_path: Path) -> No
     schedule, recording = injected(4)
     pulses = commands(schedule)
     sent = [one for one in cyclic(pulses, 0.35) if one.time < 0.19]
-    watched = watch(pulse_bench(tmp_path, CYCLIC), samples(recording), sent)
+    watched = watch(pulse_bench(tmp_path, Told.CYCLIC), samples(recording), sent)
     assert watched.commands == [1, None, None, None]
     assert watched.mismatches == []
 
@@ -231,7 +227,7 @@ def test_repeated_and_overtaken_frames_are_no_command(tmp_path: Path) -> None:
         frame = duration_frame(duration, index_at(start))
         sent += [Sent(start + n * 5e-3, frame) for n in range(9)]
     late = Sent(pulses[1][0] + 1e-3, duration_frame(1.1e-3, index_at(pulses[1][0] - 5e-3)))
-    watched = watch(pulse_bench(tmp_path, TIME), samples(recording), sent, [late])
+    watched = watch(pulse_bench(tmp_path, Told.TIME), samples(recording), sent, [late])
     assert watched.commands == [1, 2, 3]
     assert watched.mismatches == []
 
@@ -241,7 +237,7 @@ def test_commands_may_come_before_or_after_their_samples(tmp_path: Path, lead: f
     """Where an index places them."""
     schedule, recording = injected(3)
     sent = [Sent(one.time + lead, one.frame) for one in durations(commands(schedule))]
-    watched = watch(pulse_bench(tmp_path, TIME), samples(recording), sent)
+    watched = watch(pulse_bench(tmp_path, Told.TIME), samples(recording), sent)
     assert watched.commands == [1, 2, 3]
     assert watched.mismatches == []
 
@@ -250,7 +246,7 @@ def test_a_command_after_its_report_is_not_missing_too(tmp_path: Path) -> None:
     schedule, recording = injected(4)
     sent = durations(commands(schedule))
     sent[1] = Sent(sent[1].time + 45e-3, sent[1].frame)
-    watched = watch(pulse_bench(tmp_path, TIME), samples(recording), sent)
+    watched = watch(pulse_bench(tmp_path, Told.TIME), samples(recording), sent)
     assert (watched.missing, watched.uncommanded) == ([], [2])
     assert watched.commands[2:] == [3, 4]
 
@@ -293,7 +289,7 @@ def test_a_damaged_or_repeated_frame_is_no_command(tmp_path: Path) -> None:
         third,
         fourth,
     ]
-    watched = watch(pulse_bench(tmp_path, SAFE), samples(recording), told)
+    watched = watch(pulse_bench(tmp_path, Told.SAFE), samples(recording), told)
     assert watched.commands == [1, None, 2, 3]
     assert (watched.missing, watched.uncommanded) == ([], [2])
     assert watched.core.counters.crc_errors == 1

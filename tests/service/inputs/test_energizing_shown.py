@@ -25,24 +25,8 @@ from observer_rt.service.view import View
 from tests.recording.canlog.log_cases import write_log
 from tests.service.core_frames import SAMPLE_RATE
 from tests.service.participants import ScriptedLink, assert_warm_up_takes_all, serving, until
-from tests.service.pulse_frames import (
-    BED,
-    CYCLIC,
-    EPOCH,
-    LEVEL,
-    LEVELS_IN_BLOCK,
-    SAFE,
-    TIME,
-    TIME_BY_STAMP,
-    Sent,
-    commands,
-    durations,
-    injected,
-    misfired,
-    pulse_bench,
-    samples,
-    triple_bench,
-)
+from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
+from tests.service.pulse_frames import EPOCH, Sent, commands, durations, injected, misfired, samples
 
 
 def traffic() -> list[Sent]:
@@ -63,15 +47,20 @@ def findings(bench: Path, topic: str, name: str) -> list[tuple[Level, str]]:
     ("lines", "mapping", "level", "accuracy"),
     [
         (
-            LEVEL,
+            Told.LEVEL,
             "PulseLevel 0x330, Energized, energized while it is not 0",
             Level.OK,
             "sample index, to 20 us",
         ),
-        (TIME, "PulseTime 0x331, Duration, energizing time", Level.OK, "sample index, to 20 us"),
-        (LEVELS_IN_BLOCK, "20 samples a frame, Level_00 to Level_19", Level.OK, "sample index, to 20 us"),
-        (TIME_BY_STAMP + "delay_us = 50\n", "energizing time", Level.WARNING, "stamps, 50 us after it"),
-        (CYCLIC, "Energized", Level.WARNING, "500 us more between two frames"),
+        (Told.TIME, "PulseTime 0x331, Duration, energizing time", Level.OK, "sample index, to 20 us"),
+        (
+            Told.LEVELS_IN_BLOCK,
+            "20 samples a frame, Level_00 to Level_19",
+            Level.OK,
+            "sample index, to 20 us",
+        ),
+        (Told.TIME_BY_STAMP + "delay_us = 50\n", "energizing time", Level.WARNING, "stamps, 50 us after it"),
+        (Told.CYCLIC, "Energized", Level.WARNING, "500 us more between two frames"),
     ],
 )
 def test_check_says_what_to_expect(
@@ -85,7 +74,7 @@ def test_check_says_what_to_expect(
     [(found, text)] = findings(bench, "time", "opening delays")
     assert found is level
     assert accuracy in text
-    assert bool(findings(bench, "time", "misses shorter energizing")) == (lines == CYCLIC)
+    assert bool(findings(bench, "time", "misses shorter energizing")) == (lines == Told.CYCLIC)
 
 
 @pytest.mark.parametrize(
@@ -94,8 +83,8 @@ def test_check_says_what_to_expect(
         ('message = "PulseVolts"\nsignal = "Volts"\n', "signals.energizing", "'V'"),
         ('message = "PulseLevl"\nsignal = "Energized"\n', "signals.energizing", "PulseLevl"),
         ('message = "PulseLevel"\nsignal = "Energised"\n', "signals.energizing", "Energized"),
-        (LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
-        (LEVEL + 'time_base = "other"\n', "signals.energizing.index", "stamps"),
+        (Told.LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
+        (Told.LEVEL + 'time_base = "other"\n', "signals.energizing.index", "stamps"),
         (
             'message = "SampleBlock"\nsignals = ["RailPressure_00", "RailPressure_01"]\nunit = "-"\n',
             "signals.energizing",
@@ -123,13 +112,13 @@ def test_units_of_the_bench_file_go_before_the_databases(tmp_path: Path) -> None
     assert energizing.is_level
 
 
-@pytest.mark.parametrize("lines", [LEVEL, SAFE])
+@pytest.mark.parametrize("lines", [Told.LEVEL, Told.SAFE])
 def test_warm_up_takes_a_bench_with_energizing(tmp_path: Path, lines: str) -> None:
     assert_warm_up_takes_all(load_bench(pulse_bench(tmp_path, lines)))
 
 
 def test_document_of_a_log(tmp_path: Path) -> None:
-    bench = load_bench(pulse_bench(tmp_path, TIME))
+    bench = load_bench(pulse_bench(tmp_path, Told.TIME))
     log = tmp_path / "bus.log"
     write_log(log, [_logged(sent) for sent in traffic()])
     evaluation = evaluate_logs(bench, [read_logged(bench, log)], learning=False).evaluations[0]
@@ -161,7 +150,7 @@ def _logged(sent: Sent) -> LogFrame:
 
 def test_document_of_a_recording_which_has_no_energizing(tmp_path: Path) -> None:
     _, recording = injected(2)
-    bench = load_bench(pulse_bench(tmp_path, TIME))
+    bench = load_bench(pulse_bench(tmp_path, Told.TIME))
     c = effective_model(bench.injector.parameters).coefficients
     document = recording_json(evaluate(bench, [recording], learning=False).evaluations[0], c)
     assert [one["energizing"] for one in document["injections"]] == [None, None]
@@ -171,7 +160,7 @@ def test_document_of_a_recording_which_has_no_energizing(tmp_path: Path) -> None
 
 def test_document_of_a_bench_without_energizing(tmp_path: Path) -> None:
     _, recording = injected(2)
-    path = pulse_bench(tmp_path, TIME)
+    path = pulse_bench(tmp_path, Told.TIME)
     path.write_text(path.read_text().partition("[signals.energizing]")[0])
     bench = load_bench(path)
     c = effective_model(bench.injector.parameters).coefficients
@@ -191,7 +180,7 @@ def test_frames_of_a_recording_say_nothing_of_it(tmp_path: Path, signal: str, co
 
 def test_view_and_status(tmp_path: Path) -> None:
     """Of a daemon on a bench whose status message has the counts."""
-    path = pulse_bench(tmp_path, TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n')
+    path = pulse_bench(tmp_path, Told.TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n')
     bench = load_bench(path)
     view = View("title", SAMPLE_RATE)
     notes = Notes()

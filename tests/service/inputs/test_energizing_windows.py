@@ -6,11 +6,8 @@ from pathlib import Path
 import pytest
 
 from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device
+from tests.service.pulse_bench import Told, pulse_bench
 from tests.service.pulse_frames import (
-    LEVEL,
-    LEVELS_IN_BLOCK,
-    SAFE_BLOCK,
-    TIME_BY_STAMP,
     Sent,
     blocks,
     commands,
@@ -18,7 +15,6 @@ from tests.service.pulse_frames import (
     injected,
     misfired,
     on_change,
-    pulse_bench,
     safe_blocks,
     samples,
     watch,
@@ -35,7 +31,7 @@ def test_index_of_a_device_that_restarts(tmp_path: Path, first: int) -> None:
     length = recording.samples / SAMPLE_RATE
     sent = [*before, *(Sent(one.time + length, one.frame) for one in after)]
     told = [*on_change(pulses, first), *(Sent(one.time + length, one.frame) for one in on_change(pulses))]
-    watched = watch(pulse_bench(tmp_path, LEVEL), sent, told)
+    watched = watch(pulse_bench(tmp_path, Told.LEVEL), sent, told)
     assert watched.commands == [1, 2, 3, 4]
     assert watched.mismatches == []
 
@@ -52,7 +48,7 @@ def test_a_command_told_before_the_first_sample_of_a_device_that_restarts(tmp_pa
     told = on_change(commands(schedule))
     for one in on_change([(time - begun, lasts) for time, lasts in commands(schedule)]):
         told.append(Sent(one.time + length - 0.5e-3, one.frame))
-    watched = watch(pulse_bench(tmp_path, LEVEL), sent, told)
+    watched = watch(pulse_bench(tmp_path, Told.LEVEL), sent, told)
     assert watched.commands == [1, 2, 3, 4]
     assert watched.mismatches == []
 
@@ -65,7 +61,7 @@ def test_a_command_cut_off_by_a_restart_is_never_missing(tmp_path: Path) -> None
     shut = misfired(recording, (0.0, recording.samples / SAMPLE_RATE))
     again = [Sent(one.time + end, one.frame) for one in samples(shut)]
     told = [*on_change([(0.1, lasts)]), Sent(start, on_change([(start, lasts)])[0].frame)]
-    watched = watch(pulse_bench(tmp_path, LEVEL), samples(recording, (0.0, end)), again, told)
+    watched = watch(pulse_bench(tmp_path, Told.LEVEL), samples(recording, (0.0, end)), again, told)
     assert watched.core.counters.restarts == 1
     assert watched.missing == [1]
 
@@ -77,7 +73,7 @@ def test_a_level_that_was_high_before_the_first_frame_misses_nothing(tmp_path: P
     start = pulses[1][0]
     told = blocks(pulses, start + 0.4e-3, 0.3)
     watched = watch(
-        pulse_bench(tmp_path, LEVELS_IN_BLOCK), samples(misfired(recording, (start, start + 5e-3))), told
+        pulse_bench(tmp_path, Told.LEVELS_IN_BLOCK), samples(misfired(recording, (start, start + 5e-3))), told
     )
     assert watched.commands == [None, 1]
     assert watched.mismatches == []
@@ -89,7 +85,7 @@ def test_a_window_that_ends_in_a_pause_is_seen(tmp_path: Path) -> None:
     pulses = commands(schedule)
     spans = [(start - 1.5e-3, start + (2e-3 if n == 1 else 5e-3)) for n, (start, _) in enumerate(pulses)]
     watched = watch(
-        pulse_bench(tmp_path, LEVEL), samples(misfired(recording, spans[1]), *spans), on_change(pulses)
+        pulse_bench(tmp_path, Told.LEVEL), samples(misfired(recording, spans[1]), *spans), on_change(pulses)
     )
     assert (watched.missing, watched.uncommanded) == ([2], [])
 
@@ -103,14 +99,14 @@ def test_protected_blocks_of_a_windowed_source_tell_a_pause_from_a_loss(tmp_path
     told = safe_blocks([*pulses[:2], pulses[3]], *spans)
     if lost:
         told = [one for one in told if not spans[2][0] <= one.time < spans[2][0] + 0.5e-3]
-    watched = watch(pulse_bench(tmp_path, SAFE_BLOCK), samples(recording, *spans), told)
+    watched = watch(pulse_bench(tmp_path, Told.SAFE_BLOCK), samples(recording, *spans), told)
     assert watched.commands == [1, 2, None, 3]
     assert watched.uncommanded == ([] if lost else [3])
     assert watched.missing == []
 
 
 @pytest.mark.parametrize("missing", [False, True])
-@pytest.mark.parametrize("lines", [LEVEL, TIME_BY_STAMP, LEVELS_IN_BLOCK])
+@pytest.mark.parametrize("lines", [Told.LEVEL, Told.TIME_BY_STAMP, Told.LEVELS_IN_BLOCK])
 def test_windowed_source(tmp_path: Path, lines: str, missing: bool) -> None:
     """Samples only round the injections; of four, the second may misfire and the third have no command."""
     schedule, recording = injected(4)
@@ -120,14 +116,14 @@ def test_windowed_source(tmp_path: Path, lines: str, missing: bool) -> None:
         recording = misfired(recording, spans[1])
         del pulses[2]
     sources: dict[str, Callable[[], list[Sent]]] = {
-        LEVEL: lambda: on_change(pulses),
-        TIME_BY_STAMP: lambda: durations(pulses),
-        LEVELS_IN_BLOCK: lambda: [one for span in spans for one in blocks(pulses, *span)],
+        Told.LEVEL: lambda: on_change(pulses),
+        Told.TIME_BY_STAMP: lambda: durations(pulses),
+        Told.LEVELS_IN_BLOCK: lambda: [one for span in spans for one in blocks(pulses, *span)],
     }
     watched = watch(pulse_bench(tmp_path, lines), samples(recording, *spans), sources[lines]())
     if missing:
         assert watched.missing == [2]
-        assert watched.uncommanded == ([] if lines == LEVELS_IN_BLOCK else [2])
+        assert watched.uncommanded == ([] if lines == Told.LEVELS_IN_BLOCK else [2])
         assert watched.commands == [1, None, 3]
     else:
         assert watched.commands == [1, 2, 3, 4]

@@ -19,7 +19,6 @@ from tests.check.test_checkup import worst
 from tests.service.core_frames import (
     ONE_MESSAGE,
     SAMPLE_RATE,
-    Device,
     Frame,
     Result,
     bench_text,
@@ -33,11 +32,6 @@ from tests.service.slow_frames import bed, inserted, safe_bed, slow_bench
 ENABLE = {"learning_enable": ("Bed", "LearnEnable")}
 SAFE_ENABLE = {"learning_enable": ("SafeBed", "LearnEnableSafe")}
 BLOCK = 9  # samples in a frame
-
-
-@pytest.fixture(scope="module")
-def frames() -> list[Frame]:
-    return Device(ONE_MESSAGE).send(recording())
 
 
 @pytest.fixture(scope="module")

@@ -24,16 +24,7 @@ from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import MeasuredMass, Notes
 from observer_rt.service.view import View
 from tests.recording.canlog.log_cases import write_log
-from tests.service.core_frames import (
-    ONE_MESSAGE,
-    SAMPLE_RATE,
-    Device,
-    Frame,
-    Result,
-    damaged,
-    recording,
-    run,
-)
+from tests.service.core_frames import SAMPLE_RATE, Frame, Result, damaged, run
 from tests.service.participants import ScriptedLink, assert_warm_up_takes_all
 from tests.service.slow_frames import bed, inserted, safe_bed, slow_bench
 
@@ -41,11 +32,6 @@ MASS = {"measured_mass": ("Bed", "Mass")}
 SAFE_MASS = {"measured_mass": ("SafeBed", "MassSafe")}
 BLOCK = 9  # samples in a frame
 SOON, LATE = 20, 250  # frames after an injection's end: before, and after, it is reported
-
-
-@pytest.fixture(scope="module")
-def frames() -> list[Frame]:
-    return Device(ONE_MESSAGE).send(recording())
 
 
 @pytest.fixture(scope="module")

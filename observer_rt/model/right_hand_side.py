@@ -185,34 +185,35 @@ def tangent_rates(
     rate: NDArray[np.float64],
 ) -> Any:
     """x' = f + phi and, into `rate` (n, m), d(x')/dtheta [1/s] where dx/dtheta is `direction` (n, m)."""
-    slopes, theta = tangent.slopes, tangent.theta
-    slopes.by_state[:] = 0.0
+    slopes, theta, sigmas = tangent.slopes, tangent.theta, tangent.sigmas
+    by_state, by_flow, by_coefficient = slopes.by_state, slopes.by_flow, slopes.by_coefficient
+    _clear(by_state)
     q_h, q_s = 0.0, 0.0
     if is_at_rest(x, u):
         line_slopes(x, u[0], q_h, q_s, c.line, slopes)
-        _move_along(slopes.by_state, direction, rate)
+        _move_along(by_state, direction, rate)
     else:
-        flows = flow_slopes(x, u, c, network, tangent.sigmas)
+        flows = flow_slopes(x, u, c, network, sigmas)
         q_h, q_s = flows.q_h, flows.q_s
         line_slopes(x, u[0], q_h, q_s, c.line, slopes)
-        slopes.by_flow[2, 0], slopes.by_flow[2, 1] = -c.sac.a6, c.sac.a5
+        by_flow[2, 0], by_flow[2, 1] = -c.sac.a6, c.sac.a5
         for row in range(rate.shape[0]):
-            by_h, by_s = slopes.by_flow[row, 0], slopes.by_flow[row, 1]
+            by_h, by_s = by_flow[row, 0], by_flow[row, 1]
             for i in range(3):
-                slopes.by_state[row, i] += by_h * flows.h_x[i] + by_s * flows.s_x[i]
-        _move_along(slopes.by_state, direction, rate)
+                by_state[row, i] += by_h * flows.h_x[i] + by_s * flows.s_x[i]
+        _move_along(by_state, direction, rate)
         for row in range(rate.shape[0]):
-            by_h, by_s = slopes.by_flow[row, 0], slopes.by_flow[row, 1]
+            by_h, by_s = by_flow[row, 0], by_flow[row, 1]
             rate[row, theta.nozzle_bias] += by_h * flows.h_change
-            for neuron in range(tangent.sigmas.shape[0]):
-                rate[row, theta.nozzle_weight + neuron] += by_h * flows.h_change * tangent.sigmas[neuron]
+            for neuron in range(sigmas.shape[0]):
+                rate[row, theta.nozzle_weight + neuron] += by_h * flows.h_change * sigmas[neuron]
             rate[row, theta.seat_bias] += by_s * flows.s_change
             rate[row, theta.back_pressure] += by_h * flows.h_back_pressure
             rate[row, theta.back_pressure + 1] += by_h * flows.h_back_pressure * u[1]
-    for k in range(theta.line_slopes.shape[0]):
+    columns, coefficients, by_theta = theta.line_columns, theta.line_coefficients, theta.line_slopes
+    for k in range(by_theta.shape[0]):
         for row in range(rate.shape[0]):
-            by_coefficient = slopes.by_coefficient[row, theta.line_coefficients[k]]
-            rate[row, theta.line_columns[k]] += by_coefficient * theta.line_slopes[k]
+            rate[row, columns[k]] += by_coefficient[row, coefficients[k]] * by_theta[k]
     line = line_rates(x, u[0], q_h, q_s, c.line)
     return (line[0], line[1], sac_rate(q_h, q_s, c.sac)) + line[2:]  # noqa: RUF005
 
@@ -223,8 +224,16 @@ def _move_along(
 ) -> None:
     """rate = by_state @ direction, for matrices of a few rows."""
     for row in range(rate.shape[0]):
+        first, second, third = by_state[row, 0], by_state[row, 1], by_state[row, 2]
         for j in range(rate.shape[1]):
-            rate[row, j] = by_state[row, 0] * direction[0, j]
-        for i in range(1, rate.shape[0]):
+            rate[row, j] = first * direction[0, j] + second * direction[1, j] + third * direction[2, j]
+        for i in range(3, rate.shape[0]):
             for j in range(rate.shape[1]):
                 rate[row, j] += by_state[row, i] * direction[i, j]
+
+
+@njit(cache=True, nogil=True)
+def _clear(matrix: NDArray[np.float64]) -> None:
+    for row in range(matrix.shape[0]):
+        for i in range(matrix.shape[1]):
+            matrix[row, i] = 0.0

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import by_theta, learned_of
 from observer_rt.estimation.predictor import NO_RATE, NO_SLOPES, Setting, Window, follow, knot_before
+from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import advance_over, empty_sac
 from observer_rt.model.network import Network
@@ -34,10 +35,12 @@ class OpenLoop(NamedTuple):
     by_area: NDArray[np.float64]
 
 
-def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> OpenLoop:
+def open_loop(
+    window: Window, setting: Setting, theta: NDArray[np.float64], scalars: Scalars = SCALARS
+) -> OpenLoop:
     """x^ with the parameters theta (m,) over a window, its sensitivities starting at 0 at the opening."""
     n, m, states = window.output.size, theta.size, setting.coefficients.states
-    learned = learned_of(theta, setting.coefficients)
+    learned = learned_of(theta, setting.coefficients, scalars)
     result = OpenLoop(
         rate=np.zeros(n),
         slopes=np.zeros((n, m)),
@@ -49,7 +52,7 @@ def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> O
     before = _before_opening(window)
     x = follow(before, setting, learned, window.opening, np.empty(n), NO_RATE, None, NO_SLOPES)
     c, network = learned.coefficients, learned.network
-    tangent = tangent_of(c, network, by_theta(theta, setting.coefficients), m + states)
+    tangent = tangent_of(c, network, by_theta(theta, setting.coefficients, scalars), m + states)
     _run(window, setting, c, network, x, tangent, result)
     return result
 

@@ -14,7 +14,7 @@ from observer_rt.estimation.predictor import (
     innovations,
     innovations_with_sensitivity,
 )
-from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.estimation.scalars import SCALARS, Scalars
 
 HUBER = 4.0  # sigma beyond which an innovation counts linearly
 
@@ -45,10 +45,10 @@ def weigh(
         z = e[k] / sigma
         weight = 1.0 if math.fabs(z) <= HUBER else HUBER / math.fabs(z)
         scale = weight / (sigma * sigma)
-        for i in range(PARAMETERS):
+        for i in range(gradient.shape[0]):
             weighted = scale * slopes[k, i]
             gradient[i] += weighted * e[k]
-            for j in range(PARAMETERS):
+            for j in range(gradient.shape[0]):
                 information[i, j] += weighted * slopes[k, j]
 
 
@@ -99,27 +99,32 @@ class EventCost:
     Innovations of the first `burn_in` samples do not count: x~ started from another theta.
     """
 
-    def __init__(self, window: Window, setting: Setting, sigma: float, burn_in: int) -> None:
+    def __init__(
+        self, window: Window, setting: Setting, sigma: float, burn_in: int, scalars: Scalars = SCALARS
+    ) -> None:
         """sigma: standard deviation of the innovations, in units of p_0."""
         self._window = window
         self._setting = setting
+        self._scalars = scalars
         self.sigma = sigma
         self.burn_in = burn_in
         samples = window.output.shape[0]
-        self.slopes = np.zeros((samples, PARAMETERS))
+        self.slopes = np.zeros((samples, scalars.width))
         self.innovations = np.zeros(samples)
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
-        learned = learned_of(theta, self._setting.coefficients)
+        learned = learned_of(theta, self._setting.coefficients, self._scalars)
         innovations(self._window, self._setting, learned, self.innovations)
         return self._cost()
 
     def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
         """J round theta (m,); leaves the innovations and their slopes (n, m) behind."""
-        innovations_with_sensitivity(self._window, self._setting, theta, self.innovations, self.slopes)
-        gradient = np.zeros(PARAMETERS)
-        information = np.zeros((PARAMETERS, PARAMETERS))
+        innovations_with_sensitivity(
+            self._window, self._setting, theta, self.innovations, self.slopes, self._scalars
+        )
+        gradient = np.zeros(theta.size)
+        information = np.zeros((theta.size, theta.size))
         weigh(self.innovations, self.slopes, self.burn_in, self.sigma, gradient, information)
         return Linearisation(theta, self._cost(), gradient, information)
 

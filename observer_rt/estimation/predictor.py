@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned, by_theta, learned_of
+from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import advance_over, empty_sac
@@ -71,10 +72,12 @@ class Gradient(NamedTuple):
     error: NDArray[np.float64]  # of the innovation
 
 
-def gradient_of(theta: NDArray[np.float64], c: Coefficients, learned: Learned) -> Gradient:
+def gradient_of(
+    theta: NDArray[np.float64], c: Coefficients, learned: Learned, scalars: Scalars = SCALARS
+) -> Gradient:
     """A gradient of 0 for theta (m,) on the model `c`."""
     m = theta.size
-    tangent = tangent_of(c, learned.network, by_theta(theta, c), m)
+    tangent = tangent_of(c, learned.network, by_theta(theta, c, scalars), m)
     return Gradient(tangent, np.zeros(m), np.zeros(m), np.zeros(m))
 
 
@@ -205,10 +208,11 @@ def innovations_with_sensitivity(
     theta: NDArray[np.float64],
     result: NDArray[np.float64],
     slopes: NDArray[np.float64],
+    scalars: Scalars = SCALARS,
 ) -> None:
     """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, m): the filtered gradient."""
-    learned = learned_of(theta, setting.coefficients)
-    gradient = gradient_of(theta, setting.coefficients, learned)
+    learned = learned_of(theta, setting.coefficients, scalars)
+    gradient = gradient_of(theta, setting.coefficients, learned, scalars)
     follow(window, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)
 
 

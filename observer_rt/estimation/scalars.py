@@ -5,19 +5,20 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gating import Gate
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.network import HIDDEN
 from observer_rt.model.sensor import LAG_UNIT
 
 Theta = NDArray[np.float64]
-"""A parameter vector (PARAMETERS,)."""
+"""A parameter vector, as wide as its table: (m,)."""
 
 NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset"
 """Indicators that have a place of their own in tables and frames."""
@@ -62,7 +63,9 @@ class Scalar:
 
     prior, drift: one sigma, before any event and from one to the next; longest_step: of one Gauss-Newton iteration,
     beyond it the slopes say little; bounds: lowest and highest admissible. counted: what these are given in.
-    gated_from: of a parameter that must pay for being active, the lowest theta it then may take.
+    gated_from: of a parameter that must pay for being active, the lowest theta it then may take. change: its law, the
+    line with the scalar, analytic in it; None: it is none of line or guide. turn: laws of a lower one act first,
+    those of the same in the order of the rows.
     """
 
     name: str
@@ -75,13 +78,26 @@ class Scalar:
     gated_from: float | None = None
     columns: int = 1
     shown: Shown | None = None
+    change: Callable[[Any, Any], Any] | None = None
+    turn: int = 1
 
 
 @dataclass(frozen=True)
 class Scalars:
-    """The table of all rows; its vectors (PARAMETERS,) are in the order of the columns."""
+    """The table of all rows; its vectors (width,) are in the order of the columns."""
 
     rows: tuple[Scalar, ...]
+
+    @cached_property
+    def width(self) -> int:
+        """Columns of theta."""
+        return max(row.column + row.columns for row in self.rows)
+
+    @cached_property
+    def laws(self) -> tuple[tuple[int, Callable[[Any, Any], Any]], ...]:
+        """Columns and laws of line and guide, in the order in which they change the line."""
+        rows = sorted(self.rows, key=attrgetter("turn"))
+        return tuple((row.column, row.change) for row in rows if row.change is not None)
 
     def prior(self, pressure_scale: float) -> NDArray[np.float64]:
         """Standard deviations before any event; pressure_scale p_0 [Pa], as below."""
@@ -116,7 +132,7 @@ class Scalars:
         return ((row.column, row.shown) for row in self.rows if row.shown is not None)
 
     def _vector(self, figure: Callable[[Scalar], float], pressure_scale: float) -> NDArray[np.float64]:
-        result = np.zeros(PARAMETERS)
+        result = np.zeros(self.width)
         for row in self.rows:
             result[row.column : row.column + row.columns] = figure(row) / row.counted.unit(pressure_scale)
         return result
@@ -131,10 +147,12 @@ SCALARS = Scalars((
     Scalar("seat_bias", Parameter.SEAT_BIAS, prior=0.4, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
            shown=Shown(SEAT, key="seat_v_S")),
     Scalar("friction", Parameter.LINE_FRICTION, prior=1.75, drift=2e-3, longest_step=1.2, bounds=(-0.95, 10.0),
-           gated_from=-0.95, shown=Shown("line_friction", label="line friction k")),
+           gated_from=-0.95, shown=Shown("line_friction", label="line friction k"),
+           change=lambda line, k: line.with_friction(k)),
     Scalar("leakage", Parameter.GUIDE_LEAKAGE, prior=0.09, drift=3.3e-4, longest_step=1.0, bounds=(0.0, 1.0),
            gated_from=0.0, shown=Shown("guide_leakage", lambda c: c.flow_scale / c.pressure_scale,
-                                       label="guide leakage c", unit=("m3/(s Pa)", 1.0))),
+                                       label="guide leakage c", unit=("m3/(s Pa)", 1.0)),
+           change=lambda line, c: line.with_leakage(c)),
     Scalar("offset", Parameter.LINE_PRESSURE_OFFSET, prior=2.5e6, drift=2e3, longest_step=10e6, bounds=(-10e6, 10e6),
            counted=Counted.PRESSURE, shown=Shown(OFFSET, lambda c: c.pressure_scale,
                                                  label="line pressure sensor offset", unit=("MPa", MEGAPASCAL))),
@@ -143,9 +161,11 @@ SCALARS = Scalars((
            shown=Shown("line_pressure_sensor_lag", lambda _: LAG_UNIT, label="line pressure sensor lag",
                        unit=("s", 1.0), screen_unit=("us", MICROSECOND))),
     Scalar("stiffness", Parameter.BULK_MODULUS, prior=0.18, drift=2e-4, longest_step=0.12, bounds=(-0.6, 1.0),
-           gated_from=-0.6, shown=Shown("bulk_modulus", label="bulk modulus r")),
+           gated_from=-0.6, shown=Shown("bulk_modulus", label="bulk modulus r"),
+           change=lambda line, r: line.with_stiffness(r), turn=0),
     Scalar("air", Parameter.ENTRAINED_AIR, prior=0.05, drift=1e-4, longest_step=0.04, bounds=(0.0, 0.5),
-           gated_from=0.0, shown=Shown("entrained_air", lambda c: c.compression, label="entrained air g")),
+           gated_from=0.0, shown=Shown("entrained_air", lambda c: c.compression, label="entrained air g"),
+           change=lambda line, g: line.with_air(g)),
     Scalar("back_pressure", Parameter.BACK_PRESSURE, prior=5e6, drift=20e3, longest_step=30e6, bounds=(-30e6, 30e6),
            counted=Counted.PRESSURE, gated_from=0.0, columns=2),
 ))

@@ -84,7 +84,7 @@ def make_observer(constants: Constants, knowledge: Knowledge, learner: EventLear
     """An observer with empty memory that carries `knowledge`."""
     observer = Observer(
         constants,
-        np.zeros(1, observer_dtype(len(constants.coefficients.line._fields))),
+        np.zeros(1, observer_dtype(len(constants.coefficients.line._fields), knowledge.in_force.size)),
         np.zeros(RING, sample_dtype(constants.coefficients.states)),
         learner.schedule.gains.copy(),
         learner.phi,
@@ -92,7 +92,7 @@ def make_observer(constants: Constants, knowledge: Knowledge, learner: EventLear
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version
-    _put_in_force(observer, knowledge.in_force, knowledge.noise.needle_lift)
+    _put_in_force(observer, knowledge)
     return observer
 
 
@@ -155,7 +155,7 @@ def was_shut(observer: Observer, begin: float, end: float) -> bool:
 
 
 def in_force(observer: Observer) -> NDArray[np.float64]:
-    """The parameter vector theta (PARAMETERS,) the observer carries."""
+    """The parameter vector theta (m,) the observer carries."""
     memory = observer.memory[0]
     return np.array(memory["theta"])
 
@@ -174,17 +174,17 @@ def judge(observer: Observer, outcome: Outcome | None) -> None:
     if outcome is None:
         return
     observer.gains[:] = outcome.schedule.gains
-    _put_in_force(observer, outcome.knowledge.in_force, outcome.knowledge.noise.needle_lift)
+    _put_in_force(observer, outcome.knowledge)
     put_into(observer.phi, outcome.phi)
     if outcome.adoption is Adoption.ADOPTED:
         memory["phi_version"] += 1
     memory["judgement"] = outcome.objections[0].reason if outcome.objections else Reason.NONE
 
 
-def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: float) -> None:
+def _put_in_force(observer: Observer, knowledge: Knowledge) -> None:
     memory = observer.memory[0]
-    learned = learned_of(theta, observer.constants.coefficients)
-    memory["theta"] = theta
+    learned = learned_of(knowledge.in_force, observer.constants.coefficients, knowledge.scalars)
+    memory["theta"] = knowledge.in_force
     memory["output"] = learned.network.output
     memory["bias"] = learned.network.bias
     memory["back_pressure"] = learned.network.back_pressure
@@ -192,4 +192,4 @@ def _put_in_force(observer: Observer, theta: NDArray[np.float64], lift_noise: fl
     memory["offset"] = sensor.offset + learned.offset
     memory["lag"] = sensor.lag + learned.lag
     memory["line"] = learned.coefficients.line
-    memory["lift_on"], memory["lift_off"] = dead_band(lift_noise)
+    memory["lift_on"], memory["lift_off"] = dead_band(knowledge.noise.needle_lift)

@@ -6,7 +6,6 @@ from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.recording.replay.framing import Framer, whole
@@ -33,8 +32,9 @@ def warm_up(bench: Bench, bus: BusMap) -> None:
     core.finish()
     constants = bench_constants(bench.injector)
     scale = constants.coefficients.pressure_scale
-    learner = make_learner(bench.injector, constants, no_knowledge(configured_noise(bench.injector), scale))
+    knowledge = no_knowledge(configured_noise(bench.injector), scale)
+    learner = make_learner(bench.injector, constants, knowledge)
     window = Window(
         np.full((_SAMPLES, 2), 0.5), np.full(_SAMPLES, 0.5), np.zeros(_SAMPLES, np.bool_), np.zeros(4), 1
     )
-    learner.learn(window, Standstill(0, 0.0, None), np.zeros(PARAMETERS))
+    learner.learn(window, Standstill(0, 0.0, None), knowledge.in_force)

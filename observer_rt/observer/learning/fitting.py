@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gating import Gate, best_subset
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import Linearisation
-from observer_rt.estimation.scalars import SCALARS
+from observer_rt.estimation.scalars import SCALARS, Scalars
 
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # of the decrease, in units of chi2 / 2: less is no longer sought
@@ -40,9 +40,9 @@ class Limits:
     longest_step: NDArray[np.float64]
 
 
-def theta_limits(pressure_scale: float) -> Limits:
-    """Limits of what the observer learns, (PARAMETERS,); pressure_scale p_0 [Pa]."""
-    return Limits(*SCALARS.bounds(pressure_scale), SCALARS.longest_step(pressure_scale))
+def theta_limits(pressure_scale: float, scalars: Scalars = SCALARS) -> Limits:
+    """Limits of what the observer learns, (width,); pressure_scale p_0 [Pa]."""
+    return Limits(*scalars.bounds(pressure_scale), scalars.longest_step(pressure_scale))
 
 
 @dataclass(frozen=True)

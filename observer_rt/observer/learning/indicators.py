@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import network_of
-from observer_rt.estimation.scalars import NOZZLE, SCALARS
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.scalars import NOZZLE, SCALARS, Scalars
+from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.network import HIDDEN, activation, back_pressure_at, flow_changes
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
@@ -39,6 +39,7 @@ def indicators_of(
     covariance: NDArray[np.float64] | None,
     x: NDArray[np.float64],
     u: NDArray[np.float64],
+    scalars: Scalars = SCALARS,
 ) -> Indicators:
     """What theta (m,) says of the injector at state x (3,) and inputs u (2,), sigmas from its covariance (m, m).
 
@@ -55,13 +56,13 @@ def indicators_of(
             value, variance = theta[column], None if covariance is None else covariance[column, column]
         return Estimate(float(value), None if variance is None else float(np.sqrt(variance)))
 
-    return {shown.effect: estimate(shown.effect, column) for column, shown in SCALARS.shown()}
+    return {shown.effect: estimate(shown.effect, column) for column, shown in scalars.shown()}
 
 
 def nozzle_change(
     theta: NDArray[np.float64], x: tuple[float, float, float], u: tuple[float, float]
 ) -> tuple[float, NDArray[np.float64]]:
-    """Relative change of the nozzle flow at a state with an open needle, and its derivatives (PARAMETERS,).
+    """Relative change of the nozzle flow at a state with an open needle, and its derivatives (m,).
 
     (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d together, the equivalent of v_H in (27).
     """
@@ -69,7 +70,7 @@ def nozzle_change(
     factor = 1.0 + flow_changes(x, u, network)[0]
     x_3 = max(x[2], LEAST_SAC_PRESSURE)
     against_chamber = math.sqrt(max(1.0 - back_pressure_at(u[1], network) / x_3, 0.0))
-    slopes = np.zeros(PARAMETERS)
+    slopes = np.zeros(theta.size)
     slopes[Parameter.NOZZLE_BIAS] = against_chamber
     for neuron in range(HIDDEN):
         sigma = activation(x, u, network.hidden, neuron)

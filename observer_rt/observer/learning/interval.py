@@ -9,6 +9,7 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.input_noise import InputVariance, input_variance
 from observer_rt.estimation.open_loop import OpenLoop, open_loop
 from observer_rt.estimation.predictor import Setting, Window
+from observer_rt.estimation.scalars import SCALARS, Scalars
 
 # Of the rate's change from sample to sample (one sigma): between samples the inputs are no straight lines, least of
 # all where the needle leaves its seat and comes back.
@@ -40,9 +41,10 @@ def resimulated(
     theta: NDArray[np.float64],
     covariance: NDArray[np.float64],
     carried_covariance: NDArray[np.float64],
+    scalars: Scalars = SCALARS,
 ) -> Resimulated:
     """An event with what was learned from it, theta (m,); the covariances as in `Resimulated`."""
-    run = open_loop(window, setting, theta)
+    run = open_loop(window, setting, theta, scalars)
     by_inputs = input_variance(window, run, setting, noise)
     return Resimulated(run, by_inputs, covariance, carried_covariance, setting.interval)
 

@@ -12,7 +12,6 @@ from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
-from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.interval import Resimulated
 from observer_rt.observer.stream.phi import Phi, StructuredPhi
@@ -35,7 +34,7 @@ class Knowledge:
     """All that was learned, as one value that can be saved and restored.
 
     belief: about all parameters jointly; active: the gated columns in use; in_force: theta (m,) the observer carries,
-    0 at start; noise: levels in use.
+    0 at start; noise: levels in use; scalars: the table theta goes by.
     """
 
     belief: Belief
@@ -45,12 +44,13 @@ class Knowledge:
     phi_version: int = 0
     events: int = 0  # learned from
     statistics: PhaseStatistics = field(default_factory=no_statistics)
+    scalars: Scalars = field(default=SCALARS, repr=False, compare=False)
 
 
 def no_knowledge(noise: NoiseLevels, pressure_scale: float, scalars: Scalars = SCALARS) -> Knowledge:
     """Knowledge of a new part: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
-    prior = prior_belief(np.zeros(PARAMETERS), np.diag(scalars.prior(pressure_scale) ** 2))
-    return Knowledge(prior, np.zeros(PARAMETERS), noise)
+    prior = prior_belief(np.zeros(scalars.width), np.diag(scalars.prior(pressure_scale) ** 2))
+    return Knowledge(prior, np.zeros(scalars.width), noise, scalars=scalars)
 
 
 @dataclass(frozen=True)

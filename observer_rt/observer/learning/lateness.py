@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.prediction_error import HUBER, EventCost
 from observer_rt.estimation.predictor import Setting, Window, innovations
+from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.fitting import EventFit
@@ -23,7 +24,12 @@ SIGNIFICANT = 4.5  # standard deviations: below 1e-5 an event where it is a lag
 
 
 def lag_score(
-    window: Window, setting: Setting, fit: EventFit, cost: EventCost, prior: NDArray[np.float64]
+    window: Window,
+    setting: Setting,
+    fit: EventFit,
+    cost: EventCost,
+    prior: NDArray[np.float64],
+    scalars: Scalars = SCALARS,
 ) -> float | None:
     """Score test of a fit's lag against a delay as long: standard normal if it is a lag, negative if it is none.
 
@@ -45,7 +51,7 @@ def lag_score(
     innovations(
         window._replace(output=output),
         setting._replace(late=samples - late),
-        learned_of(delayed, setting.coefficients),
+        learned_of(delayed, setting.coefficients, scalars),
         other,
     )
     first = cost.burn_in + late

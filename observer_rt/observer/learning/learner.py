@@ -21,7 +21,7 @@ from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Setting, Window, open_loop_error
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.adequacy import (
     Freezer,
@@ -110,7 +110,8 @@ class Learner:
             if fit is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
             statistics = self._event_statistics(window, fit.innovations)
-            lag = lag_score(window, self._setting(), fit, cost, self._scalars.prior(self._scale))
+            wide = self._scalars.prior(self._scale)
+            lag = lag_score(window, self._setting(), fit, cost, wide, self._scalars)
             carried = carried_covariance(in_force, fit.prior, self._scalars.gate, self._active)
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
@@ -131,11 +132,11 @@ class Learner:
         outcome = self._outcome(adoption, window, in_force, doubts)
         because = self._mistrust.after(outcome.objections)
         if because is not None:
-            nominal = replace(outcome.knowledge, in_force=np.zeros(PARAMETERS))
+            nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
             found = outcome.objections or (because,)
             return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=found)
         now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active)
-        event = resimulated(window, self._setting(), self._noise, self._theta, now, carried)
+        event = resimulated(window, self._setting(), self._noise, self._theta, now, carried, self._scalars)
         return replace(outcome, resimulated=event)
 
     def _prior(self, standstill: Standstill) -> Belief:
@@ -155,7 +156,7 @@ class Learner:
         first = cost.linearised(self._theta)
         if not np.isfinite(first.value):
             return None
-        fitter = EventFitter(cost, self._scalars.gate, self._active, theta_limits(self._scale))
+        fitter = EventFitter(cost, self._scalars.gate, self._active, theta_limits(self._scale, self._scalars))
         if self._events == 0:
             return fitter.fit(first, prior, FIRST_ITERATIONS)
         score = first.score(prior.covariance)
@@ -197,7 +198,10 @@ class Learner:
             previous, constants = self._previous
             events.insert(0, (previous, self._setting(constants)))
         errors = [
-            sum(open_loop_error(*event, learned_of(theta, event[1].coefficients)) for event in events)
+            sum(
+                open_loop_error(*event, learned_of(theta, event[1].coefficients, self._scalars))
+                for event in events
+            )
             for theta in (self._theta, in_force)
         ]
         return bool(errors[0] < ADOPTION_TOLERANCE * errors[1])
@@ -230,6 +234,7 @@ class Learner:
                 active=self._active,
                 events=self._events,
                 statistics=self._statistics,
+                scalars=self._scalars,
             ),
             schedule=self._schedule,
             objections=self._objections(adoption, window, doubts),
@@ -259,10 +264,10 @@ class Learner:
 
     def _cost(self, window: Window) -> EventCost:
         burn_in = round(BURN_IN / self._constants.interval)
-        return EventCost(window, self._setting(), self._schedule.innovation_sigma, burn_in)
+        return EventCost(window, self._setting(), self._schedule.innovation_sigma, burn_in, self._scalars)
 
     def _gains(self) -> GainSchedule:
-        learned = learned_of(self._theta, self._constants.coefficients)
+        learned = learned_of(self._theta, self._constants.coefficients, self._scalars)
         sensor, rate = self._constants.sensor, 1.0 / self._constants.interval
         lag = sensor.lag + learned.lag
         return gain_schedule(learned.coefficients, self._noise, rate, lag, sensor.fraction)

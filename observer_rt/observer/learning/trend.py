@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.sensitivity import Parameter
 
 WEAR = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))
 REMEMBERED = 0.8  # weight of the scores before this event
@@ -50,7 +50,7 @@ class Trend:
         self._scores.add(scores[list(WEAR)])
         moving = self._scores.beyond(SIGNIFICANT)
         self._left = np.where(moving, LASTING, np.maximum(self._left - 1, 0))
-        extra = np.zeros(PARAMETERS)
+        extra = np.zeros_like(drift)
         for place, column in enumerate(WEAR):
             if self._left[place] > 0:
                 extra[column] = QUICKER * drift[column]

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.foundation.continuity import Break
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
@@ -134,7 +133,7 @@ _OBSERVER = [
     ("hidden", np.float64, (HIDDEN, ARGUMENTS)),
     ("output", np.float64, (OUTPUTS, HIDDEN)),
     ("bias", np.float64, (OUTPUTS,)),
-    ("theta", np.float64, (PARAMETERS,)),  # of which these are parts:
+    # and of theta:
     ("offset", np.float64),
     ("lag", np.float64),  # s
     ("back_pressure", np.float64, (2,)),
@@ -188,9 +187,13 @@ def sample_dtype(states: int) -> np.dtype[np.void]:
     return np.dtype(_SAMPLE + pair, align=True)
 
 
-def observer_dtype(line_coefficients: int) -> np.dtype[np.void]:
-    """The observer's memory, for a line of so many coefficients; `line` are those with what was learned of it."""
-    return np.dtype([*_OBSERVER, ("line", np.float64, (line_coefficients,))], align=True)
+def observer_dtype(line_coefficients: int, parameters: int) -> np.dtype[np.void]:
+    """The observer's memory, for a line of so many coefficients and so many parameters.
+
+    line: those coefficients with what was learned of it; theta: what is in force.
+    """
+    wide = [("line", np.float64, (line_coefficients,)), ("theta", np.float64, (parameters,))]
+    return np.dtype(_OBSERVER + wide, align=True)
 
 
 class Timing(NamedTuple):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.scalars import NOZZLE
+from observer_rt.estimation.scalars import NOZZLE, SCALARS
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.observer.learning.indicators import Estimate, Indicators, indicators_of
 from observer_rt.observer.learning.interval import is_revised, rate_sigma, volume_interval
@@ -75,7 +75,8 @@ def report_of(injection: np.void, judged: Judged, commanded: CommandedOpening | 
     reason = Reason(int(injection["reason"])) or judgement
     middle = injection["middle_x"], injection["middle_u"]
     estimate = (judged.in_force, None) if outcome is None else (outcome.estimate, outcome.covariance)
-    indicators = indicators_of(*estimate, *middle)
+    scalars = SCALARS if outcome is None else outcome.knowledge.scalars
+    indicators = indicators_of(*estimate, *middle, scalars)
     wear = judged.phi.nozzle_wear(*middle, c)
     if wear is not None:
         indicators = {**indicators, NOZZLE: Estimate(wear)}

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.learned import by_theta, learned_of
 from observer_rt.estimation.predictor import NO_RATE, NO_SLOPES, Setting, Window, follow, knot_before
 from observer_rt.estimation.scalars import SCALARS, Scalars
+from observer_rt.model.borrowed import borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import advance_over, empty_sac
 from observer_rt.model.network import Network
@@ -77,6 +78,7 @@ def _run(
 ) -> None:
     """Fill `result`, which holds zeros, from the opening on; x: the state one sample before."""
     states, m = x.shape[0], result.slopes.shape[1]
+    network, tangent = borrowed_network(network), borrowed_tangent(tangent)
     last = window.output.shape[0] - 1
     while last > 0 and window.inputs[last, 1] <= 0.0:
         last -= 1

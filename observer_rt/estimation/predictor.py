@@ -3,12 +3,14 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned, by_theta, learned_of
 from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import advance_over, empty_sac
 from observer_rt.model.network import Network
@@ -144,8 +146,25 @@ def correct(
     return float(indicated + gain[_SAC] * innovation)
 
 
+def _borrowed_gradient(gradient: Any) -> Any:
+    """A gradient of borrowed arrays; None of None. For compiled code."""
+    raise NotImplementedError
+
+
+@overload(_borrowed_gradient, strict=False)
+def _borrowed_gradient_compiled(gradient: Any) -> Any:
+    if isinstance(gradient, types.NoneType):
+        return lambda gradient: None
+    return lambda gradient: Gradient(
+        borrowed_tangent(gradient.tangent),
+        borrowed(gradient.before),
+        borrowed(gradient.indicated),
+        borrowed(gradient.error),
+    )
+
+
 @njit(cache=True, nogil=True)
-def follow(
+def _follow(
     window: Window,
     setting: Setting,
     learned: Learned,
@@ -155,12 +174,7 @@ def follow(
     gradient: Any,
     slopes: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
-
-    errors: (n,) y - o - (indicated pressure), before the correction, errors[0] is 0; rate: of injection, before the
-    correction [m3/s], (n,), or (0,) if not wanted. With a `Gradient` of 0 (else None), slopes (n, m) becomes
-    d(errors)/dtheta.
-    """
+    """`follow`, on arrays that are lent to it."""
     c, network = learned.coefficients, learned.network
     lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
     inputs, output = window.inputs, window.output
@@ -194,6 +208,30 @@ def follow(
             indicated = correct(x, indicated, errors[k], setting.gain, gradient)
         if window.resting[k]:
             empty_sac(x, None if gradient is None else gradient.tangent)
+    return x
+
+
+@njit(cache=True, nogil=True)
+def follow(
+    window: Window,
+    setting: Setting,
+    learned: Learned,
+    corrected: int,
+    errors: NDArray[np.float64],
+    rate: NDArray[np.float64],
+    gradient: Any,
+    slopes: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
+
+    errors: (n,) y - o - (indicated pressure), before the correction, errors[0] is 0; rate: of injection, before the
+    correction [m3/s], (n,), or (0,) if not wanted. With a `Gradient` of 0 (else None), slopes (n, m) becomes
+    d(errors)/dtheta.
+    """
+    lent = Learned(borrowed_network(learned.network), learned.coefficients, learned.offset, learned.lag)
+    x: NDArray[np.float64] = _follow(
+        window, setting, lent, corrected, errors, rate, _borrowed_gradient(gradient), slopes
+    )
     return x
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.line.interface import line_fastest
 from observer_rt.model.network import Network
-from observer_rt.model.right_hand_side import Tangent, is_at_rest, right_hand_side, tangent_rates
+from observer_rt.model.right_hand_side import is_at_rest, right_hand_side, tangent_rates
 
 EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
 LINE_STEP = (

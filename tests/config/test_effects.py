@@ -111,11 +111,11 @@ def test_every_effect_in_its_printed_unit(
     sizes = {p.name: value for p, value in zip(effect.parameters, values, strict=True)}
     by_hand = effective_model(load_injector(), [sized(effect.id, **sizes)])
     for one, other in (
-        (found.coefficients, by_hand.coefficients),
+        *zip(found.coefficients, by_hand.coefficients, strict=True),  # of an element, or a number
         (found.inputs, by_hand.inputs),
         (found.sensor, by_hand.sensor),
     ):
-        assert tuple(one) == pytest.approx(tuple(other), rel=1e-9)
+        assert one == pytest.approx(other, rel=1e-9)
 
 
 def test_model_hash_covers_what_effects_do(tmp_path: Path) -> None:

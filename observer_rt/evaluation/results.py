@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.foundation.units import (
     MEGAPASCAL,
@@ -15,11 +14,10 @@ from observer_rt.foundation.units import (
     MICROSECOND,
     MILLIGRAM,
     MM3_PER_MS,
-    ZERO_CELSIUS,
 )
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.observer.learning.indicators import Estimate
-from observer_rt.service.reports.injection_report import CommandedOpening, InjectionReport
+from observer_rt.service.reports.injection_record import energizing_record, injection_record, known
+from observer_rt.service.reports.injection_report import InjectionReport
 
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
@@ -115,31 +113,13 @@ def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
         "sample_rate_hz": evaluation.recording.sample_rate,
         "lost_samples": evaluation.counters.lost_samples,
         "checks": [vars(check) for check in checks(evaluation, c)],
-        "injections": [
-            _injection_json(result, c) | _commanded_json(evaluation, result.report.commanded)
-            for result in results
-        ],
+        "injections": [_injection_json(result, evaluation, c) for result in results],
         "summary": {
             "valid_share": valid / len(results) if results else 0.0,
             "adoptions": evaluation.counters.adoptions,
             "rejected_adoptions": evaluation.counters.rejected_adoptions,
             **_energizing_json(evaluation),
         },
-    }
-
-
-def _commanded_json(evaluation: Evaluation, commanded: CommandedOpening | None) -> dict[str, Any]:
-    """Of one injection; nothing where the bench has no energizing, as the next."""
-    if not evaluation.has_energizing:
-        return {}
-    if commanded is None:
-        return {"energizing": None}
-    return {
-        "energizing": {
-            "command": commanded.command,
-            "opening_delay_us": _known(commanded.opening_delay / MICROSECOND),
-            "energizing_time_us": _known(commanded.energizing_time / MICROSECOND),
-        }
     }
 
 
@@ -160,45 +140,16 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
     }
 
 
-def _injection_json(result: InjectionResult, c: Coefficients) -> dict[str, Any]:
-    report = result.report
-    temperature = report.fuel_temperature
-    fuel = {} if temperature is None else {"fuel_temperature_degC": temperature - ZERO_CELSIUS}
+def _injection_json(result: InjectionResult, evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
+    commanded = result.report.commanded
     return {
-        "number": report.number,
-        "event": report.event,
+        **injection_record(result.report, c),
         "start_s": result.start,
         "end_s": result.end,
-        "rail_pressure_MPa": report.rail_pressure / MEGAPASCAL,
-        "mass_mg": _known(report.mass / MILLIGRAM),
-        "mass_ci95_mg": report.mass_ci95 and [bound / MILLIGRAM for bound in report.mass_ci95],
-        "nominal_mass_mg": _known(result.nominal_mass / MILLIGRAM),
-        "measured_mass_mg": _known(result.measured_mass / MILLIGRAM),
-        "rate_rmse_mm3_per_ms": _known(result.rate_rmse / MM3_PER_MS),
-        "nominal_rate_rmse_mm3_per_ms": _known(result.nominal_rate_rmse / MM3_PER_MS),
-        "rate_ci95_halfwidth_mm3_per_ms": _known(result.rate_ci95_halfwidth / MM3_PER_MS),
-        "valid": report.valid,
-        "reasons": [] if report.valid else [report.reason.name],
-        "state": report.state.name,
-        "phi_version": report.phi_version,
-        **fuel,
-        "indicators": {
-            shown.key or shown.effect: _estimate(
-                report.indicators[shown.effect], shown.factor(c), shown.unit[0]
-            )
-            for _, shown in SCALARS.shown()
-        },
+        "nominal_mass_mg": known(result.nominal_mass / MILLIGRAM),
+        "measured_mass_mg": known(result.measured_mass / MILLIGRAM),
+        "rate_rmse_mm3_per_ms": known(result.rate_rmse / MM3_PER_MS),
+        "nominal_rate_rmse_mm3_per_ms": known(result.nominal_rate_rmse / MM3_PER_MS),
+        "rate_ci95_halfwidth_mm3_per_ms": known(result.rate_ci95_halfwidth / MM3_PER_MS),
+        **({"energizing": energizing_record(commanded)} if evaluation.has_energizing else {}),
     }
-
-
-def _estimate(estimate: Estimate, factor: float, unit: str) -> dict[str, Any]:
-    interval = estimate.ci95
-    return {
-        "value": estimate.value * factor,
-        "ci95": None if interval is None else [bound * factor for bound in interval],
-        "unit": unit,
-    }
-
-
-def _known(value: float) -> float | None:
-    return None if math.isnan(value) else value

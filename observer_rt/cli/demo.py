@@ -34,7 +34,7 @@ from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
-from observer_rt.service.run import draw
+from observer_rt.service.show import draw
 from observer_rt.service.view import Reference, View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels

@@ -79,7 +79,7 @@ class ServiceLog:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for outlet in (*self._outlets, self._records):
+        for outlet in (self._records, *reversed(self._outlets)):  # the screen last: it tells of the others
             if outlet is not None:
                 outlet.close()
 
@@ -169,7 +169,8 @@ class _Outlet:
             self._waiting.put_nowait(None)
         self._thread.join(CLOSING)
         if not self._thread.is_alive():
-            self._handler.close()
+            with suppress(OSError):
+                self._handler.close()
 
     def _write(self) -> None:
         while (record := self._waiting.get()) is not None:

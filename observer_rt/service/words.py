@@ -159,7 +159,7 @@ class TopicWords(Words):
 
 
 TOPICS: Mapping[Topic, TopicWords] = {
-    Topic.START: TopicWords("what is observed, with which learned state, stamps and limits; `ready` at last"),
+    Topic.START: TopicWords("what is observed, the learned state, stamps; `ready` at last"),
     Topic.STOP: TopicWords("what was counted, when it ends"),
     Topic.STATE: TopicWords("state and reason have changed", "see states and reasons", logging.WARNING),
     Topic.INJECTION: TopicWords("one injection, valid or why not", "see the reasons"),
@@ -179,7 +179,7 @@ TOPICS: Mapping[Topic, TopicWords] = {
     ),
     Topic.SENDER: TopicWords("another node sends our identifiers", "as SECOND_SENDER", logging.WARNING),
     Topic.LINK: TopicWords(
-        "an interface is awaited, in trouble or back; frames were lost, results not sent",
+        "an interface awaited, in trouble or back; frames lost, results unsent",
         "as the line says",
         logging.WARNING,
     ),

@@ -43,7 +43,7 @@ class SilenceWatch:
         for source in new:
             self._silent[source] = arrivals.heard_of(source).last
         sampled = [source for source in arrivals.sources if source.streams]
-        if all(source in self._silent for source in sampled) and len(sampled) > 1:
+        if all(source in self._silent for source in sampled):
             names = ", ".join(source.text for source in new)
             shortest = min(arrivals.silence(source, now) for source in new)
             return [

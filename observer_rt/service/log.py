@@ -61,8 +61,9 @@ class ServiceLog:
         level = logging.INFO if is_over else TOPICS[topic].level
         if text.startswith(_WARNING):
             level, text = logging.WARNING, text.removeprefix(_WARNING)
+        record = _made(topic, level, text)
         for outlet in self._outlets:
-            outlet.put(_made(topic, level, text))
+            outlet.put(record)
 
     def record(self, content: Mapping[str, Any]) -> None:
         """A record for the stream, one line of JSON, with the time it was made."""

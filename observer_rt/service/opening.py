@@ -74,7 +74,7 @@ def _when_there(
 ) -> Link:
     """The link, opened once its interface is there."""
     config, told = named.config, ""
-    while not stop.is_set():
+    while True:
         try:
             link = open_link(config.interface, config.channel, config.fd, wanted, computer_time)
         except LinkDownError as error:
@@ -86,8 +86,8 @@ def _when_there(
                 tell(Notice(Topic.LINK, f"{named.label} is there", is_over=True))
             return link
         on_alive()
-        stop.wait(RETRY)
-    raise StoppedError
+        if stop.wait(RETRY):
+            raise StoppedError
 
 
 def _wanted(bus: BusMap, number: int) -> list[tuple[int, bool]]:

@@ -40,7 +40,10 @@ class Arrivals:
     def __init__(self, bus: BusMap) -> None:
         self.sources = sources_of(bus)
         self._heard = {_key(layout): Heard(0, 0) for layout in (*bus.received, *bus.sent)}
-        self._own = tuple((layout, self._heard[_key(layout)]) for layout in bus.sent)
+        inputs = {_key(layout) for layout in bus.received}  # one that is shared by mistake, `check` tells
+        self._own = tuple(
+            (layout, self._heard[_key(layout)]) for layout in bus.sent if _key(layout) not in inputs
+        )
         self._inputs = tuple((source, self._heard[_key(source.layout)]) for source in self.sources)
         self._begin = 0
 

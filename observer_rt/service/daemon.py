@@ -169,14 +169,14 @@ class Daemon:
 
     def state(self, now: int) -> tuple[State, Reason]:
         """State and reason at a monotonic time [ns], inputs that stay away included."""
+        if self.arrivals.is_contested(now):
+            return State.DEGRADED, Reason.SECOND_SENDER
         if self._frames_seen == 0:
             return State.WAITING_FOR_DATA, Reason.STARTING
         if any(self.ports[bus].has_inputs for bus in self._down):
             return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
         if now - self._last_input > INPUT_TIMEOUT * 1e9:
             return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
-        if self.arrivals.is_contested(now):
-            return State.DEGRADED, Reason.SECOND_SENDER
         if self.arrivals.stale(now):
             return State.DEGRADED, Reason.INPUT_STALE
         return self.core.state

@@ -22,7 +22,6 @@ from observer_rt.service.notify import Notifier
 from observer_rt.service.opening import StoppedError, open_links, tell_other_senders
 from observer_rt.service.reports.news import News
 from observer_rt.service.reports.telling import Teller
-from observer_rt.service.screen.shown import NominalModel
 from observer_rt.service.show import run_with_view
 from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
 from observer_rt.service.view import View
@@ -67,10 +66,8 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
 
         knowledge = restored_knowledge(state, model, pressure_scale, tell_learned)
         _announce(bench, bus, log)
-        nominal = NominalModel(injector)
-        rate = injector.config.sampling.rate_hz
-        screen = View(f"observer_rt: {_buses(bench)}", rate, nominal.coefficients, nominal)
-        teller = Teller(log, notifier, nominal.coefficients)
+        screen = View(f"observer_rt: {_buses(bench)}", injector)
+        teller = Teller(log, notifier, bench_constants(injector).coefficients)
 
         def tell(news: News) -> None:
             screen.hear(news)

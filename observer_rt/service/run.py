@@ -61,10 +61,10 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         model = model_hash(injector.parameters)
         pressure_scale = injector.parameters.scaling.pressure
 
-        def tell_learned(text: str) -> None:
-            log.say(Topic.LEARNED, text)
+        def tell_kept(text: str) -> None:
+            log.say(Topic.KEPT, text)
 
-        knowledge = restored_knowledge(state, model, pressure_scale, tell_learned)
+        knowledge = restored_knowledge(state, model, pressure_scale, tell_kept)
         _announce(bench, bus, log)
         screen = View(f"observer_rt: {_buses(bench)}", injector)
         teller = Teller(log, notifier, bench_constants(injector).coefficients)
@@ -97,7 +97,7 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
             notifier.stopping()
             if state is not None:
                 save_knowledge(state, daemon.core.knowledge, model, pressure_scale)
-                tell_learned(f"learned state saved in {state}")
+                tell_kept(f"learned state saved in {state}")
         _farewell(daemon, log)
 
 

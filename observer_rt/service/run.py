@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console, RenderableType
@@ -17,15 +18,14 @@ from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, ZERO_CELSIUS
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.compiled.constants import bench_constants
-from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.keeping.keeper import Keeper, keeper_of
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import LinkNews, News
-from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.service.state_file import load_knowledge, model_hash
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.terminal.console import say, say_if_compiling
-from observer_rt.terminal.destinations import check_folder
 from observer_rt.terminal.stop import stop_on_signals
 
 FRAMES_PER_SECOND = 8  # of the view
@@ -36,17 +36,17 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
 
     Raises `UserError` for files that do not fit, `RunError` when the link fails.
     """
+    with keeper_of(bench.injector, state, partial(say, console)) as keeper:
+        _serve(bench, keeper, view, console)
+
+
+def _serve(bench: Bench, keeper: Keeper, view: bool, console: Console) -> None:
     if view and not console.is_terminal:
         say(console, "no terminal for the view: one line an injection instead")
         view = False
     bus, injector = map_bus(bench), bench.injector
-    state = state or injector.state
-    if state is not None:
-        refuse_state(injector, "--state")
-        check_folder("--state", state.absolute().parent)
     model = model_hash(injector.parameters)
-    pressure_scale = injector.parameters.scaling.pressure
-    knowledge = restored_knowledge(state, model, pressure_scale, console)
+    knowledge = restored_knowledge(keeper.state, model, injector.parameters.scaling.pressure, console)
     _announce(bench, bus, console)
     screen = View(f"observer_rt: {_buses(bench)}", injector.config.sampling.rate_hz)
 
@@ -69,16 +69,12 @@ def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> Non
             links = [stack.enter_context(each) for each in _opened(bench, bus, console)]
             daemon = Daemon(bench, bus, links, knowledge, [show_news if view else say_news])
             screen.watch(daemon)
+            stack.enter_context(keeper.keeping(daemon.core))
             say(console, "ready")
-            try:
-                if view:
-                    _run_with_view(daemon, screen, stop, console)
-                else:
-                    daemon.run(stop)
-            finally:
-                if state is not None:
-                    save_knowledge(state, daemon.core.knowledge, model, pressure_scale)
-                    say(console, f"learned state saved in {state}")
+            if view:
+                _run_with_view(daemon, screen, stop, console)
+            else:
+                daemon.run(stop)
     _farewell(daemon, console)
 
 

@@ -1,0 +1,116 @@
+"""The daemon's files: the learned state, its lock and the journal, written beside the loop at a bounded rate."""
+
+import contextlib
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from observer_rt.config.bench import BenchInjector
+from observer_rt.foundation.errors import RunError
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.service.core.learners import refuse_state
+from observer_rt.service.keeping.chore import Chore, Keepsake, Tell
+from observer_rt.service.keeping.lock import sole_writer
+from observer_rt.service.state_file import model_hash, save_knowledge
+from observer_rt.terminal.destinations import check_folder
+
+
+class Knowing(Protocol):
+    """What learns, such as a daemon's core."""
+
+    @property
+    def knowledge(self) -> Knowledge:
+        """All that was learned so far: another value whenever something was, never one that changes."""
+
+
+class Keeper:
+    """Keeps what a daemon learns. The loop only lends it what it has: nothing here is done in the loop's time."""
+
+    def __init__(self, fitted: BenchInjector, state: Path | None, tell: Tell) -> None:
+        """state: where the learned state is kept, None: nowhere."""
+        self.state = state
+        self._fitted = fitted
+        self._tell = tell
+
+    @contextlib.contextmanager
+    def keeping(self, core: Knowing) -> Iterator[None]:
+        """While it lasts, write every `save_interval_s` what is new; at the end, a last time.
+
+        Raises `RunError` when the last write fails.
+        """
+        interval = self._fitted.config.state.save_interval_s
+        chores = [Chore(each, interval, self._tell) for each in self._keepsakes(core)]
+        stop = threading.Event()
+
+        def write() -> None:
+            while not stop.wait(interval):
+                for chore in chores:
+                    chore.attempt()
+
+        writer = threading.Thread(target=write, name="keeping")
+        writer.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            writer.join()
+            self._finish(chores)
+
+    def _keepsakes(self, core: Knowing) -> Iterator[Keepsake]:
+        if self.state is not None:
+            yield LearnedState(self.state, self._fitted, core)
+
+    def _finish(self, chores: Sequence[Chore]) -> None:
+        """Write everything a last time, one whether or not another fails."""
+        problems: list[str] = []
+        for chore in chores:
+            failed = f" ({chore.failures} attempts failed before)" if chore.failures else ""
+            try:
+                self._tell(f"{chore.keepsake.finish()}{failed}")
+            except RunError as error:
+                problems.append(f"{error}{failed}")
+        if problems:
+            raise RunError("\n".join(problems))
+
+
+class LearnedState:
+    """What the core knows, in a state file."""
+
+    def __init__(self, path: Path, fitted: BenchInjector, core: Knowing) -> None:
+        self.name = f"learned state in {path}"
+        self._path = path
+        self._model = model_hash(fitted.parameters)
+        self._pressure_scale = fitted.parameters.scaling.pressure
+        self._core = core
+        self._written = core.knowledge
+
+    def write(self) -> None:
+        """Replace the file if something was learned since."""
+        knowledge = self._core.knowledge
+        if knowledge is not self._written:
+            self._save(knowledge)
+
+    def finish(self) -> str:
+        """Replace the file."""
+        self._save(self._core.knowledge)
+        return f"learned state saved in {self._path}"
+
+    def _save(self, knowledge: Knowledge) -> None:
+        save_knowledge(self._path, knowledge, self._model, self._pressure_scale)
+        self._written = knowledge
+
+
+@contextlib.contextmanager
+def keeper_of(fitted: BenchInjector, state: Path | None, tell: Tell) -> Iterator[Keeper]:
+    """What keeps the files of a daemon, theirs alone while it lasts; those the bench file names where none is given.
+
+    Raises `UserError` for files that cannot be kept, or are another daemon's.
+    """
+    state = state or fitted.state
+    with contextlib.ExitStack() as locks:
+        if state is not None:
+            refuse_state(fitted, "--state")
+            check_folder("--state", state.absolute().parent)
+            locks.enter_context(sole_writer(state))
+        yield Keeper(fitted, state, tell)

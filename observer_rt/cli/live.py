@@ -44,7 +44,18 @@ def demo(
 def run(
     bench: Annotated[Path | None, file_option("--bench", "Bench file.")] = None,
     state: Annotated[
-        Path | None, file_option("--state", "Learned state: restored at start, saved at a clean stop.")
+        Path | None,
+        file_option(
+            "--state",
+            "Learned state: restored at start, saved at a clean stop and, while running, every "
+            "[state] save_interval_s of the bench file (5 s).",
+        ),
+    ] = None,
+    journal: Annotated[
+        Path | None,
+        file_option(
+            "--journal", "SQLite file for a row an injection, written as often: see `observer-rt journal`."
+        ),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,
     lenient: LenientOption = False,
@@ -69,7 +80,7 @@ def run(
         )
     from observer_rt.service.run import serve
 
-    serve(load_bench(bench, lenient=lenient), state, view, messages)
+    serve(load_bench(bench, lenient=lenient), state, journal, view, messages)
 
 
 def check(

@@ -31,12 +31,13 @@ from observer_rt.terminal.stop import stop_on_signals
 FRAMES_PER_SECOND = 8  # of the view
 
 
-def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> None:
+def serve(bench: Bench, state: Path | None, journal: Path | None, view: bool, console: Console) -> None:
     """Run the daemon until SIGINT or SIGTERM.
 
+    state, journal: files to keep, instead of those the bench file names.
     Raises `UserError` for files that do not fit, `RunError` when the link fails.
     """
-    with keeper_of(bench.injector, state, partial(say, console)) as keeper:
+    with keeper_of(bench, state, journal, partial(say, console)) as keeper:
         _serve(bench, keeper, view, console)
 
 
@@ -67,7 +68,9 @@ def _serve(bench: Bench, keeper: Keeper, view: bool, console: Console) -> None:
         warm_up(bench, bus)
         with ExitStack() as stack:
             links = [stack.enter_context(each) for each in _opened(bench, bus, console)]
-            daemon = Daemon(bench, bus, links, knowledge, [show_news if view else say_news])
+            daemon = Daemon(
+                bench, bus, links, knowledge, [show_news if view else say_news, *keeper.listeners]
+            )
             screen.watch(daemon)
             stack.enter_context(keeper.keeping(daemon.core))
             say(console, "ready")

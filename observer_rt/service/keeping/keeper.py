@@ -6,14 +6,16 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from observer_rt.config.bench import BenchInjector
+from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.foundation.errors import RunError
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.keeping.chore import Chore, Keepsake, Tell
 from observer_rt.service.keeping.lock import sole_writer
+from observer_rt.service.keeping.notebook import Notebook
+from observer_rt.service.reports.news import Listener
 from observer_rt.service.state_file import model_hash, save_knowledge
-from observer_rt.terminal.destinations import check_folder
+from observer_rt.terminal.destinations import check_destination, check_folder
 
 
 class Knowing(Protocol):
@@ -27,11 +29,19 @@ class Knowing(Protocol):
 class Keeper:
     """Keeps what a daemon learns. The loop only lends it what it has: nothing here is done in the loop's time."""
 
-    def __init__(self, fitted: BenchInjector, state: Path | None, tell: Tell) -> None:
-        """state: where the learned state is kept, None: nowhere."""
+    def __init__(
+        self, fitted: BenchInjector, state: Path | None, notebook: Notebook | None, tell: Tell
+    ) -> None:
+        """state: where the learned state is kept; None, as for the notebook: nowhere."""
         self.state = state
         self._fitted = fitted
+        self._notebook = notebook
         self._tell = tell
+
+    @property
+    def listeners(self) -> Sequence[Listener]:
+        """Who wants to hear the daemon's news."""
+        return [] if self._notebook is None else [self._notebook]
 
     @contextlib.contextmanager
     def keeping(self, core: Knowing) -> Iterator[None]:
@@ -44,9 +54,11 @@ class Keeper:
         stop = threading.Event()
 
         def write() -> None:
-            while not stop.wait(interval):
+            while True:
                 for chore in chores:
                     chore.attempt()
+                if stop.wait(interval):
+                    return
 
         writer = threading.Thread(target=write, name="keeping")
         writer.start()
@@ -60,6 +72,8 @@ class Keeper:
     def _keepsakes(self, core: Knowing) -> Iterator[Keepsake]:
         if self.state is not None:
             yield LearnedState(self.state, self._fitted, core)
+        if self._notebook is not None:
+            yield self._notebook
 
     def _finish(self, chores: Sequence[Chore]) -> None:
         """Write everything a last time, one whether or not another fails."""
@@ -102,15 +116,20 @@ class LearnedState:
 
 
 @contextlib.contextmanager
-def keeper_of(fitted: BenchInjector, state: Path | None, tell: Tell) -> Iterator[Keeper]:
+def keeper_of(bench: Bench, state: Path | None, journal: Path | None, tell: Tell) -> Iterator[Keeper]:
     """What keeps the files of a daemon, theirs alone while it lasts; those the bench file names where none is given.
 
     Raises `UserError` for files that cannot be kept, or are another daemon's.
     """
-    state = state or fitted.state
+    fitted = bench.injector
+    state, journal = state or fitted.state, journal or fitted.journal
     with contextlib.ExitStack() as locks:
         if state is not None:
             refuse_state(fitted, "--state")
             check_folder("--state", state.absolute().parent)
             locks.enter_context(sole_writer(state))
-        yield Keeper(fitted, state, tell)
+        if journal is not None:
+            check_destination("--journal", journal)
+            check_folder("--journal", journal.absolute().parent)
+        notebook = None if journal is None else Notebook(journal, bench, tell)
+        yield Keeper(fitted, state, notebook, tell)

@@ -45,7 +45,7 @@ def events(bench: Bench, path: Path) -> int:
 
 def test_what_is_learned_is_saved_while_running(bench: Bench, tmp_path: Path) -> None:
     path, learner, told = tmp_path / "state.json", Learner(), list[str]()
-    with keeper_of(bench.injector, path, told.append) as keeper, keeper.keeping(learner):
+    with keeper_of(bench, path, None, told.append) as keeper, keeper.keeping(learner):
         assert keeper.state == path
         for count in range(2, 5):
             learner.knowledge = some_knowledge(count, events=count)
@@ -57,7 +57,7 @@ def test_what_is_learned_is_saved_while_running(bench: Bench, tmp_path: Path) ->
 
 def test_the_last_save_is_made_whether_or_not_anything_was_learned(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "state.json"
-    with keeper_of(bench.injector, path, print) as keeper, keeper.keeping(Learner()):
+    with keeper_of(bench, path, None, print) as keeper, keeper.keeping(Learner()):
         time.sleep(2 * INTERVAL)
         assert not path.exists()
     assert events(bench, path) == 1
@@ -65,7 +65,7 @@ def test_the_last_save_is_made_whether_or_not_anything_was_learned(bench: Bench,
 
 def test_saves_are_no_more_frequent_than_stated(bench: Bench, tmp_path: Path) -> None:
     path, learner, files = tmp_path / "state.json", Learner(), set()
-    with keeper_of(bench.injector, path, print) as keeper, keeper.keeping(learner):
+    with keeper_of(bench, path, None, print) as keeper, keeper.keeping(learner):
         began = time.monotonic()
         for count in range(2, 400):
             learner.knowledge = some_knowledge(events=count)
@@ -89,7 +89,7 @@ def test_a_full_disk_is_told_once_counted_and_tried_again(
         fsync(descriptor)
 
     monkeypatch.setattr(os, "fsync", limited)
-    with keeper_of(bench.injector, path, told.append) as keeper, keeper.keeping(learner):
+    with keeper_of(bench, path, None, told.append) as keeper, keeper.keeping(learner):
         learner.knowledge = some_knowledge(events=2)
         until(lambda: events(bench, path) == 2)
         is_full.set()
@@ -112,7 +112,7 @@ def test_a_disk_that_is_full_at_the_end_is_an_error(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with (
-        keeper_of(bench.injector, tmp_path / "state.json", print) as keeper,
+        keeper_of(bench, tmp_path / "state.json", None, print) as keeper,
         pytest.raises(RunError, match="No space left"),
         keeper.keeping(Learner()),
     ):
@@ -122,32 +122,30 @@ def test_a_disk_that_is_full_at_the_end_is_an_error(
 def test_a_state_belongs_to_one_daemon(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "state.json"
     with (
-        keeper_of(bench.injector, path, print),
+        keeper_of(bench, path, None, print),
         pytest.raises(UserError, match=f"state.json: is in use by process {os.getpid()}"),
     ):
-        keeper_of(bench.injector, path, print).__enter__()
+        keeper_of(bench, path, None, print).__enter__()
 
 
 def test_the_bench_file_names_what_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(load_bench().path.read_text().replace('# file = "learned.json"', 'file = "mine.json"'))
-    with keeper_of(load_bench(path).injector, None, print) as keeper:
+    with keeper_of(load_bench(path), None, None, print) as keeper:
         assert keeper.state == tmp_path / "mine.json"
         assert (tmp_path / "mine.json.lock").exists()
-    with keeper_of(load_bench(path).injector, tmp_path / "other.json", print) as keeper:
+    with keeper_of(load_bench(path), tmp_path / "other.json", None, print) as keeper:
         assert keeper.state == tmp_path / "other.json"
 
 
 def test_nothing_is_kept_unasked(bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with keeper_of(bench.injector, None, print) as keeper, keeper.keeping(Learner()):
+    with keeper_of(bench, None, None, print) as keeper, keeper.keeping(Learner()):
         time.sleep(2 * INTERVAL)
     assert not list(tmp_path.iterdir())
 
 
 def test_a_training_that_keeps_nothing_refuses(bench: Bench, tmp_path: Path) -> None:
-    paper = bench.with_sections(
-        learning=LearningConfig(training=Training.PAPER, identification_gain=1e5)
-    ).injector
+    paper = bench.with_sections(learning=LearningConfig(training=Training.PAPER, identification_gain=1e5))
     with pytest.raises(UserError, match="keeps nothing"):
-        keeper_of(paper, tmp_path / "state.json", print).__enter__()
+        keeper_of(paper, tmp_path / "state.json", None, print).__enter__()

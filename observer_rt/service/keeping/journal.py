@@ -172,14 +172,15 @@ def _connected(path: Path) -> sqlite3.Connection:
         connection.execute("PRAGMA wal_autocheckpoint = 1")
         with connection:
             connection.execute("BEGIN IMMEDIATE")
-            _make_tables(connection)
+            make_tables(connection)
     except BaseException:
         connection.close()
         raise
     return connection
 
 
-def _make_tables(connection: sqlite3.Connection) -> None:
+def make_tables(connection: sqlite3.Connection) -> None:
+    """Make what a journal consists of, as far as it is not there."""
     connection.execute(_RUN)
     connection.execute(_INJECTION)
     there = {name for _, name, *_ in connection.execute("PRAGMA table_info (injection)")}

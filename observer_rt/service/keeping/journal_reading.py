@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.service.keeping.journal import PATIENCE, require_journal
+from observer_rt.service.keeping.journal import PATIENCE, make_tables, require_journal
 from observer_rt.service.keeping.journal_columns import WEAR, Value
 
 Row = Mapping[str, Value]
@@ -95,7 +95,7 @@ def reading_journal(path: Path) -> Iterator[JournalFile]:
     try:
         with contextlib.closing(sqlite3.connect(place, uri=True, timeout=PATIENCE)) as connection:
             connection.execute("BEGIN")  # one state of the file for all that is asked
-            yield JournalFile(connection)
+            yield JournalFile(connection if _is_begun(connection) else _empty())
     except sqlite3.OperationalError as error:
         raise UserError(
             str(path),
@@ -108,3 +108,15 @@ def reading_journal(path: Path) -> Iterator[JournalFile]:
             f"is damaged: {error}",
             f"save what is left: sqlite3 {path} .recover | sqlite3 saved.sqlite",
         ) from None
+
+
+def _is_begun(connection: sqlite3.Connection) -> bool:
+    """Whether there is anything in it: a daemon may have been killed, or be, on the way to its first row."""
+    (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    return bool(tables)
+
+
+def _empty() -> sqlite3.Connection:
+    connection = sqlite3.connect(":memory:")
+    make_tables(connection)
+    return connection

@@ -2,6 +2,7 @@
 
 import contextlib
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -54,11 +55,11 @@ class Keeper:
         stop = threading.Event()
 
         def write() -> None:
-            while True:
+            due = time.monotonic()
+            while not stop.wait(max(due - time.monotonic(), 0.0)):
+                due = max(due, time.monotonic()) + interval  # from begin to begin, however long it takes
                 for chore in chores:
                     chore.attempt()
-                if stop.wait(interval):
-                    return
 
         writer = threading.Thread(target=write, name="keeping")
         writer.start()

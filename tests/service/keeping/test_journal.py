@@ -259,6 +259,21 @@ def test_a_newer_schema_is_refused(path: Path, notebook: Notebook, bench: Bench)
         Notebook(path, bench, print)
 
 
+def test_a_journal_that_is_hardly_begun_is_an_empty_one(path: Path, bench: Bench) -> None:
+    path.touch()
+    with reading_journal(path) as journal:
+        assert (journal.count(), journal.runs(), list(journal.injections()), journal.spans(3)) == (
+            0,
+            [],
+            [],
+            [],
+        )
+    notebook = Notebook(path, bench, print)
+    notebook(some_report(1))
+    notebook.finish()
+    assert numbers(path) == [1]
+
+
 def test_a_damaged_journal_is_told_of(path: Path, notebook: Notebook) -> None:
     for number in range(1, 400):
         notebook(some_report(number))

@@ -103,6 +103,16 @@ def test_a_second_daemon_is_refused_the_state_of_the_first(
     assert "remedy: stop that one first" in outcome.err
 
 
+def test_an_evaluation_is_refused_the_state_of_a_daemon(command: Command, worn: Path, tmp_path: Path) -> None:
+    state = tmp_path / "learned.json"
+    with sole_writer(state):
+        outcome = command("evaluate", worn, "--save-state", state)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert f"in use by process {os.getpid()}" in outcome.err
+    assert command("evaluate", worn, "--save-state", state).code == 0
+    assert [entry.name for entry in tmp_path.iterdir()] == ["learned.json"]
+
+
 @pytest.mark.parametrize("journal", ["no/injections.sqlite", "."])
 def test_a_journal_that_could_not_be_written_is_refused_at_the_start(
     command: Command, bench: Path, tmp_path: Path, journal: str

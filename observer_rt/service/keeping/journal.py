@@ -3,7 +3,7 @@
 import contextlib
 import os
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
@@ -70,7 +70,7 @@ class Journal:
         self._identity: os.stat_result | None = None
         require_journal(path)
 
-    def write(self, rows: Sequence[dict[str, Value]], masses: Sequence[MassRow] = ()) -> None:
+    def write(self, rows: Iterable[dict[str, Value]], masses: Sequence[MassRow] = ()) -> None:
         """Add rows of `row_of`, and what was measured of injections: all of it reaches the disk, or nothing.
 
         Raises:

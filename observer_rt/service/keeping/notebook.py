@@ -60,12 +60,14 @@ class Notebook:
             batch = [self._waiting[i] for i in range(min(len(self._waiting), BATCH))]
             if not batch and self._is_begun:
                 return
-            rows = [row_of(entry, self._c, at) for at, entry in batch if isinstance(entry, InjectionReport)]
+            reports = [(at, entry) for at, entry in batch if isinstance(entry, InjectionReport)]
+            # made one by one, so that the loop gets its turn between two of them
+            rows = (row_of(report, self._c, at) for at, report in reports)
             self._journal.write(rows, [entry for _, entry in batch if isinstance(entry, MassRow)])
             self._is_begun = True
             for _ in batch:
                 self._waiting.popleft()
-            self.written += len(rows)
+            self.written += len(reports)
 
     def finish(self) -> str:
         """Write what waits and the clean stop."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from observer_rt.foundation.errors import UserError
 from observer_rt.service.keeping.lock import sole_writer
 from tools.benchmarks.kills.checks import Kept, Line, Loss, differences, injections_of, loss, read_back
-from tools.benchmarks.kills.victim import FREE, FULL, FullDisk, Scene, make_scene, run_victim
+from tools.benchmarks.kills.victim import FILLER, FREE, FULL, FullDisk, Scene, make_scene, run_victim
 
 PATIENCE = 60.0  # s for a daemon to get somewhere
 ALLOWANCE = 0.5  # s beyond the interval for a write on a busy machine
@@ -96,6 +96,7 @@ def _kill_one(
     victim.join()
     lines += _listen(reading, killed + PATIENCE)
     os.close(reading)
+    (plan.folder / FILLER).unlink(missing_ok=True)
     after, problems = read_back(scene)
     told = injections_of(lines)
     lost = Loss(0.0, 0.0)
@@ -105,7 +106,7 @@ def _kill_one(
         problems += differences(before, after, told)
         lost = loss(before, after, told, killed)
         problems += _late(lost, _excused(lines, killed, plan.interval), plan.interval)
-    warnings = sum("warning: " in line.text for line in lines)
+    warnings = sum("warning" in line.text.lower() for line in lines)
     kill = Kill(strike, killed - began, len(told), warnings, lost, (*lock_problems, *problems))
     return kill, after
 
@@ -120,7 +121,9 @@ def _listen(descriptor: int, until: float) -> list[Line]:
         if not data:
             break
         *whole, rest = (rest + data).split(b"\n")
-        lines += [Line(time.monotonic(), line.decode()) for line in whole]
+        for line in whole:
+            at, _, text = line.decode().partition(" ")
+            lines.append(Line(float(at), text))
     return lines
 
 

@@ -19,7 +19,7 @@ _INJECTION = re.compile(
 
 @dataclass(frozen=True)
 class Line:
-    """What the daemon said, and when it was read, s of the monotonic clock."""
+    """What the daemon said, and when, s of the monotonic clock."""
 
     at: float
     text: str
@@ -119,8 +119,6 @@ def loss(before: Kept, after: Kept, told: Sequence[tuple[float, re.Match[str]]],
     rows = len(after.runs[new[0]]) if new else 0
 
     def age(kept: int) -> float:
-        return (
-            max(killed - told[kept][0], 0.0) if kept < len(told) else 0.0
-        )  # the rest was read after the kill
+        return max(killed - told[kept][0], 0.0) if kept < len(told) else 0.0
 
     return Loss(age(after.events - before.events), age(rows))

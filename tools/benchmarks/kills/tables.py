@@ -13,7 +13,8 @@ def kills_table(kills: Sequence[Kill], plan: Plan) -> Table:
     """A row for each way of being killed."""
     table = Table(
         *("killed", "kills", "injections told", "warnings", "oldest loss: state s", "journal s", "problems"),
-        title=f"{len(kills)} kills, saved every {plan.interval:g} s; {ALLOWANCE:g} s are allowed for the write",
+        title=f"{len(kills)} kills, saved every {plan.interval:g} s; {ALLOWANCE:g} s more are allowed, and the time "
+        "the disk was full",
     )
     for strike in Strike:
         of_it = [kill for kill in kills if kill.strike is strike]

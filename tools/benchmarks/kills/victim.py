@@ -1,6 +1,7 @@
 """The daemon that is killed: `serve` as `observer-rt run` calls it, with a bench of its own beside it."""
 
 import contextlib
+import io
 import os
 import random
 import resource
@@ -10,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TextIO, cast
 
 from rich.console import Console
 
@@ -32,6 +34,7 @@ SAMPLE_RATE = 50e3  # Hz
 SPEED = 2.0  # of the replay: 40 injections a second
 INJECTIONS = 20  # of the recording, which is played again and again
 FULL, FREE = "campaign: the disk is full", "campaign: the disk has room"
+FILLER = "filler"  # file that takes all the room there is
 SMALL_FILE = 512  # bytes, less than either file needs
 
 
@@ -75,11 +78,26 @@ def make_scene(folder: Path, interface: str, channel: str, interval: float) -> S
 def run_victim(scene: Scene, messages: int, full: FullDisk | None) -> None:
     """Serve until killed; messages: descriptor for what the daemon says. To be called in a process of its own."""
     with os.fdopen(messages, "w") as file:
-        console = Console(file=file, width=200)
+        console = Console(file=cast(TextIO, _Stamped(file)), width=200)
         threading.Thread(target=partial(_play, scene), daemon=True).start()
         if full is not None:
             threading.Thread(target=partial(_fill, scene, full, console), daemon=True).start()
         serve(scene.bench, scene.state, scene.journal, False, console)
+
+
+class _Stamped(io.TextIOBase):
+    """Writes every line with the time it is written at, s of the monotonic clock, which all processes share."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+        self._rest = ""
+
+    def write(self, text: str) -> int:
+        *lines, self._rest = (self._rest + text).split("\n")
+        for line in lines:
+            self._file.write(f"{time.monotonic():.6f} {line}\n")
+        self._file.flush()
+        return len(text)
 
 
 def _play(scene: Scene) -> None:
@@ -111,7 +129,7 @@ def _limited() -> Iterator[None]:
 @contextlib.contextmanager
 def _filled(folder: Path) -> Iterator[None]:
     """A small disk to its last byte."""
-    filler = folder / "filler"
+    filler = folder / FILLER
     with filler.open("wb", buffering=0) as file, contextlib.suppress(OSError):
         while True:
             file.write(random.randbytes(4096))

@@ -39,8 +39,8 @@ def path(tmp_path: Path) -> Path:
 def test_tables_show_the_last_injections_and_the_wear(command: Command, path: Path) -> None:
     outcome = command("journal", path)
     assert outcome.code == 0
-    assert "18 injections in 2 runs" in outcome.out
-    assert "1 runs without a clean stop, or running" in outcome.out
+    assert outcome.out.startswith("injections: 18 since 20")
+    assert "; runs: 2, 1 of them killed or still running\n" in outcome.out
     wear, last = outcome.out.split("Last injections")
     assert wear.count("+0.300 [+0.280, +0.320]") == 2 * 12  # nozzle and seat
     assert last.count("120.0") == 10

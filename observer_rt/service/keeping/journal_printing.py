@@ -38,9 +38,9 @@ def print_tables(content: JournalFile, last: int) -> None:
     console = results()
     runs = content.runs()
     killed = sum(run["stopped_utc"] is None for run in runs)
-    since = f", since {runs[0]['started_utc']} UTC" if runs else ""
+    since = f" since {runs[0]['started_utc']} UTC" if runs else ""
     console.print(
-        f"{content.count()} injections in {len(runs)} runs{since}; {killed} runs without a clean stop, or running",
+        f"injections: {content.count()}{since}; runs: {len(runs)}, {killed} of them killed or still running",
         highlight=False,
     )
     wear = Table(
@@ -49,7 +49,7 @@ def print_tables(content: JournalFile, last: int) -> None:
         "valid",
         "rail MPa",
         *(each.name for each in WEAR),
-        title="Wear over time",
+        title="Wear over time: means of the valid injections, with their 95 % intervals",
     )
     for span in content.spans(SPANS):
         wear.add_row(*_span_cells(span))

@@ -37,6 +37,14 @@ def test_a_few_kills_lose_nothing_older_than_the_interval(tmp_path: Path) -> Non
     assert len(kills_document(kills, plan)["kills"]) == 12
 
 
+@pytest.mark.slow
+@pytest.mark.vcan
+def test_the_same_on_a_real_interface(tmp_path: Path, vcan: str) -> None:
+    kills = list(run_campaign(Plan(4, 9, tmp_path, 0.2, "socketcan", vcan), lambda _: None))
+    assert [problem for kill in kills for problem in kill.problems] == []
+    assert sum(kill.told for kill in kills) > 0
+
+
 @pytest.fixture
 def scene(tmp_path: Path) -> Scene:
     """Files as a daemon leaves them that has learned from, and told of, `COUNT` injections."""

@@ -47,14 +47,14 @@ def run(
         Path | None,
         file_option(
             "--state",
-            "Learned state: restored at start, saved at a clean stop and, while running, every "
-            "[state] save_interval_s of the bench file (5 s).",
+            "Learned state: restored at start, saved at the stop and, while running, within "
+            "[state] save_within_s of the bench file (5 s).",
         ),
     ] = None,
     journal: Annotated[
         Path | None,
         file_option(
-            "--journal", "SQLite file for a row an injection, written as often: see `observer-rt journal`."
+            "--journal", "SQLite file for a row an injection, written as soon: see `observer-rt journal`."
         ),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,

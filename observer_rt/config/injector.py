@@ -66,7 +66,7 @@ class StateConfig(Section):
 
     file: str | None = None  # of what was learned
     journal: str | None = None  # of the injections
-    save_interval_s: Annotated[float, Field(ge=0.1, le=3600)] = 5.0
+    save_within_s: Annotated[float, Field(ge=0.1, le=3600)] = 5.0  # of being learned, or of the injection
 
 
 class InjectorConfig(Section):

@@ -140,9 +140,7 @@ def frame(as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout."
 def kills(
     kills: Annotated[int, typer.Option(min=1, help="How many daemons are killed.")] = 120,
     seed: SeedOption = 1,
-    interval: Annotated[
-        float, typer.Option(min=0.1, max=3600, help="save_interval_s of the bench file.")
-    ] = 0.2,
+    within: Annotated[float, typer.Option(min=0.1, max=3600, help="save_within_s of the bench file.")] = 1.0,
     interface: Annotated[
         str, typer.Option(help="virtual, or socketcan with a channel that is up.")
     ] = "virtual",
@@ -156,7 +154,7 @@ def kills(
     as_json: JsonOption = False,
 ) -> None:
     """Kill daemons that learn at random moments (kill -9): what is lost, and is the rest whole?"""
-    plan = KillPlan(kills, seed, out, interval, interface, channel, small_disk=small_disk)
+    plan = KillPlan(kills, seed, out, within, interface, channel, small_disk=small_disk)
     with progress_bar(messages, "killing", float(kills)) as progress:
         found = list(run_campaign(plan, progress))
     if as_json:

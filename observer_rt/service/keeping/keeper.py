@@ -46,22 +46,15 @@ class Keeper:
 
     @contextlib.contextmanager
     def keeping(self, core: Knowing) -> Iterator[None]:
-        """While it lasts, write every `save_interval_s` what is new; at the end, a last time.
+        """While it lasts, write what is new, within `save_within_s`; at the end, a last time.
 
         Raises `RunError` when the last write fails.
         """
-        interval = self._fitted.config.state.save_interval_s
+        # what comes just after a write waits for the next one, and for its end
+        interval = self._fitted.config.state.save_within_s / 2
         chores = [Chore(each, interval, self._tell) for each in self._keepsakes(core)]
         stop = threading.Event()
-
-        def write() -> None:
-            due = time.monotonic()
-            while not stop.wait(max(due - time.monotonic(), 0.0)):
-                due = max(due, time.monotonic()) + interval  # from begin to begin, however long it takes
-                for chore in chores:
-                    chore.attempt()
-
-        writer = threading.Thread(target=write, name="keeping")
+        writer = threading.Thread(target=self._write, args=(chores, interval, stop), name="keeping")
         writer.start()
         try:
             yield
@@ -69,6 +62,22 @@ class Keeper:
             stop.set()
             writer.join()
             self._finish(chores)
+
+    def _write(self, chores: Sequence[Chore], interval: float, stop: threading.Event) -> None:
+        """Write again and again, `interval` seconds from begin to begin, until stopped."""
+        wait, is_told = 0.0, False
+        while not stop.wait(wait):
+            began = time.monotonic()
+            for chore in chores:
+                chore.attempt()
+            took = time.monotonic() - began
+            wait = max(interval - took, 0.0)
+            if took > interval and not is_told:
+                is_told = True
+                self._tell(
+                    f"warning: it took {took:.1f} s to write what is kept: a kill may cost more than save_within_s\n"
+                    "  remedy: keep it on a faster disk, or raise save_within_s in [state]"
+                )
 
     def _keepsakes(self, core: Knowing) -> Iterator[Keepsake]:
         if self.state is not None:

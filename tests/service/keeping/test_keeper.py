@@ -18,7 +18,7 @@ from observer_rt.service.state_file import load_knowledge, model_hash
 from tests.service.knowledge_samples import some_knowledge
 from tests.service.participants import until
 
-INTERVAL = 0.1  # s
+INTERVAL = 0.25  # s, between two writes
 
 
 class Learner:
@@ -30,7 +30,7 @@ class Learner:
 
 @pytest.fixture
 def bench() -> Bench:
-    return load_bench().with_sections(state=StateConfig(save_interval_s=INTERVAL))
+    return load_bench().with_sections(state=StateConfig(save_within_s=2 * INTERVAL))
 
 
 def saved(bench: Bench, path: Path) -> Knowledge | None:
@@ -50,8 +50,7 @@ def test_what_is_learned_is_saved_while_running(bench: Bench, tmp_path: Path) ->
         for count in range(2, 5):
             learner.knowledge = some_knowledge(count, events=count)
             until(lambda: events(bench, path) == learner.knowledge.events)
-        assert told == []
-    assert told == [f"learned state saved in {path}"]
+    assert told[-1] == f"learned state saved in {path}"
     assert [entry.name for entry in tmp_path.iterdir()] == ["state.json"]
 
 
@@ -73,13 +72,18 @@ def test_saves_are_no_more_frequent_than_stated(bench: Bench, tmp_path: Path) ->
             if path.exists():
                 files.add(path.stat().st_mtime_ns)
         lasted = time.monotonic() - began
-    assert 3 <= len(files) <= lasted / INTERVAL + 1
+    assert 2 <= len(files) <= lasted / INTERVAL + 1
 
 
 def test_a_full_disk_is_told_once_counted_and_tried_again(
     bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, learner, told = tmp_path / "state.json", Learner(), list[str]()
+
+    def tell(text: str) -> None:
+        if "it took" not in text:  # a busy machine
+            told.append(text)
+
     is_full, tries, fsync = threading.Event(), list[int](), os.fsync
 
     def limited(descriptor: int) -> None:
@@ -89,20 +93,34 @@ def test_a_full_disk_is_told_once_counted_and_tried_again(
         fsync(descriptor)
 
     monkeypatch.setattr(os, "fsync", limited)
-    with keeper_of(bench, path, None, told.append) as keeper, keeper.keeping(learner):
+    with keeper_of(bench, path, None, tell) as keeper, keeper.keeping(learner):
         learner.knowledge = some_knowledge(events=2)
         until(lambda: events(bench, path) == 2)
         is_full.set()
         learner.knowledge = some_knowledge(events=3)
         until(lambda: len(tries) >= 4)
         assert len(told) == 1
-        assert re.search(r"No space left on device\n  remedy: make room there.* every 0.1 s", told[0])
+        assert re.search(r"No space left on device\n  remedy: make room there.* every 0.25 s", told[0])
         assert events(bench, path) == 2  # the old file is whole
         is_full.clear()
         until(lambda: events(bench, path) == 3)
         until(lambda: len(told) == 2)
         assert re.fullmatch(r"learned state in .* is written again, after \d+ failed attempts", told[1])
     assert re.fullmatch(r"learned state saved in .* \(\d+ attempts failed before\)", told[2])
+
+
+def test_a_disk_too_slow_for_what_is_stated_is_told_once(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, learner, told = tmp_path / "state.json", Learner(), list[str]()
+    monkeypatch.setattr(os, "fsync", lambda _: time.sleep(INTERVAL))
+    with keeper_of(bench, path, None, told.append) as keeper, keeper.keeping(learner):
+        for count in range(2, 5):
+            learner.knowledge = some_knowledge(count, events=count)
+            until(lambda: events(bench, path) == learner.knowledge.events)
+        until(lambda: bool(told))
+    assert len(told) == 2
+    assert re.match(r"warning: it took \d\.\d s to write what is kept: a kill may cost more", told[0])
 
 
 def test_a_disk_that_is_full_at_the_end_is_an_error(

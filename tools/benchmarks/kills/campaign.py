@@ -17,7 +17,6 @@ from tools.benchmarks.kills.checks import Kept, Line, Loss, differences, injecti
 from tools.benchmarks.kills.victim import FILLER, FREE, FULL, FullDisk, Scene, make_scene, run_victim
 
 PATIENCE = 60.0  # s for a daemon to get somewhere
-ALLOWANCE = 0.5  # s beyond the interval for a write on a busy machine
 
 
 class Strike(StrEnum):
@@ -31,12 +30,12 @@ class Strike(StrEnum):
 
 @dataclass(frozen=True)
 class Plan:
-    """A campaign; interval: save_interval_s [s]; small_disk: the folder is on a disk that may be filled."""
+    """A campaign; within: save_within_s [s]; small_disk: the folder is on a disk that may be filled."""
 
     kills: int
     seed: int
     folder: Path
-    interval: float
+    within: float
     interface: str
     channel: str
     longest: float = 4.0  # s a daemon lives
@@ -58,7 +57,7 @@ class Kill:
 def run_campaign(plan: Plan, progress: Callable[[float], None]) -> Iterator[Kill]:
     """Kill daemon after daemon. The folder's files are those of this campaign only."""
     plan.folder.mkdir(parents=True, exist_ok=True)
-    scene = make_scene(plan.folder, plan.interface, plan.channel, plan.interval)
+    scene = make_scene(plan.folder, plan.interface, plan.channel, plan.within)
     for path in plan.folder.glob(f"{scene.state.name}*"), plan.folder.glob(f"{scene.journal.name}*"):
         for left in path:
             left.unlink()
@@ -72,6 +71,29 @@ def run_campaign(plan: Plan, progress: Callable[[float], None]) -> Iterator[Kill
         yield kill
 
 
+class _Ear:
+    """Hears what a daemon says through a pipe."""
+
+    def __init__(self, descriptor: int) -> None:
+        self.lines: list[Line] = []
+        self._descriptor = descriptor
+        self._rest = b""
+
+    def listen(self, seconds: float, enough: Callable[[], bool] = lambda: False) -> None:
+        """Listen so long, until there is enough, or to the daemon's end; what is cut short is left out."""
+        until = time.monotonic() + seconds
+        while not enough() and (left := until - time.monotonic()) > 0.0:
+            if not select.select([self._descriptor], [], [], left)[0]:
+                return
+            data = os.read(self._descriptor, 1 << 16)
+            if not data:
+                return
+            *whole, self._rest = (self._rest + data).split(b"\n")
+            for line in whole:
+                at, _, text = line.decode().partition(" ")
+                self.lines.append(Line(float(at), text))
+
+
 def _kill_one(
     plan: Plan, scene: Scene, strike: Strike, chance: random.Random, before: Kept
 ) -> tuple[Kill, Kept | None]:
@@ -79,7 +101,7 @@ def _kill_one(
     full = None
     if strike is Strike.FULL:
         start = chance.uniform(0.2, 0.6) * plan.longest
-        full = FullDisk(start, start + chance.uniform(0.5, 8.0) * plan.interval, plan.small_disk)
+        full = FullDisk(start, start + chance.uniform(0.25, 2.0) * plan.within, plan.small_disk)
     reading, writing = os.pipe()
     victim = multiprocessing.get_context("fork").Process(
         target=run_victim, args=(scene, writing, full), daemon=True
@@ -87,44 +109,31 @@ def _kill_one(
     began = time.monotonic()
     victim.start()
     os.close(writing)
-    lines = _listen(reading, began + moment)
-    lock_problems = _try_lock(scene, victim, lines)
+    ear = _Ear(reading)
+    if strike is not Strike.MOMENT:
+        ear.listen(PATIENCE, lambda: bool(injections_of(ear.lines)))
+    ear.listen(moment)
+    lock_problems = _try_lock(scene, victim, ear.lines)
     _await(strike, scene)
     died_before = victim.exitcode
     killed = time.monotonic()
     victim.kill()
     victim.join()
-    lines += _listen(reading, killed + PATIENCE)
+    ear.listen(PATIENCE)
     os.close(reading)
     (plan.folder / FILLER).unlink(missing_ok=True)
     after, problems = read_back(scene)
-    told = injections_of(lines)
+    lines, told = ear.lines, injections_of(ear.lines)
     lost = Loss(0.0, 0.0)
     if died_before is not None:
         problems.append(f"ended by itself with {died_before}: {[line.text for line in lines[-3:]]}")
     if after is not None:
         problems += differences(before, after, told)
         lost = loss(before, after, told, killed)
-        problems += _late(lost, _excused(lines, killed, plan.interval), plan.interval)
+        problems += _late(lost, _excused(lines, killed, plan.within), plan.within)
     warnings = sum("warning" in line.text.lower() for line in lines)
     kill = Kill(strike, killed - began, len(told), warnings, lost, (*lock_problems, *problems))
     return kill, after
-
-
-def _listen(descriptor: int, until: float) -> list[Line]:
-    """Lines up to a time of the monotonic clock, or to the end of the daemon; what is cut short is left out."""
-    lines, rest = list[Line](), b""
-    while (left := until - time.monotonic()) > 0.0:
-        if not select.select([descriptor], [], [], left)[0]:
-            break
-        data = os.read(descriptor, 1 << 16)
-        if not data:
-            break
-        *whole, rest = (rest + data).split(b"\n")
-        for line in whole:
-            at, _, text = line.decode().partition(" ")
-            lines.append(Line(float(at), text))
-    return lines
 
 
 def _try_lock(scene: Scene, victim: BaseProcess, lines: Sequence[Line]) -> list[str]:
@@ -160,17 +169,17 @@ def _changed(path: Path) -> tuple[int, int]:
     return status.st_mtime_ns, status.st_size
 
 
-def _excused(lines: Sequence[Line], killed: float, interval: float) -> float:
+def _excused(lines: Sequence[Line], killed: float, within: float) -> float:
     """Seconds before the kill for which a full disk excuses losses."""
     full = next((line.at for line in lines if line.text == FULL), None)
     if full is None:
         return 0.0
     free = next((line.at for line in lines if line.text == FREE), killed)
-    return 0.0 if killed - free > interval + ALLOWANCE else killed - full
+    return 0.0 if killed - free > within else killed - full
 
 
-def _late(lost: Loss, excused: float, interval: float) -> list[str]:
-    allowed = interval + ALLOWANCE + excused
+def _late(lost: Loss, excused: float, within: float) -> list[str]:
+    allowed = within + excused
     found = {"learned": lost.state, "injected": lost.journal}
     return [
         f"what was {what} {age:.2f} s before the kill is lost, {allowed:.2f} s are allowed"

@@ -57,12 +57,12 @@ class FullDisk:
     small: bool
 
 
-def make_scene(folder: Path, interface: str, channel: str, interval: float) -> Scene:
-    """A bench in lockstep that saves every `interval` seconds, compiled, and a worn injector's frames for it."""
+def make_scene(folder: Path, interface: str, channel: str, within: float) -> Scene:
+    """A bench in lockstep that saves within so many seconds, compiled, and a worn injector's frames for it."""
     bench = load_bench().with_sections(
         sampling=SamplingConfig(rate_hz=SAMPLE_RATE),
         learning=LearningConfig(lockstep=True),
-        state=StateConfig(save_interval_s=interval),
+        state=StateConfig(save_within_s=within),
     )
     link = LinkConfig(interface=interface, channel=channel)
     bench = replace(bench, config=bench.config.model_copy(update={"link": link}))

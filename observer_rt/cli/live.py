@@ -58,6 +58,10 @@ def run(
         ),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Every injection as a line of JSON on stdout.")
+    ] = False,
+    log: Annotated[Path | None, file_option("--log", "File that log lines are appended to, too.")] = None,
     lenient: LenientOption = False,
     print_example_bench: Annotated[
         bool, typer.Option("--print-example-bench", help="Print a complete, commented bench file.")
@@ -78,9 +82,9 @@ def run(
             "is missing",
             "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from",
         )
-    from observer_rt.service.run import serve
+    from observer_rt.service.run import RunOptions, serve
 
-    serve(load_bench(bench, lenient=lenient), state, journal, view, messages)
+    serve(load_bench(bench, lenient=lenient), RunOptions(state, view, as_json, log, journal), messages)
 
 
 def check(

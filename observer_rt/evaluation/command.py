@@ -27,7 +27,7 @@ from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.keeping.lock import sole_writer
 from observer_rt.service.run import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
-from observer_rt.terminal.console import progress_bar, results, say_if_compiling
+from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination, check_folder
 
 
@@ -62,7 +62,9 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
     pressure_scale = bench.injector.parameters.scaling.pressure
     if options.state is not None and not options.state.exists():
         raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
-    knowledge = restored_knowledge(options.state, model, pressure_scale, console, set_aside=False)
+    knowledge = restored_knowledge(
+        options.state, model, pressure_scale, partial(say, console), set_aside=False
+    )
     histories = _histories(bench, recordings, knowledge, options, console)
     evaluations = [evaluation for history in histories for evaluation in history.evaluations]
     c = effective_model(bench.injector.parameters).coefficients

@@ -13,10 +13,10 @@ from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.service import run as service
 from observer_rt.service.keeping.lock import sole_writer
 from observer_rt.service.keeping.notebook import Notebook
 from tests.cli.conftest import Command
+from tests.cli.test_run import give_link
 from tests.service.keeping.report_samples import some_report
 from tests.service.participants import ScriptedLink
 
@@ -81,7 +81,7 @@ def test_a_daemon_writes_what_it_says(
     samples = read_recording(worn)
     frames = list(Framer(map_bus(load_bench(bench))).frames(samples, whole(samples)))
     link = ScriptedLink(frames, RunError("vcan9 went away"))
-    monkeypatch.setattr(service, "open_link", lambda *_: link)
+    give_link(monkeypatch, link)
     outcome = command("run", "--bench", bench)
     assert f"4 injections in the journal {tmp_path / 'mine.sqlite'}" in outcome.err
     rows = json.loads(command("journal", tmp_path / "mine.sqlite", "--json").out)["injections"]

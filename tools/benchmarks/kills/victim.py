@@ -23,7 +23,7 @@ from observer_rt.config.links import LinkConfig
 from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.replay.player import play
-from observer_rt.service.run import serve
+from observer_rt.service.run import RunOptions, serve
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
@@ -82,7 +82,7 @@ def run_victim(scene: Scene, messages: int, full: FullDisk | None) -> None:
         threading.Thread(target=partial(_play, scene), daemon=True).start()
         if full is not None:
             threading.Thread(target=partial(_fill, scene, full, console), daemon=True).start()
-        serve(scene.bench, scene.state, scene.journal, False, console)
+        serve(scene.bench, RunOptions(scene.state, journal=scene.journal), console)
 
 
 class _Stamped(io.TextIOBase):

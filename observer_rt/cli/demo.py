@@ -31,7 +31,6 @@ from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.replay.player import play
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
@@ -150,8 +149,7 @@ class Demo:
         bus = map_bus(self.bench)
         view = View(
             f"observer_rt demo: {self.link.interface} {self.link.channel}",
-            self.bench.injector.config.sampling.rate_hz,
-            bench_constants(self.bench.injector).coefficients,
+            self.bench.injector,
             self.references,
         )
 

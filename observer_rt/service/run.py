@@ -22,7 +22,6 @@ from observer_rt.service.notify import Notifier
 from observer_rt.service.opening import StoppedError, open_links, tell_other_senders
 from observer_rt.service.reports.news import News
 from observer_rt.service.reports.telling import Teller
-from observer_rt.service.screen.shown import NominalModel
 from observer_rt.service.show import run_with_view
 from observer_rt.service.state_file import load_knowledge, model_hash
 from observer_rt.service.view import View
@@ -60,16 +59,14 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         model = model_hash(injector.parameters)
         pressure_scale = injector.parameters.scaling.pressure
 
-        def tell_learned(text: str) -> None:
-            log.say(Topic.LEARNED, text)
+        def tell_kept(text: str) -> None:
+            log.say(Topic.KEPT, text)
 
-        keeper = stack.enter_context(keeper_of(bench, options.state, options.journal, tell_learned))
-        knowledge = restored_knowledge(keeper.state, model, pressure_scale, tell_learned)
+        keeper = stack.enter_context(keeper_of(bench, options.state, options.journal, tell_kept))
+        knowledge = restored_knowledge(keeper.state, model, pressure_scale, tell_kept)
         _announce(bench, bus, log)
-        nominal = NominalModel(injector)
-        rate = injector.config.sampling.rate_hz
-        screen = View(f"observer_rt: {_buses(bench)}", rate, nominal.coefficients, nominal)
-        teller = Teller(log, notifier, nominal.coefficients)
+        screen = View(f"observer_rt: {_buses(bench)}", injector)
+        teller = Teller(log, notifier, bench_constants(injector).coefficients)
 
         def tell(news: News) -> None:
             screen.hear(news)

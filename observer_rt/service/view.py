@@ -6,13 +6,13 @@ from rich.console import Group, RenderableType
 from rich.panel import Panel
 from rich.text import Text
 
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.config.bench import BenchInjector
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, News
 from observer_rt.service.screen.curves import LOWEST, curves
 from observer_rt.service.screen.injections import HEADING, injections
-from observer_rt.service.screen.shown import References, Shown
+from observer_rt.service.screen.shown import NominalModel, References, Shown
 from observer_rt.service.screen.status import heading, lines
 
 REMEMBERED = 40  # injections
@@ -25,12 +25,13 @@ TABLE_SHARE = 0.3  # of the lines that curves and table have
 class View:
     """Listens to a daemon's injections and draws them; `render` may be called from another thread."""
 
-    def __init__(self, title: str, sample_rate: float, c: Coefficients, references: References) -> None:
-        """c: of the model as given; references: worked out when drawn, not on the loop's time."""
+    def __init__(self, title: str, fitted: BenchInjector, references: References | None = None) -> None:
+        """references: worked out when drawn, not on the loop's time; None: the model as given."""
+        nominal = NominalModel(fitted)
         self._title = title
-        self._sample_rate = sample_rate
-        self._coefficients = c
-        self._references = references
+        self._sample_rate = fitted.config.sampling.rate_hz
+        self._coefficients = nominal.coefficients
+        self._references: References = references or nominal
         self._shown: deque[Shown] = deque(maxlen=REMEMBERED)
         self._daemon: Daemon | None = None
 

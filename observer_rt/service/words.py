@@ -32,8 +32,7 @@ class Topic(StrEnum):
     VALUE = "value"
     SENDER = "sender"
     LINK = "link"
-    LEARNED = "learned"
-    JOURNAL = "journal"
+    KEPT = "kept"
     STREAM = "stream"
 
 
@@ -183,11 +182,8 @@ TOPICS: Mapping[Topic, TopicWords] = {
         "as the line says",
         logging.WARNING,
     ),
-    Topic.LEARNED: TopicWords(
-        "what became of the learned state: restored, set aside, saved or not", "as the line says"
-    ),
-    Topic.JOURNAL: TopicWords(
-        "the journal of injections cannot be written", "room and rights", logging.WARNING
+    Topic.KEPT: TopicWords(
+        "what is kept on disk: restored, set aside, saved, or not", "as the line says: room and rights"
     ),
     Topic.STREAM: TopicWords(
         "nobody reads the JSON lines or the log any more, or too slowly",

@@ -32,12 +32,12 @@ def test_lines_have_time_level_and_topic(tmp_path: Path) -> None:
         log.say(Topic.START, "ready")
         log.say(Topic.INPUT, "Block 0x1 (lift): no frame\n  remedy: check it")
         log.say(Topic.INPUT, "comes again", is_over=True)
-        log.say(Topic.LEARNED, "warning: not saved")
+        log.say(Topic.KEPT, "warning: not saved")
     expected = [
         "INFO start: ready",
         "WARNING input: Block 0x1 (lift): no frame; remedy: check it",
         "INFO input: comes again",
-        "WARNING learned: not saved",
+        "WARNING kept: not saved",
     ]
     for path in (tmp_path / "err", tmp_path / "log"):
         assert all(re.match(STAMPED, line) for line in lines_of(path))

@@ -12,14 +12,13 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
-from observer_rt.service.screen.shown import NominalModel, Reference, no_references
+from observer_rt.service.screen.shown import NominalModel, Reference
 from observer_rt.service.view import View
-from tests.service.participants import SAMPLE_RATE, ScriptedLink, bench_file, serving, until, worn_recording
+from tests.service.participants import ScriptedLink, bench_file, serving, until, worn_recording
 
 
 def drawn(view: View, width: int, height: int, now: int | None = None) -> list[str]:
@@ -44,7 +43,7 @@ def view(path: Path) -> View:
         return [Reference("bought", np.full(len(rows), 50e-6), 123.45e-6)]
 
     bench = load_bench(path)
-    view = View("title of the view", SAMPLE_RATE, bench_constants(bench.injector).coefficients, references)
+    view = View("title of the view", bench.injector, references)
     link = ScriptedLink(Framer(map_bus(bench)).frames(recording, whole(recording)))
     daemon = Daemon(bench, map_bus(bench), [link], listeners=[view.hear])
     view.watch(daemon)
@@ -83,7 +82,7 @@ def test_the_line_pressure_where_there_is_room(view: View) -> None:
     assert not any("line pressure, MPa" in line for line in drawn(view, 80, 24))
     (tall,) = (line for line in drawn(view, 80, 60) if "line pressure, MPa" in line)
     (wide,) = (line for line in drawn(view, 180, 30) if "line pressure, MPa" in line)
-    assert "measured" in tall
+    assert "sensor" in tall
     assert "injection 12" in wide  # side by side
 
 
@@ -119,7 +118,7 @@ def test_tiny_terminal_is_survived(view: View, width: int, height: int) -> None:
 
 def test_before_the_first_injection(path: Path) -> None:
     bench = load_bench(path)
-    view = View("title", SAMPLE_RATE, bench_constants(bench.injector).coefficients, no_references)
+    view = View("title", bench.injector)
     assert "starting" in "\n".join(drawn(view, 80, 24))
     view.watch(Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear]))
     text = "\n".join(drawn(view, 80, 24))

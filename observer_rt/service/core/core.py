@@ -124,9 +124,13 @@ class Core:
         """
         return self.compiled.observer.ring[np.arange(max(start, end - RING), end) % RING]
 
-    def inputs(self, first: int) -> dict[Role, NDArray[np.float64]]:
-        """Processed samples from a position on [m; Pa above the chamber pressure], of those that are remembered."""
-        places = np.arange(max(first, self.processed - RING), self.processed) % RING
+    def inputs(self, first: int, most: int) -> dict[Role, NDArray[np.float64]]:
+        """Processed samples from a position on [m; Pa above the chamber pressure], of those that are remembered.
+
+        Of more than `most` evenly spaced ones.
+        """
+        first = max(first, self.processed - RING)
+        places = np.arange(first, self.processed, 1 + (self.processed - first) // most) % RING
         ring = self.compiled.observer.ring
         return {
             role: ring[role.value][places] * (1.0 if role is Role.NEEDLE_LIFT else self._pressure_scale)

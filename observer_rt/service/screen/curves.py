@@ -64,7 +64,7 @@ def _pressure(
 
     model, measured = absolute(shown.rows["x_hat"][:, 0]), absolute(shown.rows["line_pressure"])
     furthest = float(np.max(np.abs(model - measured)))
-    lines = [_Line("observer", _ESTIMATE, model), _Line("measured", _MEASURED, measured)]
+    lines = [_Line("observer", _ESTIMATE, model), _Line("sensor", _MEASURED, measured)]
     return _plot(f"line pressure, MPa over ms, {furthest:.1f} MPa apart:", time, lines, size)
 
 

@@ -39,11 +39,6 @@ class Shown:
     measured: MeasuredMass | None = None
 
 
-def no_references(_report: InjectionReport, _rows: NDArray[np.void]) -> Sequence[Reference]:
-    """Nothing to compare with."""
-    return ()
-
-
 class NominalModel:
     """The model as given, run over an injection's own inputs."""
 

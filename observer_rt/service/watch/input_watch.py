@@ -17,7 +17,7 @@ from observer_rt.service.watch.values import ValueWatch
 from observer_rt.service.words import Topic
 
 PERIOD = 100_000_000  # ns between two looks
-MOST_SAMPLES = 1 << 13  # of a look
+MOST_SAMPLES = 1024  # of a look, which the loop waits for
 
 
 class InputWatch:
@@ -48,9 +48,9 @@ class InputWatch:
         ]
 
     def _samples(self) -> dict[Role, NDArray[np.float64]]:
-        first = max(self._seen, self._core.processed - MOST_SAMPLES)
+        samples = self._core.inputs(self._seen, MOST_SAMPLES)
         self._seen = self._core.processed
-        return self._core.inputs(first)
+        return samples
 
 
 def _notices(topic: Topic, findings: list[Finding]) -> list[Notice]:

@@ -18,7 +18,7 @@ from observer_rt.service.keeping.journal_columns import COLUMNS, INDICATORS
 from observer_rt.service.keeping.journal_reading import Row, reading_journal
 from observer_rt.service.keeping.keeper import keeper_of
 from observer_rt.service.keeping.notebook import MOST_WAITING, Notebook
-from observer_rt.service.reports.news import LinkNews, MeasuredMass
+from observer_rt.service.reports.news import MeasuredMass, Mismatch
 from observer_rt.service.state_file import model_hash
 from tests.service.keeping.report_samples import some_report
 from tests.service.participants import until
@@ -158,7 +158,7 @@ def test_what_was_measured_is_added(path: Path, notebook: Notebook) -> None:
     notebook(MeasuredMass(report, 42.5e-6))
     notebook(some_report(2))
     notebook(MeasuredMass(some_report(2), 43.5e-6))
-    notebook(LinkNews("of no interest"))
+    notebook(Mismatch(True, 1, 2, 0.003))
     notebook.write()
     assert [row["measured_mass_mg"] for row in rows(path)] == [pytest.approx(42.5), pytest.approx(43.5)]
 

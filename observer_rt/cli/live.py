@@ -44,7 +44,18 @@ def demo(
 def run(
     bench: Annotated[Path | None, file_option("--bench", "Bench file.")] = None,
     state: Annotated[
-        Path | None, file_option("--state", "Learned state: restored at start, saved at a clean stop.")
+        Path | None,
+        file_option(
+            "--state",
+            "Learned state: restored at start, saved at the stop and, while running, within "
+            "[state] save_within_s of the bench file (5 s).",
+        ),
+    ] = None,
+    journal: Annotated[
+        Path | None,
+        file_option(
+            "--journal", "SQLite file for a row an injection, written as soon: see `observer-rt journal`."
+        ),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,
     as_json: Annotated[
@@ -73,7 +84,7 @@ def run(
         )
     from observer_rt.service.run import RunOptions, serve
 
-    serve(load_bench(bench, lenient=lenient), RunOptions(state, view, as_json, log), messages)
+    serve(load_bench(bench, lenient=lenient), RunOptions(state, view, as_json, log, journal), messages)
 
 
 def check(

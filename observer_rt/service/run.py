@@ -15,44 +15,42 @@ from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.compiled.constants import bench_constants
-from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.keeping.keeper import keeper_of
 from observer_rt.service.log import ServiceLog
 from observer_rt.service.notify import Notifier
 from observer_rt.service.opening import StoppedError, open_links, tell_other_senders
 from observer_rt.service.reports.news import News
 from observer_rt.service.reports.telling import Teller
 from observer_rt.service.show import run_with_view
-from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.service.state_file import load_knowledge, model_hash
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.service.words import Topic
 from observer_rt.terminal.console import COMPILING
-from observer_rt.terminal.destinations import check_destination, check_folder
+from observer_rt.terminal.destinations import check_destination
 from observer_rt.terminal.stop import stop_on_signals
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """Options of the command: state, log: files; records: injections as JSON lines on stdout."""
+    """Options of the command: state, log, journal: files; records: injections as JSON lines on stdout."""
 
     state: Path | None = None
     view: bool = False
     records: bool = False
     log: Path | None = None
+    journal: Path | None = None
 
 
 def serve(bench: Bench, options: RunOptions, console: Console) -> None:
     """Run the daemon until SIGINT or SIGTERM.
 
+    state, journal: files to keep, instead of those the bench file names.
     Raises `UserError` for files that do not fit, `RunError` when the link fails.
     """
     bus, injector = map_bus(bench), bench.injector
     has_view = options.view and console.is_terminal
-    state = options.state or injector.state
-    if state is not None:
-        refuse_state(injector, "--state")
-        check_folder("--state", state.absolute().parent)
     notifier = Notifier()
     with ExitStack() as stack:
         log = stack.enter_context(_log(options, console, has_view))
@@ -64,7 +62,8 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         def tell_kept(text: str) -> None:
             log.say(Topic.KEPT, text)
 
-        knowledge = restored_knowledge(state, model, pressure_scale, tell_kept)
+        keeper = stack.enter_context(keeper_of(bench, options.state, options.journal, tell_kept))
+        knowledge = restored_knowledge(keeper.state, model, pressure_scale, tell_kept)
         _announce(bench, bus, log)
         screen = View(f"observer_rt: {_buses(bench)}", injector)
         teller = Teller(log, notifier, bench_constants(injector).coefficients)
@@ -85,19 +84,17 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         except StoppedError:
             log.say(Topic.STOP, "stopped while it waited for the interface")
             return
-        daemon = Daemon(bench, bus, links, knowledge, [tell], notifier.alive)
+        daemon = Daemon(bench, bus, links, knowledge, [tell, *keeper.listeners], notifier.alive)
         screen.watch(daemon)
         log.say(Topic.START, "ready")
-        try:
-            if has_view:
-                run_with_view(daemon, screen, stop, console)
-            else:
-                daemon.run(stop)
-        finally:
-            notifier.stopping()
-            if state is not None:
-                save_knowledge(state, daemon.core.knowledge, model, pressure_scale)
-                tell_kept(f"learned state saved in {state}")
+        with keeper.keeping(daemon.core):
+            try:
+                if has_view:
+                    run_with_view(daemon, screen, stop, console)
+                else:
+                    daemon.run(stop)
+            finally:
+                notifier.stopping()
         _farewell(daemon, log)
 
 

@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, LENGTH_UNITS, MM3_PER_MS, PRESSURE_UNITS
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.checked import CheckedGrid, in_chunks
+from observer_rt.recording.signals.recording import Chunk, Recording
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream
 
 RATE_UNITS = {
     "m3/s": 1.0,
@@ -55,24 +57,49 @@ logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come a
 NO_DATE = datetime.fromtimestamp(0, UTC)
 
 
-def read_mdf4(path: Path) -> Recording:
-    """Read a recording; channels beyond the recording's own are ignored.
+class Mdf4Signals(SignalStream):
+    """A recording by the names of its channels; those beyond the recording's own are ignored.
 
     The samples that a channel marks as invalid become NaN. Raises `UserError` for a file that is not MDF, a
     missing channel, an unknown unit and channels on different time stamps.
     """
-    with opened(path) as file:
-        signals = _read_channels(file, path)
-    time = signals["rail_pressure"].timestamps.astype(np.float64)
-    for name, signal in signals.items():
-        if not np.array_equal(signal.timestamps, time):
-            raise UserError(
-                f"{path}, channel {name}",
-                "its time stamps differ from those of rail_pressure",
-                "record the channels in one group, or resample them on one time grid",
-            )
-    values = {name: _to_si(signal, path) for name, signal in signals.items()}
-    return Recording(time=time, path=path, **values)
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._file = path
+        checked = CheckedGrid(self, lambda row: f"{path}, sample {row}")
+        for arrays in self._parts():
+            self.has_rate = "injection_rate" in arrays
+            checked.take(arrays)
+        checked.end()
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Read anew."""
+        return in_chunks(self, self._parts())
+
+    def _parts(self) -> Iterator[dict[str, NDArray[np.float64]]]:
+        path = self._file
+        with opened(path) as file:
+            places = _places(file, path)
+            samples = max(file.groups[group].channel_group.cycles_nr for group, _ in places.values())
+            for first in range(0, samples, SAMPLES_AT_ONCE):
+                with damage_told(path):
+                    signals = {name: part_of(file, *place, first) for name, place in places.items()}
+                time = signals["rail_pressure"].timestamps.astype(np.float64)
+                for name, signal in signals.items():
+                    if not np.array_equal(signal.timestamps, time):
+                        raise UserError(
+                            f"{path}, channel {name}",
+                            "its time stamps differ from those of rail_pressure",
+                            "record the channels in one group, resample them on one time grid, or describe them in "
+                            "[recording] of a bench file, which resamples",
+                        )
+                yield {"time": time, **{name: _to_si(signal, path) for name, signal in signals.items()}}
+
+
+def read_mdf4(path: Path) -> Recording:
+    """Read a recording, as `Mdf4Signals`."""
+    return Mdf4Signals(path).collected()
 
 
 def write_mdf4(path: Path, recording: Recording) -> None:
@@ -98,12 +125,18 @@ def opened(path: Path) -> Iterator[MDF]:
         if handle.read(len(MAGIC)) != MAGIC:
             raise UserError(str(path), "not an MDF file", READABLE)
         handle.seek(0)
-        try:
-            with MDF(handle) as file:
-                yield file
-        except DAMAGE as error:
-            discard(error)
-            raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
+        with damage_told(path), MDF(handle) as file:
+            yield file
+
+
+@contextmanager
+def damage_told(path: Path) -> Iterator[None]:
+    """Turn asammdf's own errors into `UserError`."""
+    try:
+        yield
+    except DAMAGE as error:
+        discard(error)
+        raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
 
 
 def add_history(file: MDF) -> None:
@@ -135,8 +168,20 @@ def refuse_outside(file: MDF, group: int) -> None:
             raise ValueError(f"{channel.name} reaches to byte {end} of records of {record}")
 
 
-def _read_channels(file: MDF, path: Path) -> dict[str, Signal]:
-    signals = {}
+def part_of(file: MDF, group: int, index: int, first: int) -> Signal:
+    """At most SAMPLES_AT_ONCE samples of a channel from one on."""
+    return file.get(
+        group=group,
+        index=index,
+        ignore_invalidation_bits=True,
+        record_offset=first,
+        record_count=SAMPLES_AT_ONCE,
+    )
+
+
+def _places(file: MDF, path: Path) -> dict[str, tuple[int, int]]:
+    """Group and index of the channels by the signals they hold."""
+    found = {}
     for name in UNITS:
         places = file.channels_db.get(name, ())
         if len(places) > 1:
@@ -144,16 +189,16 @@ def _read_channels(file: MDF, path: Path) -> dict[str, Signal]:
                 f"{path}, channel {name}", f"appears {len(places)} times", "keep one channel of this name"
             )
         if places:
-            group, index = places[0]
-            refuse_outside(file, group)
-            signals[name] = file.get(group=group, index=index, ignore_invalidation_bits=True)
+            refuse_outside(file, places[0][0])
+            found[name] = places[0]
         elif name in REQUIRED:
             raise UserError(
                 str(path),
                 f"channel '{name}' is missing{hint(name, file.channels_db)}",
-                f"name the channels {', '.join(UNITS)} (the last optional)",
+                f"name the channels {', '.join(UNITS)} (the last optional), or say in [recording] of a bench file "
+                "which is which",
             )
-    return signals
+    return found
 
 
 def _to_si(signal: Signal, path: Path) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from observer_rt.cli.options import (
     SIGNALS,
     BenchOption,
     EffectsOption,
+    ForceOption,
     FromChannelOption,
     FuelTemperatureOption,
     JsonOption,
@@ -54,6 +55,7 @@ def simulate(
     model: Annotated[
         Path, file_option("--model", "Injector file (default: the nominal injector).", show_default=False)
     ] = NOMINAL_INJECTOR,
+    force: ForceOption = False,
     effects: EffectsOption = None,
 ) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
@@ -74,6 +76,7 @@ def simulate(
             measured_rate=measured_rate,
             seed=seed,
             fuel_temperature=fuel_temperature,
+            force=force,
         ),
         messages,
     )
@@ -92,12 +95,16 @@ def evaluate(
         bool, typer.Option("--chain", help="The recordings are one history: learning goes on.")
     ] = False,
     output: Annotated[
-        Path | None, file_option("--output", "Trace, one row per sample; a folder for several.", "FILE|DIR")
+        Path | None,
+        file_option(
+            "--output", "Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR"
+        ),
     ] = None,
     plot: Annotated[Path | None, file_option("--plot", "Figure (png, svg, pdf).")] = None,
     from_channel: FromChannelOption = None,
     fuel_temperature: FuelTemperatureOption = None,
     lenient: LenientOption = False,
+    force: ForceOption = False,
     as_json: JsonOption = False,
     effects: EffectsOption = None,
 ) -> None:
@@ -105,6 +112,15 @@ def evaluate(
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
 
     options = EvaluateOptions(
-        state, save_state, not no_learning, chain, output, plot, as_json, from_channel or (), fuel_temperature
+        state=state,
+        save_state=save_state,
+        learning=not no_learning,
+        chain=chain,
+        output=output,
+        plot=plot,
+        json=as_json,
+        from_channel=from_channel or (),
+        force=force,
+        fuel_temperature=fuel_temperature,
     )
     evaluate_files(load_bench(bench, model, lenient), recordings, options, messages)

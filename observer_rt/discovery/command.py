@@ -14,11 +14,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.discovery.answer import AskObserver, Question, answer
 from observer_rt.discovery.evidence.coverage import coverage
 from observer_rt.discovery.evidence.measurement import Measurement, measurements
-from observer_rt.discovery.evidence.plausible import (
-    refuse_implausible,
-    refuse_rates_missing,
-    refuse_sample_rates,
-)
+from observer_rt.discovery.evidence.plausible import refuse_rates_missing, refuse_sample_rates
 from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.injector_text import InjectorText, write_amended
 from observer_rt.discovery.report.document import as_json
@@ -28,7 +24,9 @@ from observer_rt.discovery.search.fit_store import FitStore, file_hash, problem_
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.formats import read_recording
+from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import check_folder
 
@@ -96,10 +94,9 @@ def _measured(paths: Sequence[Path], read: Callable[[Path], Recording]) -> tuple
             raise UserError(str(path), "is given twice", "give every recording once")
     recordings = [read(path) for path in paths]
     refuse_sample_rates(recordings)
-    found = measurements(recordings)
-    for one in found:
-        refuse_implausible(one)
-    return found
+    for recording in recordings:
+        refuse_implausible(recording.path, HeldSignals(recording).survey)
+    return measurements(recordings)
 
 
 def _hashes(paths: Sequence[Path]) -> dict[str, str]:

@@ -8,30 +8,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from observer_rt.evaluation.curves import RateCurves, rate_curves, shown_numbers
 from observer_rt.evaluation.evaluate import Evaluation
-from observer_rt.evaluation.results import InjectionResult
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.evaluation.injections import InjectionResult
+from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
-CURVES = 3  # injections drawn as curves
 ANNOTATED = 24  # injections whose masses are also written as numbers
-
-
-@dataclass(frozen=True)
-class RateCurves:
-    """Rates of one injection [m3/s] over time [s].
-
-    reference: what it is compared with, if anything; sigma: standard deviation of the estimated rate, where known.
-    """
-
-    title: str
-    time: NDArray[np.float64]
-    estimated: NDArray[np.float64]
-    nominal: NDArray[np.float64]
-    reference: NDArray[np.float64] | None
-    sigma: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -69,28 +53,17 @@ def plot_injections(
 
 
 def evaluation_curves(evaluation: Evaluation, results: Sequence[InjectionResult]) -> list[RateCurves]:
-    """Curves of the first, a middle and the last injection of a recording."""
-    if not results:
-        return []
-    chosen = sorted({0, len(results) // 2, len(results) - 1})[:CURVES]
-    curves = []
-    for number in chosen:
-        report = results[number].report
-        first = report.start_index - evaluation.first_index
-        window = slice(first, report.end_index - evaluation.first_index + 1)
-        time = evaluation.recording.time[window]
-        measured = evaluation.recording.injection_rate
-        curves.append(
-            RateCurves(
-                f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
-                time - time[0],
-                evaluation.trace.injection_rate[window],
-                evaluation.trace.nominal_rate[window],
-                None if measured is None else measured[window],
-                evaluation.trace.injection_rate_sigma[window],
-            )
+    """Curves of the first, a middle and the last injection of a recording in memory."""
+    return [
+        rate_curves(
+            results[number].report,
+            evaluation.first_index,
+            evaluation.recording.time,
+            evaluation.trace,
+            evaluation.recording.injection_rate,
         )
-    return curves
+        for number in shown_numbers(len(results))
+    ]
 
 
 def evaluation_masses(results: Sequence[InjectionResult]) -> list[MassRow]:

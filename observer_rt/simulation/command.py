@@ -21,7 +21,7 @@ from observer_rt.simulation.schedule import (
 )
 from observer_rt.simulation.simulate import simulate, truth_path, write_truth
 from observer_rt.terminal.console import progress_bar, say, say_if_compiling
-from observer_rt.terminal.destinations import check_destination
+from observer_rt.terminal.destinations import check_destination, refuse_existing
 
 MAX_SAMPLES = 20_000_000  # that a machine of 4 GiB can hold with their truth
 
@@ -45,6 +45,8 @@ class SimulateOptions:
     seed: int
     fuel_temperature: float | None
     """degC; None: as in the injector file."""
+    force: bool = False
+    """Replace files that are there."""
 
 
 def simulate_to_file(output: Path, options: SimulateOptions, console: Console) -> None:
@@ -52,6 +54,7 @@ def simulate_to_file(output: Path, options: SimulateOptions, console: Console) -
     if options.noise not in ("on", "off"):
         raise UserError("--noise", f"is {options.noise!r}", "give on or off")
     check_destination("--output", output, suffixes_of(written(signal_formats())))
+    refuse_existing("--output", [output, truth_path(output)], options.force)
     period, sample_rate = options.period_ms * MILLISECOND, options.sample_rate
     samples = options.injections * period * sample_rate
     if samples > MAX_SAMPLES:

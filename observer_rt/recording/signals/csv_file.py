@@ -7,10 +7,10 @@ double nearest to 100005000.
 
 import csv
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,12 @@ from observer_rt.foundation.misspelt import hint
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 from observer_rt.recording.signals.checked import CheckedGrid, in_chunks
 from observer_rt.recording.signals.recording import Chunk, Recording
-from observer_rt.recording.signals.signal_format import SignalFormat
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream
+from observer_rt.recording.signals.table_writers import CsvWriter, WrittenColumn
 
 TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
 STEPS_PER_UNIT = 1e9
-WRITE_FORMAT = "%.12g"
-ROWS_PER_WRITE = 100_000
+LONGEST_HEADER = 1 << 20  # characters
 
 
 class Column(NamedTuple):
@@ -81,28 +80,16 @@ def read_csv(path: Path) -> Recording:
     return CsvSignals(path).collected()
 
 
-def write_csv(path: Path, recording: Recording) -> None:
-    """Write a recording, its time first."""
-    signals = {"time": recording.time, **recording.signals}
-    write_columns(path, [(column, signals[column.signal]) for column in COLUMNS if column.signal in signals])
-
-
 def write_columns(path: Path, columns: Sequence[tuple[Column, NDArray[np.float64]]]) -> None:
     """Write SI arrays of one length (n,) as CSV columns in their printed units, NaN as an empty cell."""
-    printed = {column.header: (WRITE_FORMAT, values / column.factor) for column, values in columns}
-    write_table(path, printed)
+    with CsvWriter(path, [WrittenColumn(column.header, column.signal) for column, _ in columns]) as writer:
+        writer.write([values / column.factor for column, values in columns])
 
 
-def write_table(path: Path, columns: Mapping[str, tuple[str, NDArray[Any]]]) -> None:
-    """Write arrays of one length (n,) as CSV columns by their headers, each in its format, NaN as an empty cell."""
-    row_format = ",".join(cell_format for cell_format, _ in columns.values())
-    arrays = [values for _, values in columns.values()]
-    with path.open("w", encoding="ascii", newline="\n") as file:
-        file.write(",".join(columns) + "\n")
-        for start in range(0, arrays[0].size, ROWS_PER_WRITE):
-            cells = [values[start : start + ROWS_PER_WRITE].tolist() for values in arrays]
-            text = "\n".join(map(row_format.__mod__, zip(*cells, strict=True))) + "\n"
-            file.write(text.replace("nan", ""))
+def csv_names(path: Path) -> list[str]:
+    """Of the columns, in a file of this layout."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        return [name.strip() for name in file.readline(LONGEST_HEADER).split(",")]
 
 
 def _to_si(printed: NDArray[np.float64], column: Column) -> NDArray[np.float64]:
@@ -212,7 +199,3 @@ def _line_of_row(path: Path, row: int) -> int:
             if index == row + 1:
                 return number
     return 1
-
-
-_HEADER = f"{','.join(column.header for column in REQUIRED)}[,{INJECTION_RATE.header}]"
-CSV = SignalFormat((".csv",), _HEADER, read_csv, write_csv)

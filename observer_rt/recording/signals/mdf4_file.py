@@ -18,19 +18,12 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
-from observer_rt.foundation.units import CUBIC_MILLIMETRE, LENGTH_UNITS, MM3_PER_MS, PRESSURE_UNITS
+from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 from observer_rt.recording.signals.checked import CheckedGrid, in_chunks
 from observer_rt.recording.signals.recording import Chunk, Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream
+from observer_rt.recording.signals.units import RATE_UNITS
 
-RATE_UNITS = {
-    "m3/s": 1.0,
-    "mm3/ms": MM3_PER_MS,
-    "mm3/s": CUBIC_MILLIMETRE,
-    "m³/s": 1.0,
-    "mm³/ms": MM3_PER_MS,
-    "mm³/s": CUBIC_MILLIMETRE,
-}
 UNITS = {
     "rail_pressure": PRESSURE_UNITS,
     "needle_lift": LENGTH_UNITS,
@@ -38,7 +31,6 @@ UNITS = {
     "injection_rate": RATE_UNITS,
 }
 REQUIRED = ("rail_pressure", "needle_lift", "line_pressure")
-SI_UNITS = {"rail_pressure": "Pa", "needle_lift": "m", "line_pressure": "Pa", "injection_rate": "m3/s"}
 MAGIC = b"MDF"
 READABLE = "give a complete MDF 4 measurement"
 DAMAGE = (  # the ways in which asammdf fails on a damaged file
@@ -102,20 +94,10 @@ def read_mdf4(path: Path) -> Recording:
     return Mdf4Signals(path).collected()
 
 
-def write_mdf4(path: Path, recording: Recording) -> None:
-    """Write a recording in SI units, which round-trips every double exactly.
-
-    The same recording gives the same bytes: no date of writing is stored.
-    """
-    signals = [
-        Signal(samples=values, timestamps=recording.time, name=name, unit=SI_UNITS[name])
-        for name, values in recording.signals.items()
-    ]
-    with MDF(version="4.10") as file:
-        add_history(file)
-        file.append(signals, comment="", common_timebase=True)
-        with path.open("wb+") as handle:
-            file.save(handle, add_history_block=False)
+def mdf4_names(path: Path) -> list[str]:
+    """Of the channels."""
+    with opened(path) as file:
+        return list(file.channels_db)
 
 
 @contextmanager
@@ -168,14 +150,14 @@ def refuse_outside(file: MDF, group: int) -> None:
             raise ValueError(f"{channel.name} reaches to byte {end} of records of {record}")
 
 
-def part_of(file: MDF, group: int, index: int, first: int) -> Signal:
-    """At most SAMPLES_AT_ONCE samples of a channel from one on."""
+def part_of(file: MDF, group: int, index: int, first: int, count: int = SAMPLES_AT_ONCE) -> Signal:
+    """At most `count` samples of a channel from one on."""
     return file.get(
         group=group,
         index=index,
         ignore_invalidation_bits=True,
         record_offset=first,
-        record_count=SAMPLES_AT_ONCE,
+        record_count=count,
     )
 
 

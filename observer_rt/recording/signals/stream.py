@@ -38,6 +38,10 @@ class SignalStream(ABC):
         """What was made of the file that the user should know."""
         self.survey = Survey()
         """Ranges of the signals."""
+        self.names: dict[str, str] = {}
+        """What signals are called in the file, where that is not as in a recording."""
+        self.details: tuple[str, ...] = ()
+        """How the file was read, for who looks at it."""
 
     @property
     def path(self) -> Path | None:

@@ -26,7 +26,7 @@ from observer_rt.recording.signals.mapped.signals import MappedSignals
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.signal_format import SignalFormat
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream
-from observer_rt.recording.signals.writers import RecordingWriter
+from observer_rt.recording.signals.writers import CollectingWriter, PartsWriter, RecordingWriter
 from observer_rt.terminal.destinations import check_suffix
 
 Format = LogFormat | SignalFormat
@@ -137,10 +137,11 @@ def write_recording(path: Path, recording: Recording) -> None:
         writer(path, recording)
 
 
-def open_parts(path: Path, has_rate: bool) -> RecordingWriter:
-    """A recording to be written part by part. Raises `UserError` for a suffix that cannot be written so."""
-    _of(path, [each for each in written(signal_formats()) if each.layouts is not None])
-    return RecordingWriter(path, has_rate)
+def open_parts(path: Path, has_rate: bool) -> PartsWriter:
+    """A recording to be written part by part. Raises `UserError` for a suffix that cannot be written."""
+    found = _of(path, written(signal_formats()))
+    assert found.writer is not None
+    return CollectingWriter(path, found.writer) if found.layouts is None else RecordingWriter(path, has_rate)
 
 
 def _of(path: Path, known: Sequence[F]) -> F:

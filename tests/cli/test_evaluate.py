@@ -199,7 +199,7 @@ def test_model_replaces_that_of_the_bench(command: Command, worn: Path, bench: P
         (("{worn}", "--bench", "{here}/no.toml"), "{here}/no.toml: no such file"),
         (("{here}/no.csv",), "{here}/no.csv: no such file"),
         (("{here}/a.log",), "{here}/a.log: no such file"),
-        (("{here}/a.db",), "known suffixes: .csv, .mf4, .log, .blf, .asc, .trc"),
+        (("{here}/a.db",), "known suffixes: .csv, .mf4, .parquet, .log, .blf, .asc, .trc"),
         (("{here}",), "known suffixes: .csv, .mf4"),
     ],
 )

@@ -1,7 +1,7 @@
 """Recordings read in parts: as long as the disk is large, in memory that does not depend on it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,19 +68,7 @@ class SignalStream(ABC):
         if len(self.stretches) > 1:
             return self._on_one_grid(parts)
 
-        def joined(name: str) -> NDArray[np.float64]:
-            arrays = [getattr(part, name) for part in parts]
-            return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
-
-        rate = joined("injection_rate") if self.has_rate else None
-        return Recording(
-            joined("time"),
-            joined("rail_pressure"),
-            joined("needle_lift"),
-            joined("line_pressure"),
-            rate,
-            self._path,
-        )
+        return joined(parts)
 
     def _on_one_grid(self, parts: Iterable[Chunk]) -> Recording:
         places = self._places()
@@ -108,6 +96,23 @@ class SignalStream(ABC):
                 )
             places.append(places[-1] + before.samples + (hole if hole > 0 else round(self.rate)))
         return places
+
+
+def joined(parts: Sequence[Recording]) -> Recording:
+    """Parts of a recording that follow one another, in one piece."""
+
+    def whole(name: str) -> NDArray[np.float64]:
+        arrays = [getattr(part, name) for part in parts]
+        return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+
+    return Recording(
+        whole("time"),
+        whole("rail_pressure"),
+        whole("needle_lift"),
+        whole("line_pressure"),
+        None if parts[0].injection_rate is None else whole("injection_rate"),
+        parts[0].path,
+    )
 
 
 class HeldSignals(SignalStream):

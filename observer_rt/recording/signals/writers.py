@@ -1,10 +1,12 @@
 """Recordings written part by part, in our own layouts."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Self
+from typing import Protocol, Self
 
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import joined
 from observer_rt.recording.signals.table_writers import TABLE_WRITERS, WrittenColumn
 
 _PRINTED = {
@@ -24,8 +26,19 @@ _SI = {  # every double comes back as it was
 LAYOUTS = {".csv": _PRINTED, ".mf4": _SI, ".parquet": _SI}
 
 
+class PartsWriter(Protocol):
+    """A recording being written part by part; a context manager that completes the file."""
+
+    def write(self, part: Recording, /) -> None:
+        """Append samples."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, kind: object, *raised: object) -> None: ...
+
+
 class RecordingWriter:
-    """A recording being written, in the layout of its suffix; a context manager that completes the file."""
+    """The same, in our own layout of its suffix."""
 
     def __init__(self, path: Path, has_rate: bool) -> None:
         """Replaces an existing file."""
@@ -38,15 +51,32 @@ class RecordingWriter:
         )
 
     def write(self, part: Recording) -> None:
-        """Append samples."""
         arrays = {"time": part.time, **part.signals}
         self._writer.write([arrays[name] / factor for name, (_, factor) in self._columns.items()])
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, *raised: object) -> None:
         self._writer.close()
+
+
+class CollectingWriter:
+    """The same for a format that is written as a whole."""
+
+    def __init__(self, path: Path, write: Callable[[Path, Recording], None]) -> None:
+        self._path, self._write = path, write
+        self._parts: list[Recording] = []
+
+    def write(self, part: Recording) -> None:
+        self._parts.append(part)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, *raised: object) -> None:
+        if kind is None:
+            self._write(self._path, joined(self._parts))
 
 
 def write_whole(path: Path, recording: Recording) -> None:

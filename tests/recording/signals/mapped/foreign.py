@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording
 from observer_rt.recording.signals.recording import Recording
 
@@ -49,3 +50,11 @@ def signals(samples: int) -> dict[str, NDArray[np.float64]]:
 def read(path: Path, fitted: Bench) -> Recording:
     """All of a file, put on one grid."""
     return open_recording(path, fitted.injector).collected()
+
+
+def tells(path: Path, fitted: Bench) -> bool:
+    """Whether a file gives a recording, or an error that names it and says what to do."""
+    try:
+        return read(path, fitted).samples >= 2
+    except UserError as error:
+        return str(path) in error.place and bool(error.remedy)

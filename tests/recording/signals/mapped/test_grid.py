@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording
 from observer_rt.recording.signals import stream
-from observer_rt.recording.signals.mapped import csv_table, mdf4_table, signals as mapped_signals
+from observer_rt.recording.signals.mapped import csv_table, mdf4_table
+from observer_rt.recording.signals.mapped import signals as mapped_signals
 from observer_rt.recording.signals.stream import SignalStream
-from tests.recording.signals.mapped.foreign import RATE, bench, read, signals
+from tests.recording.signals.mapped.foreign import RATE, bench, read, signals, tells
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 Times = NDArray[np.float64]
@@ -101,13 +102,13 @@ def test_in_parts_as_in_one_piece(
 ) -> None:
     """However small the parts are that are read: the same samples, none lost, none twice."""
     random = np.random.default_rng(seed)
-    time = np.arange(1000) / RATE
+    time: Times = np.arange(1000) / RATE
     for place, lost in gaps:
         time[place:] += lost / RATE
     for place in restarts:
         time[place:] -= time[place]
-    time += random.uniform(-2e-6, 2e-6, 1000)
-    path = write(tmp_path, time)
+    jitter: Times = random.uniform(-2e-6, 2e-6, 1000)
+    path = write(tmp_path, time + jitter)
     whole = list(opened(path, tmp_path).chunks())
     with pytest.MonkeyPatch.context() as patch:
         for module in (stream, csv_table, mapped_signals):
@@ -228,7 +229,4 @@ def test_a_damaged_parquet_file_is_told(tmp_path: Path, share: float, flips: lis
     for flip in flips:
         content[int(flip * len(content))] ^= 0x55
     path.write_bytes(bytes(content) if flips else bytes(content[: int(share * len(content))]))
-    try:
-        assert read(path, bench(tmp_path)).samples >= 2
-    except UserError as error:
-        assert str(path) in str(error)
+    assert tells(path, bench(tmp_path))

@@ -25,6 +25,7 @@ from observer_rt.recording.signals.table_writers import CsvWriter, WrittenColumn
 
 TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
 STEPS_PER_UNIT = 1e9
+DESCRIBED = "a file of another layout is described in [recording] of a bench file, given by --bench"
 LONGEST_HEADER = 1 << 20  # characters
 
 
@@ -114,9 +115,9 @@ def _read_header(path: Path) -> list[Column]:
             str(path), "is empty, or begins with an empty line", "begin it with the names of the columns"
         )
     place = f"{path}, line 1"
-    expected = f"the header is {','.join(known)} in any order, the last column optional"
+    expected = f"the header is {','.join(known)} in any order, the last column optional; {DESCRIBED}"
     if ";" in header:
-        raise UserError(place, "the columns are separated by ';'", "separate by ',' and use decimal points")
+        raise UserError(place, "the columns are separated by ';'", DESCRIBED)
     names = [name.strip() for name in header.split(",")]
     for name in names:
         if name not in known:

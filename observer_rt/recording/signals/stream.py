@@ -12,7 +12,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.recording import Chunk, Recording
 from observer_rt.recording.signals.survey import Survey
 
-SAMPLES_AT_ONCE = 1 << 16
+SAMPLES_AT_ONCE = 1 << 14
 LONGEST_HOLE = 1 << 24  # samples that may lie between two stretches put into one array
 
 

@@ -108,7 +108,7 @@ def test_in_parts_as_in_one_piece(
     for place in restarts:
         time[place:] -= time[place]
     jitter: Times = random.uniform(-2e-6, 2e-6, 1000)
-    path = write(tmp_path, np.asarray(time + jitter, np.float64))
+    path = write(tmp_path, (time + jitter).astype(np.float64))
     whole = list(opened(path, tmp_path).chunks())
     with pytest.MonkeyPatch.context() as patch:
         for module in (stream, csv_table, mapped_signals):

@@ -85,7 +85,7 @@ for _command, _example in (
         "--output worn.csv",
     ),
     (evaluate, "worn.csv --output trace.csv --plot worn.png"),
-    (check, "--bench bench.toml --state learned.json"),
+    (check, "--bench bench.toml --recording mine.csv"),
     (replay, "recording.csv --bench bench.toml --speed 0.1"),
     (record, "--bench bench.toml --out bus.blf --rotate-size 500"),
     (convert, "bus.blf recording.csv --bench bench.toml"),

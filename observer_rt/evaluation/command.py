@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.curves import shown_numbers
 from observer_rt.evaluation.document import write_document
@@ -23,13 +24,14 @@ from observer_rt.foundation.file_errors import file_errors
 from observer_rt.model.effects import effective_model
 from observer_rt.model.fuel import temperature_of
 from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.recording.replay.clamped import clamped_in
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.compiled.constants import injector_at
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.run import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
-from observer_rt.terminal.console import progress_bar, results, say_if_compiling
+from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import (
     FIGURE_SUFFIXES,
     check_destination,
@@ -185,6 +187,10 @@ def _evaluated(
     Gives the knowledge at the end of the last one, too.
     """
     benches = [bench_for(bench, source) for source in sources]  # refuse before the first one is evaluated
+    for source in sources:
+        if not isinstance(source, LoggedSignals):
+            for warning in clamped_in(source.survey, map_bus(bench)):
+                say(console, f"warning: {source.path}, {warning}")
     runs = in_runs(sources) if options.chain else [[source] for source in sources]
     if options.chain:
         _refuse_several_rates(sources, benches)

@@ -15,6 +15,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.observer.stream.state import RING
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.channels import chosen_channels
 from observer_rt.recording.input_frames import InputFrames
@@ -33,15 +34,25 @@ _SHOWN = 5  # places where a log is split
 
 @dataclass(frozen=True)
 class LoggedStretch:
-    """Samples of a log whose index rises: [first_index, last_index], where the device was not restarted."""
+    """Samples of a log whose index rises: [first_index, last_index], where the device was not restarted.
+
+    resumed: first indices after holes that are longer than an observer remembers.
+    """
 
     first_index: int
     last_index: int
+    resumed: tuple[int, ...] = ()
 
     @property
     def samples(self) -> int:
         """With those that did not come."""
         return self.last_index - self.first_index + 1
+
+    def gone_on(self, index: NDArray[np.int64]) -> "LoggedStretch":
+        """With further indices (n,), rising."""
+        holes = np.diff(index, prepend=self.last_index) > RING
+        resumed = (*self.resumed, *index[holes].tolist()) if holes.any() else self.resumed
+        return LoggedStretch(self.first_index, int(index[-1]), resumed)
 
 
 @dataclass(frozen=True)
@@ -123,9 +134,8 @@ class LoggedSignals(SignalStream):
             for index in _apart(rows["index"].astype(np.int64)):
                 _refuse_hole(index, stretches, path)
                 if not stretches or index[0] <= stretches[-1].last_index:
-                    stretches.append(LoggedStretch(int(index[0]), int(index[-1])))
-                else:
-                    stretches[-1] = LoggedStretch(stretches[-1].first_index, int(index[-1]))
+                    stretches.append(LoggedStretch(int(index[0]), int(index[0])))
+                stretches[-1] = stretches[-1].gone_on(index)
             self._survey(rows)
             progress(self.frames.share_read)
         if found < 2:

@@ -67,8 +67,10 @@ class Passage:
 
     def finish(self) -> None:
         """Nothing more will be said of it."""
-        self._reach(self.samples)
         self._hand_over(self.time.size)
+        while self.first < self.samples:
+            self._reach(self.first + 1)
+            self._hand_over(self.time.size)
 
     def _hand_over(self, done: int) -> None:
         if not done:

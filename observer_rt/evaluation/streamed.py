@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 from observer_rt.config.bench import Bench
@@ -135,9 +136,11 @@ def evaluate_stream(
 
 
 def _passages(log: LoggedSignals, evaluation: StreamedEvaluation) -> list[Passage]:
-    """Of a log, whose times go on over a restart."""
+    """Of a log, apart at long holes, which belong to what is before them; times go on over a restart."""
     passages, offset = [], 0
     for stretch in log.logged:
-        passages.append(Passage(evaluation, stretch.first_index, stretch.samples, log.rate, offset))
-        offset += stretch.samples
+        bounds = [stretch.first_index, *stretch.resumed, stretch.last_index + 1]
+        for first, end in pairwise(bounds):
+            passages.append(Passage(evaluation, first, end - first, log.rate, offset))
+            offset += end - first
     return passages

@@ -14,8 +14,8 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation import passage
 from observer_rt.evaluation.document import write_document
-from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.evaluation.logged import LoggedSignals
+from observer_rt.evaluation.evaluate import evaluate, evaluate_logs
+from observer_rt.evaluation.logged import LoggedSignals, read_logged
 from observer_rt.evaluation.passage import Passage
 from observer_rt.evaluation.results import recording_json
 from observer_rt.evaluation.spool import Spool
@@ -191,3 +191,22 @@ def test_a_spool_is_a_sequence() -> None:
     assert list(spool) == [(number, str(number)) for number in range(5)]
     assert spool[-1] == (4, "4")
     assert spool[1:3] == [(1, "1"), (2, "2")]
+
+
+def test_a_log_with_long_holes_as_in_one_piece(tmp_path: Path) -> None:
+    """Holes longer than the observer remembers: a row of the trace for every sample all the same."""
+    framer = Framer(map_bus(BENCH))
+    frames, begin = [], 0.0
+    for _ in range(3):
+        frames += [frame._replace(time=frame.time + begin) for frame in framer.frames(worn(), whole(worn()))]
+        framer.pause(100_000)
+        begin = framer.next_index / 100e3
+    path = tmp_path / "bus.blf"
+    write_log(path, sent_log(frames))
+    (known,) = evaluate_logs(BENCH, [read_logged(BENCH, path)]).evaluations
+    log = LoggedSignals(BENCH, path)
+    assert (len(log.logged), len(log.logged[0].resumed)) == (1, 2)
+    (found,), _ = evaluate_stream(BENCH, [log], [tmp_path / "found.csv"])
+    assert recording_json(found, C) == recording_json(known, C)
+    write_trace(tmp_path / "known.csv", known)
+    assert (tmp_path / "found.csv").read_bytes() == (tmp_path / "known.csv").read_bytes()

@@ -116,7 +116,7 @@ def test_wrong_units_are_refused_by_every_command(
     rail, lift, line = (signals[each] for each in ("rail_pressure", "needle_lift", "line_pressure"))
     path = tmp_path / "wrong.csv"
     write_recording(path, Recording(right.time, rail, lift, line))
-    further = {
+    further: dict[str, list[object]] = {
         "evaluate": [],
         "convert": [tmp_path / "out.csv"],
         "replay": ["--bench", bench],

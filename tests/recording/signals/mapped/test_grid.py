@@ -86,7 +86,7 @@ def test_another_rate_is_resampled(tmp_path: Path, rate: float) -> None:
 
 def test_time_in_another_unit_falls_apart_with_a_remedy(tmp_path: Path) -> None:
     with pytest.raises(UserError) as raised:
-        opened(write(tmp_path, np.arange(500) * 1.0), tmp_path)
+        opened(write(tmp_path, np.arange(500.0)), tmp_path)
     assert "unit of the time" in str(raised.value)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config.bench import load_injector
+from observer_rt.config.effects import effect_named
 from observer_rt.discovery.answer import AskObserver, Question, answer
 from observer_rt.discovery.evidence.coverage import coverage
 from observer_rt.discovery.evidence.measurement import Measurement, measurements
@@ -37,12 +38,16 @@ FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html"
 
 @dataclass(frozen=True)
 class DiscoverOptions:
-    """Options of the command. healthy: recordings the model is judged against."""
+    """Options of the command. healthy: recordings the model is judged against; chosen: `id` or `id+id` of effects
+    that are to lead where several explain the recordings; force: what stands in the folder may be replaced.
+    """
 
     model: Path
     out: Path
     healthy: tuple[Path, ...]
     json: bool
+    chosen: str = ""
+    force: bool = False
 
 
 def discover_files(
@@ -60,11 +65,13 @@ def discover_files(
     """
     begin = time.monotonic()
     parameters = load_injector(options.model)
+    chosen = _chosen(options.chosen)
+    _refuse_replacing(options)
     source = InjectorText(options.model)
     measured = _measured([*paths, *options.healthy], read)
     refuse_rates_missing([one.recording for one in measured[: len(paths)]])
-    question = Question(parameters, measured[: len(paths)], measured[len(paths) :], _hashes(paths))
-    _make_folder(options)
+    question = Question(parameters, measured[: len(paths)], measured[len(paths) :], _hashes(paths), chosen)
+    _make_folder(options.out)
     for one in measured:
         say(console, coverage(one))
     say_if_compiling(console)
@@ -108,14 +115,30 @@ def _hashes(paths: Sequence[Path]) -> dict[str, str]:
     return {path.name if names[path.name] == 1 else str(path): file_hash(path) for path in paths}
 
 
-def _make_folder(options: DiscoverOptions) -> None:
+def _chosen(text: str) -> tuple[str, ...]:
+    """Ids of the effects chosen. Raises `UserError` for one that is none."""
+    return tuple(effect_named("--choose", name.strip()).id for name in text.split("+")) if text else ()
+
+
+def _refuse_replacing(options: DiscoverOptions) -> None:
+    """Refuse to replace an answer, or a model that somebody may be using, unless that is wanted."""
     folder = options.out
+    there = [name for name in (REPORT, FINDINGS, AMENDED) if (folder / name).exists()]
     if (folder / AMENDED).resolve() == options.model.resolve():
         raise UserError(
             f"--out {folder}",
             f"holds the model to be amended as {AMENDED}",
             "name another folder, or copy the model",
         )
+    if there and not options.force:
+        raise UserError(
+            f"--out {folder}",
+            f"holds {', '.join(there)} already",
+            "name another folder, or add --force to replace what is there",
+        )
+
+
+def _make_folder(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise UserError(f"--out {folder}", "is a file", "name a folder")
     with file_errors(folder):

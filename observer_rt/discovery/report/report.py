@@ -13,7 +13,7 @@ from observer_rt.discovery.report import views
 from observer_rt.discovery.report.figures import overlay_figure
 from observer_rt.discovery.report.gap_map import LEGEND, gap_map
 from observer_rt.discovery.report.printed_units import UNITS, sign
-from observer_rt.discovery.report.text import EQUATION_WORDS
+from observer_rt.discovery.report.text import EQUATION_WORDS, best_words, caveat_words, choices
 from observer_rt.model.effects import VOCABULARY
 
 _PAGES = Environment(
@@ -36,6 +36,9 @@ _PAGES.globals |= {
     "legend": LEGEND,
     "overlay_figure": overlay_figure,
     "remark": remark,
+    "best_words": best_words,
+    "caveat_words": caveat_words,
+    "choices": choices,
     **{name: getattr(views, name) for name in views.FOR_TEMPLATES},
 }
 
@@ -58,13 +61,12 @@ class Sources:
 def report(findings: Findings, sources: Sources) -> str:
     """The page."""
     found, where = findings.discovery, findings.where
-    after = "With the amended model" if found.effects else "With the best candidate, which is not enough"
+    after = "With what was found" if found.effects else f"Nearest, not enough: {' + '.join(found.best.ids)}"
     equations = dict.fromkeys(EQUATION_WORDS[item.equation] for item in where if item.equation is not None)
     return _PAGES.get_template("report.html.j2").render(
         findings=findings,
         found=found,
         sources=sources,
-        held_apart=set(findings.held_out) != set(findings.fitted_on),
         map_before=gap_map("Model as given", [(item.before, item) for item in where], findings.points),
         map_after=gap_map(after, [(item.after, item) for item in where], findings.points),
         violated=" and ".join(equations),

@@ -136,6 +136,7 @@ def _check(check: StandstillFigure, files: tuple[str, ...]) -> dict[str, Any]:
         "sigma": _finite(check.sigma),
         "unit": check.unit,
         "passed": check.passed,
+        "explained": check.explained,
     }
 
 

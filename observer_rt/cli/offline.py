@@ -41,7 +41,12 @@ def simulate(
     ] = None,
     effect: Annotated[
         list[str] | None,
-        typer.Option("--effect", help="Deviation of the plant, id[:parameter]=value; repeatable."),
+        typer.Option(
+            "--effect",
+            help="Deviation of the plant, ID[:PARAMETER]=VALUE, in the unit that `observer-rt effects` states; "
+            "repeatable.",
+            metavar="EFFECT",
+        ),
     ] = None,
     noise: Annotated[
         str, typer.Option("--noise", help="on: noise and 16-bit quantisation; off: none.")

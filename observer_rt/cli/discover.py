@@ -51,6 +51,9 @@ def discover(
     force: Annotated[
         bool, typer.Option("--force", help="Replace the report and the amended model that stand in DIR.")
     ] = False,
+    data: Annotated[
+        bool, typer.Option("--data", help="Also write the figures (SVG) and the numbers behind them (CSV).")
+    ] = False,
     bench: DecoderOption = None,
     from_channel: FromChannelOption = None,
     lenient: LenientOption = False,
@@ -71,5 +74,5 @@ def discover(
         return signals_of(read_source(path, decoder, from_channel or (), messages))
 
     injector = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
-    options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json, choose, force)
+    options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json, choose, force, data)
     discover_files(recordings, options, second_opinion, messages, read)

@@ -20,10 +20,11 @@ from observer_rt.discovery.evidence.plausible import (
     refuse_rates_missing,
     refuse_sample_rates,
 )
-from observer_rt.discovery.findings import Findings
+from observer_rt.discovery.findings import Findings, Sources
 from observer_rt.discovery.injector_text import InjectorText, write_amended
+from observer_rt.discovery.report.data import remove_data, write_data
 from observer_rt.discovery.report.document import as_json
-from observer_rt.discovery.report.report import Sources, report
+from observer_rt.discovery.report.report import report
 from observer_rt.discovery.report.text import as_text
 from observer_rt.discovery.search.fit_store import FitStore, file_hash, problem_key
 from observer_rt.foundation.errors import RunError, UserError
@@ -34,12 +35,14 @@ from observer_rt.terminal.console import progress_bar, results, say, say_if_comp
 from observer_rt.terminal.destinations import check_folder
 
 FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
+DATA = "data"
 
 
 @dataclass(frozen=True)
 class DiscoverOptions:
     """Options of the command. healthy: recordings the model is judged against; chosen: `id` or `id+id` of effects
-    that are to lead where several explain the recordings; force: what stands in the folder may be replaced.
+    that are to lead where several explain the recordings; force: what stands in the folder may be replaced; data:
+    the figures and the numbers behind the report are wanted as files, too.
     """
 
     model: Path
@@ -48,6 +51,7 @@ class DiscoverOptions:
     json: bool
     chosen: str = ""
     force: bool = False
+    data: bool = False
 
 
 def discover_files(
@@ -88,12 +92,15 @@ def discover_files(
                 "  remedy: give the same command again to go on"
             ) from None
     found = replace(found, seconds=time.monotonic() - begin)
-    _write(options, found, question, source)
+    document = _write(options, found, _sources(options, question), source)
     if options.json:
-        print(json.dumps(as_json(found), indent=2))
+        print(document)
     else:
         say(results(), as_text(found))
-        say(console, f"{options.out}: {REPORT}, {FINDINGS}" + (f", {AMENDED}" if found.in_force else ""))
+        more = [
+            name for name, is_there in ((AMENDED, bool(found.in_force)), (DATA, options.data)) if is_there
+        ]
+        say(console, f"{options.out}: {', '.join([REPORT, FINDINGS, *more])}")
 
 
 def _measured(paths: Sequence[Path], read: Callable[[Path], Recording]) -> tuple[Measurement, ...]:
@@ -123,7 +130,7 @@ def _chosen(text: str) -> tuple[str, ...]:
 def _refuse_replacing(options: DiscoverOptions) -> None:
     """Refuse to replace an answer, or a model that somebody may be using, unless that is wanted."""
     folder = options.out
-    there = [name for name in (REPORT, FINDINGS, AMENDED) if (folder / name).exists()]
+    there = [name for name in (REPORT, FINDINGS, AMENDED, DATA) if (folder / name).exists()]
     if (folder / AMENDED).resolve() == options.model.resolve():
         raise UserError(
             f"--out {folder}",
@@ -146,23 +153,32 @@ def _make_folder(folder: Path) -> None:
     check_folder("--out", folder)
 
 
-def _write(options: DiscoverOptions, found: Findings, question: Question, source: InjectorText) -> None:
-    """Everything into the folder; a model that an earlier run left there and this one does not make is removed."""
-    folder = options.out
-    healthy = tuple(path.name for path in options.healthy)
-    sources = Sources(
+def _sources(options: DiscoverOptions, question: Question) -> Sources:
+    return Sources(
         model=options.model.name,
         model_hash=file_hash(options.model),
         in_force=tuple(effect.id for effect in question.parameters.effects),
         recordings=question.hashes,
-        healthy=healthy,
+        healthy=tuple(path.name for path in options.healthy),
         made=datetime.now(),
     )
+
+
+def _write(options: DiscoverOptions, found: Findings, sources: Sources, injector: InjectorText) -> str:
+    """Everything into the folder, and back what findings.json says.
+
+    What an earlier run left there and this one does not make is removed.
+    """
+    folder = options.out
+    document = json.dumps(as_json(found, sources), indent=2)
     with file_errors(folder):
-        document = json.dumps(as_json(found), indent=2)
         (folder / FINDINGS).write_text(document + "\n", encoding="utf-8")
         (folder / REPORT).write_text(report(found, sources), encoding="utf-8")
+        remove_data(folder / DATA)
+        if options.data:
+            write_data(folder / DATA, found)
         if found.in_force:
-            write_amended(folder / AMENDED, source, found.in_force)
+            write_amended(folder / AMENDED, injector, found.in_force)
         else:
             (folder / AMENDED).unlink(missing_ok=True)
+    return document

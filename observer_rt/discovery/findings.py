@@ -1,6 +1,8 @@
 """What `discover` answers, with what it rests on."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 
 from observer_rt.discovery.caveats import Caveat, Circumstances, caveats_of
 from observer_rt.discovery.comparison.disagreement import Disagreement
@@ -67,6 +69,22 @@ class Findings:
     def is_open(self) -> bool:
         """Whether several explanations are tied and none was chosen."""
         return self.discovery.verdict is Verdict.AMBIGUOUS and not self.chosen
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What an answer was made from.
+
+    model, model_hash: name and SHA-256 of the injector file; in_force: effects in it already; recordings: SHA-256 by
+    file name; healthy: names of healthy recordings.
+    """
+
+    model: str
+    model_hash: str
+    in_force: tuple[str, ...]
+    recordings: Mapping[str, str]
+    healthy: tuple[str, ...]
+    made: datetime
 
 
 def explained_share(found: Discovery) -> float:

@@ -10,7 +10,7 @@ from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.text import as_text
 from observer_rt.discovery.search.result import Verdict
 from observer_rt.model.effects import effective_model, sized
-from tests.discovery.conftest import Worn
+from tests.discovery.conftest import SOURCES, Worn
 from tests.discovery.hidden import NOMINAL
 
 
@@ -54,7 +54,9 @@ def test_a_reservation_is_in_headline_and_document(worn: Worn, caveat: str, chan
     (one,) = findings.caveats
     assert one.id == caveat
     assert f"but: {one.words}" in as_text(findings).splitlines()[0]
-    assert {"id": caveat, "words": one.words, "sentence": one.sentence} in as_json(findings)["caveats"]
+    assert {"id": caveat, "words": one.words, "sentence": one.sentence} in as_json(findings, SOURCES)[
+        "caveats"
+    ]
 
 
 def test_a_measured_rate_settles_the_inertance(worn: Worn) -> None:

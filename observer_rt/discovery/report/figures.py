@@ -137,7 +137,7 @@ def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
         tops = np.maximum(heights, floors)  # where the line does not strike the number through
         for place, top, height in zip(places + shift, tops, heights, strict=True):
             axes.annotate(
-                f"{height:.2g}", (place, top), (0, 2), textcoords="offset points", ha="center", fontsize=8
+                _two_digits(height), (place, top), (0, 2), textcoords="offset points", ha="center", fontsize=8
             )
     axes.hlines(floors, places - 0.45, places + 0.45, color=MEASURED, lw=1.4, label="noise alone")
     axes.margins(y=0.15)
@@ -146,6 +146,10 @@ def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
     axes.set_xticks(places, labels)
     axes.set_ylabel(f"rms [{bars.unit}]")
     axes.set_title(bars.title, loc="left", fontsize=10.5, fontweight="bold")
+
+
+def _two_digits(value: float) -> str:
+    return f"{value:.0f}" if value >= 10.0 else f"{value:#.2g}"
 
 
 @contextmanager

@@ -1,13 +1,9 @@
 """report.html: the answer first, then what it rests on, in one self-contained page."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from datetime import datetime
-
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from observer_rt import __version__
-from observer_rt.discovery.findings import Findings
+from observer_rt.discovery.findings import Findings, Sources
 from observer_rt.discovery.opinion import remark
 from observer_rt.discovery.report import views
 from observer_rt.discovery.report.figures import overlay_figure
@@ -41,21 +37,6 @@ _PAGES.globals |= {
     "choices": choices,
     **{name: getattr(views, name) for name in views.FOR_TEMPLATES},
 }
-
-
-@dataclass(frozen=True)
-class Sources:
-    """What a report was made from.
-
-    in_force: effects in the model already; recordings: SHA-256 by file name; healthy: names of healthy recordings.
-    """
-
-    model: str
-    model_hash: str
-    in_force: tuple[str, ...]
-    recordings: Mapping[str, str]
-    healthy: tuple[str, ...]
-    made: datetime
 
 
 def report(findings: Findings, sources: Sources) -> str:

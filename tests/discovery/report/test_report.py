@@ -3,18 +3,18 @@
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from datetime import datetime
 from html.parser import HTMLParser
 from typing import Any
 
 import pytest
 
+from observer_rt.discovery.findings import Sources
 from observer_rt.discovery.opinion import Opinion
-from observer_rt.discovery.report.report import Sources, report
+from observer_rt.discovery.report.report import report
 from observer_rt.discovery.search.result import Decisive, Discovery, Signal, Unexplained, Verdict
 from observer_rt.estimation.phases import Phase
 from observer_rt.model.effect import Equation
-from tests.discovery.conftest import Worn
+from tests.discovery.conftest import SOURCES, Worn
 
 VOID = {"meta", "br", "path", "use", "rect", "line"}
 
@@ -61,7 +61,7 @@ def _page(worn: Worn, found: Discovery | None = None, **changes: Any) -> _Page:
 
 
 def _sources(hashes: Mapping[str, str]) -> Sources:
-    return Sources("a & b.toml", "0" * 64, ("seat_area",), hashes, (), datetime(2026, 1, 31, 12, 0))
+    return replace(SOURCES, recordings=hashes)
 
 
 def test_the_page_stands_alone(worn: Worn) -> None:

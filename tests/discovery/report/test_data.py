@@ -58,6 +58,7 @@ def test_signals_and_figures_of_the_injections_shown(worn: Worn, data: Path) -> 
         rows = _rows(data / f"injection_{number}.csv")
         assert len(rows) == overlay.time.size
         assert float(rows[-1]["time_ms"]) == pytest.approx(overlay.time[-1] * 1e3)
+        assert overlay.amended_pressure is not None
         assert float(rows[9]["line_pressure_amended_MPa"]) == pytest.approx(overlay.amended_pressure[9] / 1e6)
     for name in ("injections.svg", "gaps.svg"):
         assert ET.parse(data / name).getroot().tag == "{http://www.w3.org/2000/svg}svg"

@@ -99,7 +99,15 @@ def evaluate(
     output: Annotated[
         Path | None, file_option("--output", "Trace, one row per sample; a folder for several.", "FILE|DIR")
     ] = None,
-    plot: Annotated[Path | None, file_option("--plot", "Figure (png, svg, pdf).")] = None,
+    plot: Annotated[
+        Path | None, file_option("--plot", "Figure (png, svg, pdf): curves, masses, wear.")
+    ] = None,
+    injections: Annotated[
+        str | None,
+        typer.Option(
+            "--injections", help="Numbers of those drawn as curves, as 1,5-8 (default: first, middle, last)."
+        ),
+    ] = None,
     from_channel: FromChannelOption = None,
     fuel_temperature: FuelTemperatureOption = None,
     lenient: LenientOption = False,
@@ -108,8 +116,18 @@ def evaluate(
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
+    from observer_rt.evaluation.curves import chosen_numbers
 
     options = EvaluateOptions(
-        state, save_state, not no_learning, chain, output, plot, as_json, from_channel or (), fuel_temperature
+        state,
+        save_state,
+        not no_learning,
+        chain,
+        output,
+        plot,
+        as_json,
+        from_channel or (),
+        fuel_temperature,
+        chosen_numbers(injections) if injections is not None else (),
     )
     evaluate_files(load_bench(bench, model, lenient), recordings, options, messages)

@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
+from observer_rt.evaluation.curves import numbers_shown
 from observer_rt.evaluation.evaluate import Evaluation, History, Progress, evaluate, evaluate_logs
 from observer_rt.evaluation.logged import LoggedRecording
 from observer_rt.evaluation.results import SCHEMA, injection_results, recording_json
@@ -45,10 +46,14 @@ class EvaluateOptions:
     """Channels of a CAN log, of buses."""
     fuel_temperature: float | None = None
     """degC of recordings, which know none; None: as in the injector file."""
+    injections: Sequence[int] = ()
+    """Numbers of those to be drawn as curves, empty: some."""
 
 
 def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
+    if options.injections and options.plot is None:
+        raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
     _refuse_ambiguous(paths, options)
     for option, path in (("--state", options.state), ("--save-state", options.save_state)):
         if path is not None:
@@ -69,8 +74,6 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
         save_knowledge(options.save_state, histories[-1].knowledge, model, pressure_scale)
     if options.output is not None:
         _write_traces(options.output, paths, evaluations)
-    if options.plot is not None:
-        _plot(options.plot, evaluations, c)
     if options.json:
         document = {
             "schema": SCHEMA,
@@ -82,6 +85,8 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
         results_console = results()
         for evaluation in evaluations:
             print_evaluation(evaluation, c, results_console)
+    if options.plot is not None:
+        _plot(options.plot, evaluations, options.injections, c)
 
 
 def _with_fuel(bench: Bench, sources: Sequence[Source], options: EvaluateOptions) -> Bench:
@@ -115,10 +120,6 @@ def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
             raise UserError(
                 f"--output {options.output}", f"{twice.name} would be written twice", "rename the recordings"
             )
-    if options.plot is not None:
-        raise UserError(
-            "--plot", "makes one figure, but there are several recordings", "evaluate one of them"
-        )
     if options.save_state is not None and not options.chain:
         raise UserError(
             "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
@@ -204,16 +205,13 @@ def _write_traces(output: Path, paths: Sequence[Path], evaluations: Sequence[Eva
         write_trace(_trace_in(output, path) if _is_folder(output) else output, evaluation)
 
 
-def _plot(path: Path, evaluations: Sequence[Evaluation], c: Coefficients) -> None:
-    from observer_rt.evaluation.figures import evaluation_curves, evaluation_masses, plot_injections
+def _plot(path: Path, evaluations: Sequence[Evaluation], chosen: Sequence[int], c: Coefficients) -> None:
+    from observer_rt.evaluation.figures import plot_injections
+    from observer_rt.evaluation.pictures import picture_of
 
-    evaluation = evaluations[0]
-    injections = injection_results(evaluation)
+    results = [injection_results(evaluation) for evaluation in evaluations]
+    there = {one.report.number for injections in results for one in injections}
+    shown = numbers_shown(chosen, there)
+    pictures = [picture_of(*each, shown, c) for each in zip(evaluations, results, strict=True)]
     with file_errors(path):
-        plot_injections(
-            path,
-            f"{evaluation.recording.path}",
-            evaluation_curves(evaluation, injections),
-            evaluation_masses(injections),
-            "measured",
-        )
+        plot_injections(path, pictures, "measured")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
-from observer_rt.evaluation.figures import evaluation_curves
+from observer_rt.evaluation.pictures import picture_of
 from observer_rt.evaluation.results import injection_results, recording_json
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import sized
@@ -161,7 +161,11 @@ def test_mean_half_width_of_the_rate_in_the_document() -> None:
 
 def test_figure_gets_the_sigma_of_its_injections() -> None:
     made = run(3, 0.3)
-    for curve in evaluation_curves(made.found, injection_results(made.found)):
+    results = injection_results(made.found)
+    picture = picture_of(made.found, results, {1, 3}, C)
+    assert set(picture.curves) == {1, 3}
+    assert [row.ci95 for row in picture.masses] == [result.report.mass_ci95 for result in results]
+    for curve in picture.curves.values():
         assert curve.sigma is not None
         assert curve.sigma.shape == curve.estimated.shape
         assert np.isfinite(curve.sigma).all()

@@ -149,6 +149,14 @@ def test_chosen_injections_are_drawn_with_units(command: Command, worn: Path, tm
         assert re.search(rf"{name} \[{unit}\]", words), name
 
 
+def test_an_injection_that_is_not_there_costs_no_result(command: Command, worn: Path, tmp_path: Path) -> None:
+    outcome = command("evaluate", worn, "--plot", tmp_path / "x.png", "--injections", "2,9")
+    assert outcome.code == 2
+    assert "--injections: there is no injection 9" in outcome.err
+    assert "there are 1 to 4" in outcome.err
+    assert "mass" in outcome.out
+
+
 def test_several_recordings_share_their_axes(
     command: Command, worn: Path, resting: Path, tmp_path: Path
 ) -> None:
@@ -223,10 +231,6 @@ def test_model_replaces_that_of_the_bench(command: Command, worn: Path, bench: P
         (("{worn}", "{worn}", "--output", "{here}/traces"), "worn.csv.trace.csv would be written twice"),
         (("{worn}", "--injections", "1"), "no --plot is given"),
         (("{worn}", "--plot", "{here}/x.png", "--injections", "1,0"), "--injections: '0' is no number"),
-        (
-            ("{worn}", "--plot", "{here}/x.png", "--injections", "2,9"),
-            "--injections: there is no injection 9",
-        ),
         (("{worn}", "{resting}", "--save-state", "x.json"), "--save-state: needs one history"),
         (("{worn}", "--output", "{worn}"), "is a recording to be evaluated"),
         (("{worn}", "--output", "{here}/no/x.csv"), "--output: {here}/no: no such folder"),

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from observer_rt.evaluation.curves import RateCurves
 from observer_rt.evaluation.event_axes import (
@@ -60,9 +62,14 @@ def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -
 
 
 def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture]) -> None:
-    """Of the first injection's axes: the same lines mean the same in all."""
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=4, frameon=False)
+    """Of the recordings where there are several, else of the first injection's lines, the same in all."""
+    handles: Sequence[Artist] = axes[0].get_legend_handles_labels()[0]
+    if len(recordings) > 1:
+        handles = [
+            Line2D([], [], color=RECORDINGS[i % len(RECORDINGS)], label=one.title)
+            for i, one in enumerate(recordings)
+        ]
+    figure.legend(handles=handles, loc="outside upper right", ncols=4, frameon=False)
     if len(axes) > 1 and len(recordings) == 1:
         axes[1].legend(
             loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, frameon=False, ncols=2, borderpad=0.0
@@ -73,12 +80,12 @@ def _draw_injection(
     axes: Sequence[Axes], recordings: Sequence[Picture], number: int, reference: str, labelled: bool
 ) -> None:
     """One injection of every recording that has it: rates, and line pressure below."""
-    there = [(i, one.title, one.curves[number]) for i, one in enumerate(recordings) if number in one.curves]
-    for i, name, curve in there:
+    there = [(i, one.curves[number]) for i, one in enumerate(recordings) if number in one.curves]
+    for i, curve in there:
         if len(recordings) == 1:
             _draw_rates(axes[0], curve, reference)
         else:
-            _draw_rates_of_several(axes[0], curve, RECORDINGS[i % len(RECORDINGS)], name)
+            _draw_rates_of_several(axes[0], curve, RECORDINGS[i % len(RECORDINGS)])
         if len(axes) > 1 and curve.line is not None:
             time, colour = curve.time / MILLISECOND, RECORDINGS[i % len(RECORDINGS)]
             measured = REFERENCE if len(recordings) == 1 else colour
@@ -86,7 +93,7 @@ def _draw_injection(
             pressures = [values / MEGAPASCAL for values in (curve.line.measured, curve.line.modelled)]
             axes[1].plot(time, pressures[0], color=measured, lw=2.2, alpha=alpha, label="measured")
             axes[1].plot(time, pressures[1], color=colour, lw=1.1, label="observer, from the opening on")
-    axes[0].set_title(there[0][2].title if len(recordings) == 1 else f"injection {number}")
+    axes[0].set_title(there[0][1].title if len(recordings) == 1 else f"injection {number}")
     for one in axes:
         one.grid(alpha=0.3)
     axes[-1].set_xlabel("time [ms]")
@@ -110,9 +117,9 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str) -> None:
     axes.plot(time, curve.nominal / MM3_PER_MS, color=NOMINAL, ls="--", lw=1.4, label="nominal model")
 
 
-def _draw_rates_of_several(axes: Axes, curve: RateCurves, colour: str, name: str) -> None:
+def _draw_rates_of_several(axes: Axes, curve: RateCurves, colour: str) -> None:
     time = curve.time / MILLISECOND
     if curve.reference is not None:
         axes.plot(time, curve.reference / MM3_PER_MS, color=colour, lw=3.0, alpha=0.3)
-    axes.plot(time, curve.estimated / MM3_PER_MS, color=colour, lw=1.4, label=name)
+    axes.plot(time, curve.estimated / MM3_PER_MS, color=colour, lw=1.4)
     axes.plot(time, curve.nominal / MM3_PER_MS, color=colour, ls="--", lw=0.9)

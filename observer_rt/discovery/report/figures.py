@@ -31,6 +31,7 @@ _STYLE = {
     "path.simplify_threshold": 0.3,
 }
 
+_FEWEST_PLACES = 3  # beside each other, for which there is room
 _NO_METADATA = dict.fromkeys(("Date", "Creator", "Type", "Format"))
 
 
@@ -144,6 +145,8 @@ def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
     axes.set_ylim(bottom=0.0)
     axes.grid(axis="x", visible=False)
     axes.set_xticks(places, labels)
+    spare = 0.6 + max(0.0, (_FEWEST_PLACES - places.size) / 2.0)  # a single bar need not fill the figure
+    axes.set_xlim(-spare, places.size - 1.0 + spare)
     axes.set_ylabel(f"rms [{bars.unit}]")
     axes.set_title(bars.title, loc="left", fontsize=10.5, fontweight="bold")
 

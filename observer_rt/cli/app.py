@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from observer_rt import __version__
+from observer_rt.cli.compare import compare
 from observer_rt.cli.discover import discover
 from observer_rt.cli.effects import effects
 from observer_rt.cli.live import check, demo, run
@@ -90,7 +91,8 @@ for _command, _example in (
     (record, "--bench bench.toml --out bus.blf --rotate-size 500"),
     (convert, "bus.blf recording.csv --bench bench.toml"),
     (discover, "--model injector.toml --out found worn_1.csv worn_2.csv"),
-    (effects, "--effects my_effects.py"),
+    (compare, "found_spring found_autumn"),
+    (effects, "channel_skew seat_area"),
     (reproduce, "--out reproduced"),
 ):
     app.command(epilog=f"Example: observer-rt {_command.__name__} {_example}")(_command)

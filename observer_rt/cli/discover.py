@@ -39,6 +39,21 @@ def discover(
             metavar="RECORDING",
         ),
     ] = None,
+    choose: Annotated[
+        str,
+        typer.Option(
+            "--choose",
+            help="Effect to put into the amended model where several explain the recordings as well; two as ID+ID.",
+            metavar="ID",
+            show_default=False,
+        ),
+    ] = "",
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the report and the amended model that stand in DIR.")
+    ] = False,
+    data: Annotated[
+        bool, typer.Option("--data", help="Also write the figures (SVG) and the numbers behind them (CSV).")
+    ] = False,
     bench: DecoderOption = None,
     from_channel: FromChannelOption = None,
     lenient: LenientOption = False,
@@ -59,5 +74,5 @@ def discover(
         return open_source(path, decoder, from_channel or (), messages).collected()
 
     injector = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
-    options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json)
+    options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json, choose, force, data)
     discover_files(without_truths(recordings, messages), options, second_opinion, messages, read)

@@ -42,7 +42,12 @@ def simulate(
     ] = None,
     effect: Annotated[
         list[str] | None,
-        typer.Option("--effect", help="Deviation of the plant, id[:parameter]=value; repeatable."),
+        typer.Option(
+            "--effect",
+            help="Deviation of the plant, ID[:PARAMETER]=VALUE, in the unit that `observer-rt effects` states; "
+            "repeatable.",
+            metavar="EFFECT",
+        ),
     ] = None,
     noise: Annotated[
         str, typer.Option("--noise", help="on: noise and 16-bit quantisation; off: none.")
@@ -100,7 +105,15 @@ def evaluate(
             "--output", "Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR"
         ),
     ] = None,
-    plot: Annotated[Path | None, file_option("--plot", "Figure (png, svg, pdf).")] = None,
+    plot: Annotated[
+        Path | None, file_option("--plot", "Figure (png, svg, pdf): curves, masses, wear.")
+    ] = None,
+    injections: Annotated[
+        str | None,
+        typer.Option(
+            "--injections", help="Numbers of those drawn as curves, as 1,5-8 (default: first, middle, last)."
+        ),
+    ] = None,
     from_channel: FromChannelOption = None,
     fuel_temperature: FuelTemperatureOption = None,
     lenient: LenientOption = False,
@@ -110,6 +123,7 @@ def evaluate(
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
+    from observer_rt.evaluation.curves import chosen_numbers
 
     options = EvaluateOptions(
         state=state,
@@ -122,5 +136,6 @@ def evaluate(
         from_channel=from_channel or (),
         force=force,
         fuel_temperature=fuel_temperature,
+        injections=chosen_numbers(injections) if injections is not None else (),
     )
     evaluate_files(load_bench(bench, model, lenient), recordings, options, messages)

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.curves import shown_numbers
+from observer_rt.evaluation.curves import numbers_shown
 from observer_rt.evaluation.document import write_document
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.replacing import replacing
@@ -57,10 +57,14 @@ class EvaluateOptions:
     """Replace files that are there."""
     fuel_temperature: float | None = None
     """degC of recordings, which know none; None: as in the injector file."""
+    injections: Sequence[int] = ()
+    """Numbers of those to be drawn as curves, empty: some."""
 
 
 def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
+    if options.injections and options.plot is None:
+        raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
     paths = without_truths(given, console)
     _refuse_ambiguous(paths, options)
     for option, path in (("--state", options.state), ("--save-state", options.save_state)):
@@ -81,14 +85,14 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
     c = effective_model(bench.injector.parameters).coefficients
     if options.save_state is not None:
         save_knowledge(options.save_state, knowledge, model, pressure_scale)
-    if options.plot is not None:
-        _plot(options.plot, evaluations[0])
     if options.json:
         write_document(evaluations, model, c, sys.stdout)
     else:
         results_console = results()
         for evaluation in evaluations:
             print_evaluation(evaluation, c, results_console)
+    if options.plot is not None:
+        _plot(options.plot, evaluations, options.injections)
 
 
 def _with_fuel(bench: Bench, sources: Sequence[SignalStream], options: EvaluateOptions) -> Bench:
@@ -122,10 +126,6 @@ def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
             raise UserError(
                 f"--output {options.output}", f"{twice.name} would be written twice", "rename the recordings"
             )
-    if options.plot is not None:
-        raise UserError(
-            "--plot", "makes one figure, but there are several recordings", "evaluate one of them"
-        )
     if options.save_state is not None and not options.chain:
         raise UserError(
             "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
@@ -195,6 +195,7 @@ def _evaluated(
     if options.chain:
         _refuse_several_rates(sources, benches)
     learning = options.learning and bench.injector.config.learning.enabled
+    curves = None if options.plot is None else effective_model(bench.injector.parameters).coefficients
     evaluations: list[StreamedEvaluation] = []
     known, done = knowledge, 0
     with progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress:
@@ -202,9 +203,7 @@ def _evaluated(
             known = known if options.chain else knowledge
             mine = traces[len(evaluations) :][: len(run)]
             report = partial(_report_progress, progress, done)
-            found, known = evaluate_stream(
-                bench, run, mine, known, learning, report, options.plot is not None
-            )
+            found, known = evaluate_stream(bench, run, mine, known, learning, report, curves)
             evaluations += found
             done += sum(source.samples for source in run)
     assert known is not None  # there is a run
@@ -226,11 +225,11 @@ def _report_progress(progress: Callable[[float], None], before: int, samples: in
     progress(before + samples)
 
 
-def _plot(path: Path, evaluation: StreamedEvaluation) -> None:
-    from observer_rt.evaluation.figures import evaluation_masses, plot_injections
+def _plot(path: Path, evaluations: Sequence[StreamedEvaluation], chosen: Sequence[int]) -> None:
+    from observer_rt.evaluation.figures import plot_injections
+    from observer_rt.evaluation.pictures import picture_of
 
-    curves = [evaluation.curves[number] for number in shown_numbers(len(evaluation.curves))]
+    there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
+    shown = numbers_shown(chosen, there)
     with file_errors(path):
-        plot_injections(
-            path, f"{evaluation.path}", curves, evaluation_masses(evaluation.injections), "measured"
-        )
+        plot_injections(path, [picture_of(evaluation, shown) for evaluation in evaluations], "measured")

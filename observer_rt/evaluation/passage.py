@@ -43,6 +43,8 @@ class Passage:
         """[s], of the samples remembered."""
         self.trace = Trace.unavailable(0, State.STARTING)
         """Of these."""
+        self.line_pressure = np.empty(0)
+        """Of these, normalised, as the observer was given it."""
         self.measured_rate: Signal | None = None
         """Of these [m3/s], as measured."""
         self._rate, self._offset = rate, offset
@@ -54,6 +56,7 @@ class Passage:
         """Further samples, which the observer will be given: their times [s] and measured rates [m3/s], (n,)."""
         self.time = np.concatenate((self.time, time)) if self.time.size else time
         self.trace = joined((self.trace, Trace.unavailable(time.size, State.STARTING)))
+        self.line_pressure = np.concatenate((self.line_pressure, np.full(time.size, np.nan)))
         if measured_rate is not None:
             before = self.measured_rate
             self.measured_rate = measured_rate if before is None else np.concatenate((before, measured_rate))
@@ -78,6 +81,7 @@ class Passage:
         self.hearer.take_passed(self.time[:done], self.trace.part(slice(done)))
         self.first += done
         self.time = self.time[done:].copy()
+        self.line_pressure = self.line_pressure[done:].copy()
         self.trace = joined((Trace.unavailable(0, State.STARTING), self.trace.part(slice(done, None))))
         if self.measured_rate is not None:
             self.measured_rate = self.measured_rate[done:].copy()
@@ -92,6 +96,7 @@ class Passage:
             self._marks.append((position, self.first + int(place[0])))
         trace = self.trace
         available = ~np.isnan(rows["injection_rate"])
+        self.line_pressure[place] = np.where(rows["interpolated"], np.nan, rows["line_pressure"])
         trace.injection_rate[place] = rows["injection_rate"]
         trace.valid[place] = rows["valid"]
         trace.state[place] = rows["state"]

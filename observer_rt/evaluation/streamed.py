@@ -16,6 +16,7 @@ from observer_rt.evaluation.spool import Spool
 from observer_rt.evaluation.trace import Signal, Trace
 from observer_rt.evaluation.trace_file import open_trace, trace_arrays
 from observer_rt.foundation.file_errors import file_errors
+from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.recording.replay.framing import bench_for
@@ -29,8 +30,8 @@ from observer_rt.service.reports.news import MeasuredMass
 class StreamedEvaluation:
     """One file evaluated: its injections, in a temporary file; its samples pass by."""
 
-    def __init__(self, source: SignalStream, keeps_curves: bool = False) -> None:
-        """keeps_curves: of every injection, to be drawn."""
+    def __init__(self, source: SignalStream, curves_of: Coefficients | None = None) -> None:
+        """curves_of: the nominal model, where curves of every injection are to be drawn."""
         self.path = source.path
         self.samples = source.samples
         self.sample_rate = source.sample_rate
@@ -38,7 +39,7 @@ class StreamedEvaluation:
         self.injections: Spool[InjectionResult] = Spool()
         self.curves: Spool[RateCurves] = Spool()
         """As many as injections, where they are kept."""
-        self._keeps_curves = keeps_curves
+        self._curves_of = curves_of
         self._held: InjectionResult | None = None  # until no measured mass can come for it
         self._writer: TableWriter | None = None
 
@@ -59,11 +60,11 @@ class StreamedEvaluation:
             None,
         )
         self._held = replace(self._held, report=replace(report, rate_sigma=None))
-        if self._keeps_curves:
+        if (c := self._curves_of) is not None:
+            line_pressure = passage.line_pressure * c.pressure_scale + c.chamber_pressure
             first_index = passage.first_index + passage.first
-            self.curves.append(
-                rate_curves(report, first_index, passage.time, passage.trace, passage.measured_rate)
-            )
+            known = passage.time, passage.trace, passage.measured_rate
+            self.curves.append(rate_curves(report, first_index, *known, line_pressure, c))
 
     def take_measured(self, measured: MeasuredMass) -> None:
         """Of the injection told last; a measured rate goes before it."""
@@ -103,17 +104,18 @@ def evaluate_stream(
     knowledge: Knowledge | None = None,
     learning: bool = True,
     progress: Progress | None = None,
-    keeps_curves: bool = False,
+    curves_of: Coefficients | None = None,
 ) -> tuple[list[StreamedEvaluation], Knowledge]:
     """Evaluate files as one history: recordings, or logs whose sample index goes on from one to the next.
 
-    traces: files to be written, of each, or none. Else as `evaluate` and `evaluate_logs`.
+    traces: files to be written, of each, or none; curves_of: as of `StreamedEvaluation`. Else as `evaluate` and
+    `evaluate_logs`.
     """
     is_logged = any(isinstance(source, LoggedSignals) for source in sources)
     bench = bench if is_logged else bench_for(bench, sources[0])
     fuel_temperature = None if is_logged else bench.injector.parameters.fluid.reference_temperature
     run = ObserverRun(bench, knowledge, learning, progress, fuel_temperature=fuel_temperature)
-    evaluations = [StreamedEvaluation(source, keeps_curves) for source in sources]
+    evaluations = [StreamedEvaluation(source, curves_of) for source in sources]
     with ExitStack() as stack:
         for path, evaluation in zip(traces, evaluations, strict=False):
             stack.enter_context(file_errors(path))

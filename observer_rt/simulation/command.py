@@ -11,7 +11,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.fuel import at_temperature, temperature_of
 from observer_rt.recording.formats import signal_formats, suffixes_of, write_recording, written
-from observer_rt.simulation.effects import parse_effects
+from observer_rt.simulation.effects import parse_effects, sizes_of
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import (
     make_schedule,
@@ -74,13 +74,14 @@ def simulate_to_file(output: Path, options: SimulateOptions, console: Console) -
     injector = load_injector(options.model)
     if options.fuel_temperature is not None:
         injector = at_temperature(injector, temperature_of("--fuel-temperature", options.fuel_temperature))
+    effects = parse_effects(options.effects)
     say_if_compiling(console)
     with progress_bar(console, "simulating", 1.0) as progress:
         simulation = simulate(
             injector,
             schedule,
             sample_rate,
-            parse_effects(options.effects),
+            effects,
             NoiseLevels() if options.noise == "on" else None,
             options.measured_rate,
             options.seed,
@@ -90,6 +91,7 @@ def simulate_to_file(output: Path, options: SimulateOptions, console: Console) -
     write_truth(truth_path(output), simulation.truth)
     say(
         console,
-        f"{output}: {simulation.recording.samples} samples at {sample_rate:g} Hz, {options.injections} events; "
+        f"{output}: {simulation.recording.samples} samples at {sample_rate:g} Hz, {options.injections} events, "
+        f"{'; '.join(map(sizes_of, effects)) or 'no effect'}; "
         f"truth in {truth_path(output).name}",
     )

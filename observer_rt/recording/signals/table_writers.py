@@ -2,8 +2,9 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any, Self
 
@@ -105,7 +106,8 @@ class Mdf4Writer(TableWriter):
 
     def close(self) -> None:
         """Write the file."""
-        with self._file, self._path.open("wb+") as handle:
+        quiet = redirect_stdout(StringIO())  # asammdf prints how fast it writes a large one
+        with self._file, self._path.open("wb+") as handle, quiet:
             self._file.save(handle, add_history_block=False)
 
 

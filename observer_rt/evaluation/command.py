@@ -29,6 +29,7 @@ from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.compiled.constants import injector_at
 from observer_rt.service.core.learners import refuse_state
+from observer_rt.service.keeping.lock import sole_writer
 from observer_rt.service.run import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
@@ -78,13 +79,16 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
     pressure_scale = bench.injector.parameters.scaling.pressure
     if options.state is not None and not options.state.exists():
         raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
-    knowledge = restored_knowledge(options.state, model, pressure_scale, console, set_aside=False)
+    knowledge = restored_knowledge(
+        options.state, model, pressure_scale, partial(say, console), set_aside=False
+    )
     with ExitStack() as stack:
         traces = [stack.enter_context(replacing(path)) for path in _traces(options.output, paths)]
         evaluations, knowledge = _evaluated(bench, sources, traces, knowledge, options, console)
     c = effective_model(bench.injector.parameters).coefficients
     if options.save_state is not None:
-        save_knowledge(options.save_state, knowledge, model, pressure_scale)
+        with sole_writer(options.save_state):
+            save_knowledge(options.save_state, knowledge, model, pressure_scale)
     if options.json:
         write_document(evaluations, model, c, sys.stdout)
     else:
@@ -145,6 +149,8 @@ def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None
     if options.save_state is not None:
         check_destination("--save-state", options.save_state)
         check_folder("--save-state", options.save_state.absolute().parent)
+        with sole_writer(options.save_state):
+            pass  # no daemon keeps it
     inputs = {path.resolve() for path in paths}
     for option, path in (
         ("--output", options.output),

@@ -24,6 +24,7 @@ from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream, 
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.counters import Counters
+from observer_rt.service.watch.log_watch import LogWatch
 
 READ_EVERY = 64  # frames between two looks at the observer's memory, which forgets
 RATE_TOLERANCE = 0.02  # of the sample rate by stamps, beyond which a log is odd
@@ -127,9 +128,10 @@ class LoggedSignals(SignalStream):
     def _look_through(self, path: Path, progress: Callable[[float], None]) -> tuple[LoggedStretch, ...]:
         core = Core(self._bench.injector, self._bus, learning=False)
         stamps = _Stamps()
+        watch = LogWatch(self._bench.injector, self._bus, core)
         found = 0
         stretches: list[LoggedStretch] = []
-        for rows in self._rows(core, stamps):
+        for rows in self._rows(core, stamps, watch):
             found += len(rows)
             for index in _apart(rows["index"].astype(np.int64)):
                 _refuse_hole(index, stretches, path)
@@ -140,15 +142,21 @@ class LoggedSignals(SignalStream):
             progress(self.frames.share_read)
         if found < 2:
             counted = core.counters
+            absent = watch.absent()
+            odd = "; ".join(absent) or (
+                f"{counted.crc_errors} CRC errors, {counted.length_errors} of wrong length"
+            )
             raise UserError(
                 str(path),
-                f"its {counted.frames} input frames give {found} samples ({counted.crc_errors} CRC errors, "
-                f"{counted.length_errors} of wrong length)",
-                "give --bench with the file the log was recorded by",
+                f"its {counted.frames} input frames give {found} samples: {odd}",
+                "record all inputs: was the device on, its channel recorded?"
+                if absent
+                else "give --bench with the file the log was recorded by",
             )
         intervals = sum(stretch.samples - 1 for stretch in stretches)
         self.notes = (
             *self.frames.notes(),
+            *watch.notes(path),
             *stamps.notes(path, self.rate, intervals),
             *_restarts(path, stretches),
         )
@@ -173,11 +181,15 @@ class LoggedSignals(SignalStream):
                 first, held = end, held[-3:]  # the lift at a sample needs that before it
         yield from self._placed(held, number, first, self.logged[number].samples)
 
-    def _rows(self, core: Core, stamps: "_Stamps") -> Iterator[NDArray[np.void]]:
+    def _rows(
+        self, core: Core, stamps: "_Stamps", watch: LogWatch | None = None
+    ) -> Iterator[NDArray[np.void]]:
         """What the observer was given, some samples at a time."""
         seen = 0
         for count, (on, frame) in enumerate(self.frames):
             core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, on)
+            if watch is not None:
+                watch.note(on, frame)
             if core.processed > 0:  # before, clocks may have to be learned
                 stamps.note(frame)
             if count % READ_EVERY == 0 and core.processed > seen:

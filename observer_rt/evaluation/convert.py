@@ -132,5 +132,7 @@ def _replacing(target: Path) -> Iterator[Path]:
     try:
         yield part
         part.replace(target)
+    except UserError as error:
+        raise UserError(error.place.replace(str(part), str(target)), error.problem, error.remedy) from None
     finally:
         part.unlink(missing_ok=True)

@@ -37,7 +37,8 @@ UNITS = {
 }
 REQUIRED = ("rail_pressure", "needle_lift", "line_pressure")
 SI_UNITS = {"rail_pressure": "Pa", "needle_lift": "m", "line_pressure": "Pa", "injection_rate": "m3/s"}
-MAGIC = b"MDF"
+MAGICS = (b"MDF     ", b"UnFinMF ")  # complete, and as a logger leaves it
+MAJOR_VERSION = b"4."
 READABLE = "give a complete MDF 4 measurement"
 DAMAGE = (  # the ways in which asammdf fails on a damaged file
     MdfException,
@@ -75,6 +76,11 @@ def read_mdf4(path: Path) -> Recording:
     return Recording(time=time, path=path, **values)
 
 
+def recordings(path: Path) -> Iterator[Recording]:
+    """The recording of a file, to be run apart: see `read_mdf4`."""
+    yield read_mdf4(path)
+
+
 def write_mdf4(path: Path, recording: Recording) -> None:
     """Write a recording in SI units, which round-trips every double exactly.
 
@@ -93,17 +99,22 @@ def write_mdf4(path: Path, recording: Recording) -> None:
 
 @contextmanager
 def opened(path: Path) -> Iterator[MDF]:
-    """A file to read; the many ways in which asammdf fails on a damaged one become a `UserError`."""
+    """A file to read; the many ways in which asammdf fails on a damaged one become a `UserError`.
+
+    One that is not finalised asammdf finalises in a temporary copy.
+    """
     with path.open("rb") as handle:
-        if handle.read(len(MAGIC)) != MAGIC:
-            raise UserError(str(path), "not an MDF file", READABLE)
-        handle.seek(0)
-        try:
-            with MDF(handle) as file:
-                yield file
-        except DAMAGE as error:
-            discard(error)
-            raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
+        mark, version = handle.read(len(MAGICS[0])), handle.read(len(MAJOR_VERSION))
+    if mark not in MAGICS:
+        raise UserError(str(path), "not an MDF file", READABLE)
+    if version != MAJOR_VERSION:
+        raise UserError(str(path), f"is of MDF {version.decode('ascii', 'replace')}, not 4", READABLE)
+    try:
+        with MDF(path) as file:
+            yield file
+    except DAMAGE as error:
+        discard(error)
+        raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
 
 
 def add_history(file: MDF) -> None:

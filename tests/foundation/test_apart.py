@@ -79,10 +79,17 @@ def test_what_it_leaves_behind_is_deleted() -> None:
     assert not name.parent.exists()
 
 
+def is_dead(process: int) -> bool:
+    """Whether nothing of a process is left but its status: its threads end one after the other."""
+    folder = Path(f"/proc/{process}")
+    state = (folder / "stat").read_text().rpartition(")")[2].split()[0]
+    return state == "Z" and len(list((folder / "task").iterdir())) == 1
+
+
 def test_a_server_that_died_is_replaced() -> None:
     (before,) = apart("parent")
     os.kill(before, signal.SIGKILL)
-    while Path(f"/proc/{before}/stat").read_text().split(")")[1].split()[0] != "Z":
+    while not is_dead(before):
         time.sleep(0.01)
     (after,) = apart("parent")
     assert after != before

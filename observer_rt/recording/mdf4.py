@@ -32,5 +32,5 @@ def _write(path: Path, recording: Recording) -> None:
     write_mdf4(path, recording)
 
 
-MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, _log_writer, holds_frames=is_bus_log)
+MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, _log_writer, recognises=is_bus_log)
 MDF4_SIGNALS = SignalFormat((".mf4",), "ASAM MDF4, one channel a signal, with its unit", _read, _write)

@@ -2,28 +2,24 @@
 
 import os
 import re
-from collections import deque
 from collections.abc import Iterator
-from itertools import islice
 from pathlib import Path
 from typing import NoReturn
 
-from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import (
     NANOSECONDS,
     ChannelNumbers,
     LogFrame,
-    LogReader,
     LogRecorder,
     lost_note,
 )
 from observer_rt.recording.canlog.log_format import LogFormat
+from observer_rt.recording.canlog.text_log import TextLogReader
 
 STAMP_DIGITS = 9
 ERROR_FRAME = 0x2000_0000  # CAN_ERR_FLAG in the identifier of an error frame
 BIT_RATE_SWITCH = 0x1
 ERROR_STATE_INDICATOR = 0x2
-FRAMES_TO_JUDGE_STAMPS = 100
 
 _LINE = re.compile(
     r"\((?P<seconds>\d+)(?:\.(?P<fraction>\d{1,9}))?\)"
@@ -36,31 +32,18 @@ _LINE = re.compile(
 _SCREEN_TEXT = re.compile(r"\s*(?:\([^)]*\)\s+)?\S+\s+(?:(?:TX|RX)[\sBE-]*\s+)?[0-9A-Fa-f]+\s+\[\d+\]")
 
 
-class CandumpLog(LogReader):
+class CandumpLog(TextLogReader):
     """Reader; a line that begins with `#` is a comment."""
 
-    def __iter__(self) -> Iterator[LogFrame]:
-        frames = super().__iter__()
-        first = deque(islice(frames, FRAMES_TO_JUDGE_STAMPS))
-        self._refuse_whole_seconds([entry.frame.stamp_ns for entry in first])
-        while first:
-            yield first.popleft()
-        yield from frames
-
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        with self.path.open(encoding="ascii", errors="replace") as file:
-            for number, line in enumerate(file, start=1):
-                self._position += len(line)
-                text = line.strip()
-                if not line.endswith("\n"):
-                    if text:  # what is left of a frame may look like a shorter one
-                        self.remarks.append(f"line {number} is cut short and left out")
-                elif text.startswith("#"):
-                    self.note_text(text)
-                elif text:
-                    entry = self._parse(text, number)
-                    if entry is not None:
-                        yield number, entry
+        for number, line in self._lines():
+            text = line.strip()
+            if text.startswith("#"):
+                self.note_text(text)
+            elif text:
+                entry = self._parse(text, number)
+                if entry is not None:
+                    yield number, entry
 
     def _parse(self, text: str, number: int) -> LogFrame | None:
         match = _LINE.fullmatch(text)
@@ -90,14 +73,6 @@ class CandumpLog(LogReader):
             bool(flags & ERROR_STATE_INDICATOR),
             match["direction"] == "T",
         )
-
-    def _refuse_whole_seconds(self, stamps: list[int]) -> None:
-        if len(set(stamps)) < len(stamps) and all(stamp % NANOSECONDS == 0 for stamp in stamps):
-            raise UserError(
-                f"{self.path}",
-                "all stamps are whole seconds, several frames share one: the times of the frames are lost",
-                "record the log again with candump -l, which writes microseconds",
-            )
 
     def _refuse_line(self, number: int, text: str) -> NoReturn:
         if _SCREEN_TEXT.match(text):
@@ -156,4 +131,4 @@ class CandumpWriter(LogRecorder):
         self._file.close()
 
 
-CANDUMP = LogFormat((".log",), "text of `candump -l`", CandumpLog, CandumpWriter, CandumpWriter)
+CANDUMP = LogFormat((".log",), "text of `candump -l`", CandumpLog, CandumpWriter, CandumpWriter, is_text=True)

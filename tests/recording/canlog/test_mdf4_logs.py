@@ -14,7 +14,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.formats import is_log, open_log
 from tests.recording.canlog.log_cases import START, log_frames, mixture, write_log
-from tests.recording.canlog.logger_file import Field, value_of, write_logger_file
+from tools.benchmarks.logger_file import Field, value_of, write_logger_file
 
 MIDNIGHT = START // 10**9 * 10**9
 STORED = {"ID": 29, "IDE": 1, "BusChannel": 4, "DataLength": 7, "Dir": 1, "EDL": 1, "BRS": 1, "ESI": 1}

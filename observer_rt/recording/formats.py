@@ -141,10 +141,14 @@ def _readable(known: Iterable[F]) -> dict[str, list[F]]:
         for suffix in each.suffixes:
             kinds.setdefault(suffix, []).append(each)
     for suffix, there in list(kinds.items()):
-        texts = [each for each in there if isinstance(each, LogFormat) and each.is_text]
+        texts = [each for each in there if _is_text(each)]
         if texts:
             kinds[f"{suffix}{PACKED}"] = texts
     return kinds
+
+
+def _is_text(known: Format) -> bool:
+    return isinstance(known, LogFormat) and known.is_text
 
 
 def _recognised(path: Path, known: Iterable[LogFormat]) -> LogFormat | None:

@@ -48,7 +48,9 @@ class AscLog(TextLogReader):
             if not words:
                 continue
             if number == 1 and words[0].lower() not in ("date", "base", "//"):
-                self.refuse(number, "no ASC log: neither date nor base", "give a log of Vector's tools")
+                self.refuse_content(
+                    number, "no ASC log: neither date nor base", "give a log of Vector's tools"
+                )
             if _TIME.fullmatch(words[0]) is None:
                 self._header(line.strip(), number)
                 continue

@@ -12,6 +12,7 @@ from typing import BinaryIO, NamedTuple
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, length_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader
+from observer_rt.recording.canlog.foreign import likeness
 
 # "LOGG", header size, 8 bytes of versions, file size, uncompressed size, objects, objects read, start, end
 FILE_HEADER = struct.Struct("<4sL8BQQLL8H8H")
@@ -72,10 +73,10 @@ class BlfLog(LogReader):
     def _header(self, file: BinaryIO) -> _Header:
         data = file.read(FILE_HEADER.size)
         if len(data) < FILE_HEADER.size or not data.startswith(b"LOGG"):
-            problem = (
-                "is no BLF file" if data and not b"LOGG".startswith(data[:4]) else "ends within its header"
-            )
-            raise UserError(str(self.path), problem, READABLE)
+            if data and not b"LOGG".startswith(data[:4]):
+                looks, rename = likeness(self.path)
+                raise UserError(str(self.path), f"is no BLF file{looks}", rename or READABLE)
+            raise UserError(str(self.path), "ends within its header", READABLE)
         fields = FILE_HEADER.unpack(data)
         header = _Header(fields[1], fields[10], self._start(fields[14:22]))
         if header.size > self._size:

@@ -79,7 +79,7 @@ class CandumpLog(TextLogReader):
             self.refuse(
                 number, "this is candump's screen output, not a log", "record with candump -l (or -L)"
             )
-        self.refuse(
+        self.refuse_content(
             number,
             f"not a candump log line: '{text[:60]}'",
             "a line reads (seconds.microseconds) channel id#data or id##flags data in one word",

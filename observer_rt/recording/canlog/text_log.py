@@ -4,12 +4,13 @@ import zlib
 from collections.abc import Iterator
 from gzip import BadGzipFile, GzipFile
 from io import TextIOWrapper
-from typing import BinaryIO, cast
+from typing import BinaryIO, NoReturn, cast
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogReader
+from observer_rt.recording.canlog.foreign import GZIP_MARK, likeness
 
-GZIP_MARK = b"\x1f\x8b"
+_LINES_TO_KNOW = 20
 _SIZE_AT_END = 4  # bytes of a gzip file that say how long its content is
 
 
@@ -43,3 +44,10 @@ class TextLogReader(LogReader):
                 except (BadGzipFile, zlib.error) as error:
                     problem = f"is damaged, it cannot be unpacked: {error}"
                     raise UserError(str(self.path), problem, "give the complete file") from None
+
+    def refuse_content(
+        self, number: int, problem: str, remedy: str = "delete it, or record the log again"
+    ) -> NoReturn:
+        """As `refuse`, saying what the file looks like instead if nothing of it could be read so far."""
+        looks, rename = likeness(self.path) if number <= _LINES_TO_KNOW else ("", "")
+        self.refuse(number, f"{problem}{looks}", rename or remedy)

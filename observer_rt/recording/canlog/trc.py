@@ -85,7 +85,7 @@ class TrcLog(TextLogReader):
             return readers[self._version]
         if self._version not in ("2.0", "2.1"):
             problem = f"version '{self._version}' is not known" if self._version else "no TRC log: no version"
-            self.refuse(number, problem, "export it from PEAK's tools as version 2.1")
+            self.refuse_content(number, problem, "export it from PEAK's tools as version 2.1")
         if not set("OTId") <= set(self._at) or not {"l", "L"} & set(self._at):
             self.refuse(number, f"columns {','.join(self._at)} do not suffice", "export N,O,T,B,I,d,l,D")
         return self._row_2

@@ -15,6 +15,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.canlog.asc_writer import ASC
 from observer_rt.recording.canlog.blf_writer import BLF
+from observer_rt.recording.canlog.busmaster import BUSMASTER
 from observer_rt.recording.canlog.can_log import LogReader, LogRecorder, LogWriter
 from observer_rt.recording.canlog.candump import CANDUMP
 from observer_rt.recording.canlog.log_format import LogFormat
@@ -26,7 +27,7 @@ from observer_rt.recording.signals.signal_format import SignalFormat
 from observer_rt.terminal.destinations import PACKED, check_suffix, suffix_of
 
 Format = LogFormat | SignalFormat
-BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, CANDUMP, BLF, ASC, TRC, MDF4_LOG)
+BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, CANDUMP, BUSMASTER, BLF, ASC, TRC, MDF4_LOG)
 GROUP = "observer_rt.formats"
 F = TypeVar("F", bound=Format)
 

@@ -9,6 +9,7 @@ from observer_rt.bus.can_frame import CLASSIC_LENGTH, FD_LENGTHS, length_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.asc_date import nanoseconds_of
 from observer_rt.recording.canlog.can_log import LogFrame, text_nanoseconds
+from observer_rt.recording.canlog.rising import Rising
 from observer_rt.recording.canlog.text_log import TextLogReader
 
 FLAG_REMOTE, FLAG_FD, FLAG_BIT_RATE_SWITCH, FLAG_ERROR_STATE = 0x10, 0x1000, 0x2000, 0x4000
@@ -19,7 +20,6 @@ _IDENTIFIER = {16: re.compile(r"[0-9A-Fa-f]+[xX]?"), 10: re.compile(r"[0-9]+[xX]
 _BYTE = {16: re.compile(r"[0-9A-Fa-f]{1,2}"), 10: re.compile(r"[0-9]{1,3}")}
 _DIRECTIONS = {"rx": False, "tx": True}
 HEADING = ("internal events", "no internal events")
-RISING_LINES = 30
 _AFTER_DATA = 4  # words of a CAN FD line from its data to its flags, which comes third
 
 
@@ -34,10 +34,7 @@ class AscLog(TextLogReader):
         self._radix = 16
         self._relative = False
         self._time = 0
-        self._before = 0
-        self._largest = 0
-        self._rising = 0
-        self._changes = 0
+        self._rising = Rising()
         self._start: int | None = None
         self._dated = False
         self._ended = False
@@ -123,19 +120,12 @@ class AscLog(TextLogReader):
         return None
 
     def _refuse_rising(self, time: int, number: int) -> None:
-        """Times of which most are the largest so far are no distances from line to line, whatever the heading says.
-
-        Distances seldom are; and times from the start step back where a driver swaps frames.
-        """
-        self._changes += time != self._before
-        self._before = time
-        if time > self._largest:
-            self._largest = time
-            self._rising += 1
-        if self._rising >= RISING_LINES and 2 * self._rising > self._changes:
+        """Times that rise and rise are no distances from line to line, whatever the heading says."""
+        self._rising.add(time)
+        if self._rising.is_from_start:
             self.refuse(
                 number,
-                f"times rise in {RISING_LINES} lines, but the heading calls them relative (to the line before)",
+                "times rise from line to line, but the heading calls them relative (to the line before)",
                 "write 'absolute' for 'relative' in the heading if they count from the start",
             )
 

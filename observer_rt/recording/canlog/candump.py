@@ -1,4 +1,4 @@
-"""Logs as `candump -l` and `candump -L` write them: `(1700000000.000123) vcan0 100##1AABB`."""
+"""Logs as `candump -l` and `candump -L` write them: `(1700000000.000123) vcan0 100##1AABB`; its screen output."""
 
 import os
 import re
@@ -13,11 +13,12 @@ from observer_rt.recording.canlog.can_log import (
     LogRecorder,
     lost_note,
 )
+from observer_rt.recording.canlog.candump_screen import ERROR_FRAME, screen_line
 from observer_rt.recording.canlog.log_format import LogFormat
+from observer_rt.recording.canlog.rising import Rising
 from observer_rt.recording.canlog.text_log import TextLogReader
 
 STAMP_DIGITS = 9
-ERROR_FRAME = 0x2000_0000  # CAN_ERR_FLAG in the identifier of an error frame
 BIT_RATE_SWITCH = 0x1
 ERROR_STATE_INDICATOR = 0x2
 
@@ -29,13 +30,14 @@ _LINE = re.compile(
     r"|#(?:(?P<remote>[Rr])[0-9A-Fa-f]?|(?P<data>[0-9A-Fa-f]*))(?:_[0-9A-Fa-f])?)"
     r"(?:\s+(?P<direction>[RT]))?"
 )
-_SCREEN_TEXT = re.compile(r"\s*(?:\([^)]*\)\s+)?\S+\s+(?:(?:TX|RX)[\sBE-]*\s+)?[0-9A-Fa-f]+\s+\[\d+\]")
 
 
 class CandumpLog(TextLogReader):
     """Reader; a line that begins with `#` is a comment."""
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
+        self._rising = Rising()
+        self._undated = False
         for number, line in self._lines():
             text = line.strip()
             if text.startswith("#"):
@@ -48,7 +50,7 @@ class CandumpLog(TextLogReader):
     def _parse(self, text: str, number: int) -> LogFrame | None:
         match = _LINE.fullmatch(text)
         if match is None:
-            self._refuse_line(number, text)
+            return self._screen(text, number)
         identifier = int(match["id"], 16)
         if identifier & ERROR_FRAME and len(match["id"]) > 3:
             self.error_frames += 1
@@ -74,11 +76,49 @@ class CandumpLog(TextLogReader):
             match["direction"] == "T",
         )
 
-    def _refuse_line(self, number: int, text: str) -> NoReturn:
-        if _SCREEN_TEXT.match(text):
+    def _screen(self, text: str, number: int) -> LogFrame | None:
+        """A frame as it is printed on the screen."""
+        try:
+            line = screen_line(text)
+        except ValueError as error:
+            self.refuse(number, str(error))
+        if line is None:
+            self._refuse_line(number, text)
+        if line.stamp_ns is None:
+            problem = "this is candump's screen output without times, not a log"
+            self.refuse(number, problem, "record with candump -l, or print with candump -ta")
+        if not line.is_dated:
+            self._judge_times(line.stamp_ns, number)
+        if line.is_error or line.is_remote:
+            self.error_frames += line.is_error
+            self.remote_frames += not line.is_error
+            return None
+        return self.frame(
+            number,
+            line.stamp_ns,
+            line.identifier,
+            line.is_extended,
+            line.payload,
+            line.is_fd,
+            line.channel,
+            line.bit_rate_switch,
+            line.error_state,
+            line.is_sent,
+        )
+
+    def _judge_times(self, time: int, number: int) -> None:
+        self._rising.add(time)
+        if self._rising.is_from_line_to_line:
             self.refuse(
-                number, "this is candump's screen output, not a log", "record with candump -l (or -L)"
+                number,
+                "its times are from line to line (candump -td), of all interfaces together",
+                "record with candump -l, or print with candump -ta",
             )
+        if not self._undated:
+            self.remarks.append("its times are taken to count from its start (candump -tz)")
+            self._undated = True
+
+    def _refuse_line(self, number: int, text: str) -> NoReturn:
         self.refuse_content(
             number,
             f"not a candump log line: '{text[:60]}'",

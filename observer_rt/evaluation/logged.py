@@ -63,8 +63,10 @@ def read_logged(
     core = Core(bench.injector, bus, learning=False)
     pieces: list[NDArray[np.void]] = []
     seen = 0
+    first_ns = last_ns = 0
     stamps = _Stamps()
     for count, (on, frame) in enumerate(frames):
+        first_ns, last_ns = first_ns or frame.stamp_ns, frame.stamp_ns
         core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, on)
         if core.processed > 0:  # before, clocks may have to be learned
             stamps.note(frame)
@@ -74,19 +76,29 @@ def read_logged(
             progress(frames.share_read)
     core.finish()
     rows = np.concatenate([*pieces, core.rows(seen, core.processed)])
-    if len(rows) < 2:
-        counted = core.counters
-        raise UserError(
-            str(path),
-            f"its {counted.frames} input frames give {len(rows)} samples ({counted.crc_errors} CRC errors, "
-            f"{counted.length_errors} of wrong length)",
-            "give --bench with the file the log was recorded by",
-        )
     rate = bench.injector.config.sampling.rate_hz
+    if len(rows) < 2:
+        raise _too_few(path, core.counters, len(rows), last_ns - first_ns, rate)
     recording = _recording(bench, rows, path)
     notes = [*frames.notes(), *stamps.notes(path, rate, int(rows["index"][-1] - rows["index"][0]))]
     found = core.counters, core.standstill, core.timing
     return LoggedRecording(recording, int(rows["index"][0]), frames, tuple(notes), *found)
+
+
+def _too_few(path: Path, counted: Counters, samples: int, duration: int, rate: float) -> UserError:
+    """The error for a log of frames that give no samples; duration [ns] of them, sample rate [Hz] of the bench."""
+    problem = (
+        f"its {counted.frames} input frames give {samples} samples ({counted.crc_errors} CRC errors, "
+        f"{counted.length_errors} of wrong length)"
+    )
+    remedy = "give --bench with the file the log was recorded by"
+    if not counted.crc_errors + counted.length_errors and duration > 0:
+        a_second = counted.frames * NANOSECONDS / duration
+        problem += f"; they come at {a_second:.3g} a second, where sampling.rate_hz is {rate:g}"
+        remedy += (
+            ", name their index, or set sampling.rate_hz (and rate_hz of slower signals) to what is there"
+        )
+    return UserError(str(path), problem, remedy)
 
 
 def _recording(bench: Bench, rows: NDArray[np.void], path: Path) -> Recording:

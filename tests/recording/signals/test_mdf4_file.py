@@ -78,9 +78,9 @@ def test_samples_marked_invalid_are_not_available(tmp_path: Path) -> None:
 
 
 def test_unknown_unit_names_channel_and_known_units(tmp_path: Path) -> None:
-    text = message(write(tmp_path / "x.mf4", channels({**UNITS, "line_pressure": "psi"})))
-    assert "channel line_pressure: unit 'psi' is not known" in text
-    assert "Pa, kPa, MPa, bar" in text
+    text = message(write(tmp_path / "x.mf4", channels({**UNITS, "line_pressure": "torr"})))
+    assert "channel line_pressure: unit 'torr' is not known" in text
+    assert "Pa, hPa, kPa, MPa, mbar, bar, psi" in text
 
 
 def test_no_unit(tmp_path: Path) -> None:

@@ -148,8 +148,12 @@ class SocketCanLink(Link):
             is_extended = bool(identifier & socket.CAN_EFF_FLAG)
             is_fd = len(data) == _FD_FRAME.size
             identifier &= socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK
+            if self._groups and is_extended:
+                identifier = self._groups.own(identifier)
+                if (identifier, is_extended) not in (self._receive_ids or ()):
+                    continue  # of a source address that does not count
             return Frame(
-                self._groups.own(identifier) if self._groups and is_extended else identifier,
+                identifier,
                 payload,
                 stamp_ns,
                 is_extended,

@@ -4,6 +4,7 @@ Files are made whole, damaged by a seed, and converted as a user would; database
 """
 
 import contextlib
+import gzip
 import os
 import random
 import shutil
@@ -198,7 +199,8 @@ def _mapped(path: Path, number: int) -> tuple[Became, str]:
     try:
         found = map_bus(load_bench(bench))
     except UserError as error:
-        return (Became.REFUSED if str(path.parent) in str(error) else Became.FAULT), str(error)
+        is_named = str(path.parent) in str(error)
+        return (Became.REFUSED if is_named else Became.FAULT), str(error)
     except Exception:  # what would be a traceback on a user's screen
         return Became.FAULT, traceback.format_exc()
     return (Became.SAME if repr(found) == _whole_map() else Became.CHANGED), ""
@@ -224,20 +226,22 @@ def _run(*arguments: object) -> tuple[int | str | None, str, str]:
 def _captured() -> Iterator[list[str]]:
     """What is written to the two outputs meanwhile, by whatever code."""
     texts: list[str] = []
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+    with (
+        tempfile.TemporaryFile("w+", errors="replace") as out,
+        tempfile.TemporaryFile("w+", errors="replace") as err,
+    ):
         kept = os.dup(1), os.dup(2)
         os.dup2(out.fileno(), 1)
         os.dup2(err.fileno(), 2)
         try:
-            yield texts
+            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+                yield texts
         finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
             for number, (descriptor, file) in enumerate(zip(kept, (out, err), strict=True), start=1):
                 os.dup2(descriptor, number)
                 os.close(descriptor)
                 file.seek(0)
-                texts.append(file.read().decode("utf-8", "replace"))
+                texts.append(file.read())
 
 
 def _content(path: Path) -> Sequence[object]:
@@ -292,6 +296,7 @@ def _makers() -> dict[str, Callable[[Path], None]]:
     makers: dict[str, Callable[[Path], None]] = {f"frames{suffix}": _write_frames for suffix in logs}
     makers |= {f"signals{suffix}": _write_signals for suffix in signals}
     makers |= {"card.mf4": _write_card, "card_fixed.mf4": _write_fixed_card, "saved.mf4": _write_saved}
+    makers |= {"busmaster.log": _write_busmaster, "screen.log": _write_screen, "packed.asc.gz": _write_packed}
     return makers | {DATABASE: _write_database}
 
 
@@ -330,6 +335,41 @@ def _write_saved(path: Path) -> None:
     _write_card(card)
     with MDF(card) as file:
         file.save(path, compression=0)
+
+
+def _write_busmaster(path: Path) -> None:
+    lines = [
+        "***BUSMASTER Ver 3.2.2***",
+        "***START DATE AND TIME 14:11:2023 22:13:20:000***",
+        "***HEX***",
+        "***ABSOLUTE MODE***",
+    ]
+    for frame, channel, is_sent in _frames(False):
+        seconds, rest = divmod(frame.stamp_ns - START, 10**9)
+        lines.append(
+            f"00:00:{seconds:02d}:{rest // 10**5:04d} {'Tx' if is_sent else 'Rx'} {channel} 0x{frame.frame_id:X} "
+            f"{'x' if frame.is_extended else 's'} {len(frame.payload)} {frame.payload.hex(' ').upper()}".rstrip()
+        )
+    path.write_text("\n".join([*lines, "***[STOP LOGGING SESSION]***", ""]))
+
+
+def _write_screen(path: Path) -> None:
+    lines = []
+    for frame, _, is_sent in _frames(True):
+        seconds, rest = divmod(frame.stamp_ns, 10**9)
+        size = f"{len(frame.payload):02d}" if frame.is_fd else str(len(frame.payload))
+        flags = f"{'TX' if is_sent else 'RX'} {'B' if frame.bit_rate_switch else '-'} -"
+        lines.append(
+            f" ({seconds}.{rest // 1000:06d})  can0  {flags}  {frame.frame_id:0{8 if frame.is_extended else 3}X}   "
+            f"[{size}]  {frame.payload.hex(' ').upper()}\n"
+        )
+    path.write_text("".join(lines))
+
+
+def _write_packed(path: Path) -> None:
+    text = path.with_name("frames.asc")
+    _write_frames(text)
+    path.write_bytes(gzip.compress(text.read_bytes(), mtime=0))
 
 
 def _frames(with_fd: bool) -> list[LogFrame]:

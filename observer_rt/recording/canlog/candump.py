@@ -24,7 +24,7 @@ ERROR_STATE_INDICATOR = 0x2
 
 _LINE = re.compile(
     r"\((?P<seconds>\d+)(?:\.(?P<fraction>\d{1,9}))?\)"
-    r"\s+(?P<channel>\S+)"
+    r"\s+(?P<channel>[^\s\ufffd]+)"
     r"\s+(?P<id>[0-7][0-9A-Fa-f]{2}|[0-3][0-9A-Fa-f]{7})"
     r"(?:##(?P<flags>[0-9A-Fa-f])(?P<fd_data>[0-9A-Fa-f]*)"
     r"|#(?:(?P<remote>[Rr])[0-9A-Fa-f]?|(?P<data>[0-9A-Fa-f]*))(?:_[0-9A-Fa-f])?)"
@@ -132,7 +132,7 @@ class CandumpWriter(LogRecorder):
     def __init__(self, path: Path, start_ns: int) -> None:
         """See `LogWriter`."""
         super().__init__(path, start_ns)
-        self._file = path.open("w", encoding="ascii", newline="\n")
+        self._file = path.open("w", encoding="utf-8", newline="\n")
         self._numbers = ChannelNumbers()
         self._size = 0
 

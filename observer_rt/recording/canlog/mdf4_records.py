@@ -236,6 +236,8 @@ class _Fields:
             lengths = _LENGTH_OF_CODE[self._numbers("DLC", offset) & 0xF]
         data = self._raw("DataBytes", offset)
         data = data.view(np.uint8).reshape(len(data), -1)[:, :MAX_LENGTH]
+        if len(data) != len(lengths):
+            raise ValueError(f"only {len(data)} of {len(lengths)} frames have data")
         longest = int(lengths.max(initial=0))
         if longest > data.shape[1]:
             raise ValueError(f"it has frames of {longest} bytes in fields of {data.shape[1]}")

@@ -53,6 +53,7 @@ DAMAGE = (  # the ways in which asammdf fails on a damaged file
     AttributeError,
 )
 logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come as errors, too
+LARGEST = 1e30  # in SI: no measurement, but what can be written in any unit
 NO_DATE = datetime.fromtimestamp(0, UTC)
 
 
@@ -179,4 +180,11 @@ def _to_si(signal: Signal, path: Path) -> NDArray[np.float64]:
     values: NDArray[np.float64] = signal.samples.astype(np.float64) * units[unit]
     if signal.invalidation_bits is not None:
         values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
+    beyond = np.flatnonzero(np.abs(values) > LARGEST)
+    if beyond.size:
+        raise UserError(
+            f"{path}, channel {signal.name}",
+            f"sample {beyond[0]} is {signal.samples[beyond[0]]:g} {unit}",
+            "record it again: the file is damaged, or mark such samples as invalid",
+        )
     return values

@@ -175,6 +175,7 @@ def test_screen_output_that_was_cut_is_refused(tmp_path: Path, length: str, byte
         "(-1.5) vcan0 100#AA",
         "(1.5) vcan0 100#GG",
         "(1.5) vcan0 100#AA BB",
+        "(1.5) vc\ufffdn0 100#AA",
     ],
 )
 def test_malformed_line_names_its_number(tmp_path: Path, line: str) -> None:

@@ -83,6 +83,13 @@ def test_unknown_unit_names_channel_and_known_units(tmp_path: Path) -> None:
     assert "Pa, hPa, kPa, MPa, mbar, bar, psi" in text
 
 
+@pytest.mark.parametrize("value", [np.inf, -np.inf, 1e306])
+def test_a_value_that_no_measurement_has(tmp_path: Path, value: float) -> None:
+    signals = channels(UNITS)
+    signals[1] = Signal(np.where(np.arange(10) == 7, value, VALUES), TIME, name="needle_lift", unit="mm")
+    assert f"channel needle_lift: sample 7 is {value:g} mm" in message(write(tmp_path / "x.mf4", signals))
+
+
 def test_no_unit(tmp_path: Path) -> None:
     text = message(write(tmp_path / "x.mf4", channels({**UNITS, "needle_lift": ""})))
     assert "channel needle_lift: has no unit" in text

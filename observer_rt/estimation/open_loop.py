@@ -8,7 +8,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import by_theta, learned_of
-from observer_rt.estimation.predictor import NO_RATE, NO_SLOPES, Setting, Window, follow, knot_before
+from observer_rt.estimation.predictor import (
+    NO_RATE,
+    NO_SLOPES,
+    Setting,
+    Window,
+    follow,
+    interval_before,
+    knot_before,
+)
 from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.model.borrowed import borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
@@ -79,21 +87,19 @@ def _run(
     """Fill `result`, which holds zeros, from the opening on; x: the state one sample before."""
     states, m = x.shape[0], result.slopes.shape[1]
     network, tangent = borrowed_network(network), borrowed_tangent(tangent)
+    unit = np.eye(states)
     last = window.output.shape[0] - 1
     while last > 0 and window.inputs[last, 1] <= 0.0:
         last -= 1
     drained = last + 1 + math.ceil(DRAINING / setting.interval)
     for k in range(max(window.opening, 1), min(drained, window.output.shape[0])):
-        u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
-        u_end = (window.inputs[k, 0], window.inputs[k, 1])
-        tangent.by[:, m:] = np.eye(states)
-        advance_over(
-            x, u_start, knot_before(window, k), u_end, setting.interval, setting.substeps, c, network, tangent
-        )
+        interval = interval_before(window, setting, k)
+        tangent.by[:, m:] = unit
+        advance_over(x, interval, knot_before(window, k), c, network, tangent)
         if window.resting[k]:
             empty_sac(x, tangent)
         result.transition[k] = tangent.by[:, m:]
-        u = (u_end[0], max(u_end[1], 0.0))
+        u = (interval.end[0], max(interval.end[1], 0.0))
         if is_at_rest(x, u):
             continue
         flows = flow_slopes(x, u, c, network, tangent.sigmas)

@@ -12,7 +12,7 @@ from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.integrator import advance_over, empty_sac
+from observer_rt.model.integrator import Interval, advance_over, empty_sac
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import Tangent, injection_rate, tangent_of
 from observer_rt.model.sensor import LAG_UNIT, lagged, lagged_slopes, recorded
@@ -65,6 +65,14 @@ def knot_before(window: Window, k: int) -> tuple[float, float]:
     return window.knots[k - 1, 0], window.knots[k - 1, 1]
 
 
+@njit(cache=True, nogil=True, inline="always")
+def interval_before(window: Window, setting: Setting, k: int) -> Interval:
+    """Between sample k and the one before it."""
+    inputs = window.inputs
+    start, end = (inputs[k - 1, 0], inputs[k - 1, 1]), (inputs[k, 0], inputs[k, 1])
+    return Interval(start, end, setting.interval, setting.substeps)
+
+
 class Gradient(NamedTuple):
     """What carries the filtered gradient d e~/d theta along; all (m,) but the state's tangent."""
 
@@ -87,11 +95,8 @@ def gradient_of(
 def predict(
     x: NDArray[np.float64],
     indicated: float,
-    u_start: tuple[float, float],
+    interval: Interval,
     knot: tuple[float, float],
-    u_end: tuple[float, float],
-    interval: float,
-    substeps: int,
     late: float,
     lag: float,
     c: Coefficients,
@@ -104,12 +109,12 @@ def predict(
     """
     before = x[0]
     if gradient is None:
-        advance_over(x, u_start, knot, u_end, interval, substeps, c, network, None)
+        advance_over(x, interval, knot, c, network, None)
     else:
         gradient.before[:] = gradient.tangent.by[0]
-        advance_over(x, u_start, knot, u_end, interval, substeps, c, network, gradient.tangent)
-        _predict_gradient(gradient, lagged_slopes(indicated, before, x[0], interval, lag), late)
-    moved = lagged(indicated, before, x[0], interval, lag)
+        advance_over(x, interval, knot, c, network, gradient.tangent)
+        _predict_gradient(gradient, lagged_slopes(indicated, before, x[0], interval.length, lag), late)
+    moved = lagged(indicated, before, x[0], interval.length, lag)
     return moved, recorded(indicated, moved, late)
 
 
@@ -177,30 +182,19 @@ def _follow(
     """`follow`, on arrays that are lent to it."""
     c, network = learned.coefficients, learned.network
     lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
-    inputs, output = window.inputs, window.output
+    output = window.output
     x = window.start[:-1].copy()
     indicated = window.start[-1]
     errors[:1] = 0.0
     rate[:1] = 0.0
     slopes[:1] = 0.0
     for k in range(1, output.shape[0]):
-        u_end = (inputs[k, 0], inputs[k, 1])
+        interval = interval_before(window, setting, k)
         indicated, shown = predict(
-            x,
-            indicated,
-            (inputs[k - 1, 0], inputs[k - 1, 1]),
-            knot_before(window, k),
-            u_end,
-            setting.interval,
-            setting.substeps,
-            setting.late,
-            lag,
-            c,
-            network,
-            gradient,
+            x, indicated, interval, knot_before(window, k), setting.late, lag, c, network, gradient
         )
         if rate.shape[0] > 0:
-            rate[k] = injection_rate(x, (u_end[0], max(u_end[1], 0.0)), c, network)
+            rate[k] = injection_rate(x, (interval.end[0], max(interval.end[1], 0.0)), c, network)
         errors[k] = output[k] - offset - shown
         if gradient is not None:
             slopes[k] = gradient.error

@@ -159,10 +159,19 @@ def _store_compiled(state: Any, x: Any, first: Any) -> Any:
     return store if len(state) else lambda state, x, first: None
 
 
-@overload(_state, inline="always", strict=False)
+@overload(_state, strict=False)
 def _state_compiled(x: Any, line: Any) -> Any:
     states = 3 + line.instance_class.further
     return lambda x, line: to_fixed_tuple(x, states)
+
+
+class Interval(NamedTuple):
+    """From one sample to the next; inputs u = [p_R, A_S] normalised by (24), linear in between."""
+
+    start: tuple[float, float]  # u
+    end: tuple[float, float]
+    length: float  # s
+    substeps: int  # RK4 steps at most
 
 
 class System(NamedTuple):
@@ -182,71 +191,42 @@ def injector_rates(x: Any, u: tuple[float, float], system: System, tangent: Any,
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _steps_in(
-    x: Any,
-    u_start: tuple[float, float],
-    u_end: tuple[float, float],
-    interval: float,
-    substeps: int,
-    c: Coefficients,
-) -> int:
+def _steps_in(x: Any, interval: Interval, c: Coefficients) -> int:
     """RK4 steps an interval needs: `substeps` for the sac, far fewer while only the line moves."""
-    if is_at_rest(x, u_start) and u_end[1] <= 0.0:
-        return min(substeps, math.ceil(interval * line_fastest(c.line) / LINE_STEP))
-    return substeps
+    if is_at_rest(x, interval.start) and interval.end[1] <= 0.0:
+        return min(interval.substeps, math.ceil(interval.length * line_fastest(c.line) / LINE_STEP))
+    return interval.substeps
 
 
 @njit(cache=True, nogil=True)
 def runge_kutta(
-    x: NDArray[np.float64],
-    u_start: tuple[float, float],
-    u_end: tuple[float, float],
-    interval: float,
-    substeps: int,
-    c: Coefficients,
-    network: Network,
-    tangent: Any,
+    x: NDArray[np.float64], interval: Interval, c: Coefficients, network: Network, tangent: Any
 ) -> None:
     """`advance` of a line that is an ordinary differential equation."""
-    steps = _steps_in(x, u_start, u_end, interval, substeps, c)
+    steps = _steps_in(x, interval, c)
+    system, length = System(c, network), interval.length
     integrate(
-        injector_rates, between, x, u_start, u_end, interval, steps, System(c, network), tangent, c.line
+        injector_rates, between, x, interval.start, interval.end, length, steps, system, tangent, c.line
     )
 
 
-def _line_step(
-    x: Any, u_start: Any, u_end: Any, interval: Any, substeps: Any, c: Any, network: Any, tangent: Any
-) -> None:
+def _line_step(x: Any, interval: Any, c: Any, network: Any, tangent: Any) -> None:
     """The step of the line at hand: its own, or RK4."""
 
 
-@overload(_line_step, inline="always", strict=False)
-def _line_step_compiled(
-    x: Any, u_start: Any, u_end: Any, interval: Any, substeps: Any, c: Any, network: Any, tangent: Any
-) -> Any:
+@overload(_line_step, strict=False)
+def _line_step_compiled(x: Any, interval: Any, c: Any, network: Any, tangent: Any) -> Any:
     step = c.types[c.fields.index("line")].instance_class.step or runge_kutta
-    return lambda x, u_start, u_end, interval, substeps, c, network, tangent: step(
-        x, u_start, u_end, interval, substeps, c, network, tangent
-    )
+    return lambda x, interval, c, network, tangent: step(x, interval, c, network, tangent)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def advance(
-    x: NDArray[np.float64],
-    u_start: tuple[float, float],
-    u_end: tuple[float, float],
-    interval: float,
-    substeps: int,
-    c: Coefficients,
-    network: Network,
-    tangent: Any,
+    x: NDArray[np.float64], interval: Interval, c: Coefficients, network: Network, tangent: Any
 ) -> None:
-    """State x (n,) one sample interval [s] later, in place; inputs linear, at most `substeps` steps.
-
-    tangent: the `Tangent` that moves with it, None for none.
-    """
-    _line_step(x, u_start, u_end, interval, substeps, c, network, tangent)
-    empty_if_drained(x, u_start, u_end, tangent)
+    """State x (n,) one sample interval later, in place; tangent: the `Tangent` that moves with it, None for none."""
+    _line_step(x, interval, c, network, tangent)
+    empty_if_drained(x, interval.start, interval.end, tangent)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -266,14 +246,11 @@ def empty_sac(x: NDArray[np.float64], tangent: Any) -> None:
         tangent.by[2, :] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def advance_over(
     x: NDArray[np.float64],
-    u_start: tuple[float, float],
+    interval: Interval,
     knot: tuple[float, float],
-    u_end: tuple[float, float],
-    interval: float,
-    substeps: int,
     c: Coefficients,
     network: Network,
     tangent: Any,
@@ -284,10 +261,25 @@ def advance_over(
     means nothing where the needle is shut all through the interval.
     """
     share = knot[0]
-    if not (0.0 < share < 1.0 and (u_start[1] > 0.0 or knot[1] > 0.0 or u_end[1] > 0.0)):
-        advance(x, u_start, u_end, interval, substeps, c, network, tangent)
-        return
-    u_knot = (u_start[0] + share * (u_end[0] - u_start[0]), knot[1])
-    rest = 1.0 - share
-    advance(x, u_start, u_knot, share * interval, math.ceil(share * substeps), c, network, tangent)
-    advance(x, u_knot, u_end, rest * interval, math.ceil(rest * substeps), c, network, tangent)
+    flows = interval.start[1] > 0.0 or knot[1] > 0.0 or interval.end[1] > 0.0
+    if 0.0 < share < 1.0 and flows:
+        _advance_in_two(x, interval, knot, c, network, tangent)
+    else:
+        advance(x, interval, c, network, tangent)
+
+
+@njit(cache=True, nogil=True)
+def _advance_in_two(
+    x: NDArray[np.float64],
+    interval: Interval,
+    knot: tuple[float, float],
+    c: Coefficients,
+    network: Network,
+    tangent: Any,
+) -> None:
+    """`advance` up to a knot, and from it on."""
+    start, end, share, rest = interval.start, interval.end, knot[0], 1.0 - knot[0]
+    u_knot = (start[0] + share * (end[0] - start[0]), knot[1])
+    length, substeps = interval.length, interval.substeps
+    advance(x, Interval(start, u_knot, share * length, math.ceil(share * substeps)), c, network, tangent)
+    advance(x, Interval(u_knot, end, rest * length, math.ceil(rest * substeps)), c, network, tangent)

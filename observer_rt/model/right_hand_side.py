@@ -50,24 +50,29 @@ def right_hand_side(x: Any, u: tuple[float, float], c: Coefficients, network: Ne
 
 
 @njit(cache=True, nogil=True)
-def fault(x: Any, u: tuple[float, float], c: Coefficients, network: Network) -> tuple[float, float, float]:
-    """phi(x, u) = G(x, u) N of (2), (27), its three rows [1/s]."""
+def fault_and_rate(
+    x: Any, u: tuple[float, float], c: Coefficients, network: Network
+) -> tuple[tuple[float, float, float], float]:
+    """phi(x, u) = G(x, u) N of (2), (27), its three rows [1/s], and the injection rate Q_H^ [m3/s].
+
+    Q_H^ is the model's nozzle flow plus what phi says of it. Nozzle form: Q_H,model - (V_L p0/K_L) phi_1; seat form:
+    Q_H,model - (V_S p0/K_C) phi_3 - (V_L p0/K_L) phi_1. Both balances give Q_H,model (1 + N_H) when phi = G N, which
+    is what is computed.
+    """
     if is_at_rest(x, u):
-        return 0.0, 0.0, 0.0
+        return (0.0, 0.0, 0.0), 0.0
     nozzle_flow, seat_flow = model_flows(x, u, c)
     q_h, q_s = changed_flows(x, u, c, network)
     d_q_h = q_h - nozzle_flow
     d_q_s = q_s - seat_flow
-    return -c.line.a2_nozzle * d_q_h - c.line.a2_seat * d_q_s, 0.0, sac_rate(d_q_h, d_q_s, c.sac)
+    line = c.line
+    phi = (-line.a2_nozzle * d_q_h - line.a2_seat * d_q_s, 0.0, sac_rate(d_q_h, d_q_s, c.sac))
+    return phi, float(c.nozzle.flow * q_h)
 
 
 @njit(cache=True, nogil=True)
 def injection_rate(x: Any, u: tuple[float, float], c: Coefficients, network: Network) -> float:
-    """Injection rate Q_H^ [m3/s]: the model's nozzle flow plus what phi says of it.
-
-    Nozzle form: Q_H,model - (V_L p0/K_L) phi_1; seat form: Q_H,model - (V_S p0/K_C) phi_3 - (V_L p0/K_L) phi_1.
-    Both balances give Q_H,model (1 + N_H) when phi = G N, which is what is computed.
-    """
+    """Q_H^ of `fault_and_rate` [m3/s]."""
     if is_at_rest(x, u):
         return 0.0
     nozzle_flow, _ = changed_flows(x, u, c, network)

@@ -9,7 +9,7 @@ from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.units import MICROMETRE
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.network import constant_network
-from observer_rt.model.right_hand_side import fault
+from observer_rt.model.right_hand_side import fault_and_rate
 from observer_rt.model.seat import normalised_area
 from observer_rt.observer.observer import LEARNING_LEAD, SETTLE, WINDOW_LEAD, WINDOW_TAIL, Durations
 from observer_rt.simulation.plant import Truth
@@ -66,7 +66,10 @@ def true_fault(
     """Phi of (27) (n, 3) [1/s] for v_H, v_S = 0, along the true x (n, 3) and u (n, 2)."""
     network = constant_network(nozzle=nozzle_wear)
     return np.array(
-        [fault((row[0], row[1], row[2]), (col[0], col[1]), c, network) for row, col in zip(x, u, strict=True)]
+        [
+            fault_and_rate((row[0], row[1], row[2]), (col[0], col[1]), c, network)[0]
+            for row, col in zip(x, u, strict=True)
+        ]
     )
 
 

@@ -14,7 +14,7 @@ from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import Coefficients, coefficients
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.integrator import advance
+from observer_rt.model.integrator import Interval, advance
 from observer_rt.model.network import HIDDEN
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.sensor import LAG_UNIT, lagged
@@ -118,7 +118,7 @@ def simulated_event(
     indicated = [x[0]]
     for u_start, u_end in pairwise((float(rail), float(area)) for rail, area in inputs):
         before = x[0]
-        advance(x, u_start, u_end, setting.interval, setting.substeps, c, learned.network, None)
+        advance(x, Interval(u_start, u_end, setting.interval, setting.substeps), c, learned.network, None)
         lag = setting.lag + learned.lag
         indicated.append(lagged(indicated[-1], before, x[0], setting.interval, lag))
     shown = np.array(indicated)

@@ -8,7 +8,7 @@ from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.model.integrator import advance
+from observer_rt.model.integrator import Interval, advance
 from observer_rt.model.right_hand_side import injection_rate
 from tests.estimation.conftest import Case, event_inputs, simulated_event, worn_theta
 
@@ -72,7 +72,8 @@ def test_rate_is_that_of_the_observer_in_open_loop(case: Case) -> None:
     inputs = [(float(rail), float(area)) for rail, area in window.inputs]
     expected = [0.0]
     for k in range(1, window.output.size):
-        advance(x, inputs[k - 1], inputs[k], 1e-5, case.setting.substeps, c, learned.network, None)
+        between = Interval(inputs[k - 1], inputs[k], 1e-5, case.setting.substeps)
+        advance(x, between, c, learned.network, None)
         expected.append(injection_rate(x, inputs[k], c, learned.network))
     assert max(expected) > 40e-6  # m3/s
     np.testing.assert_allclose(rate, expected, atol=1e-12 * max(expected))

@@ -1,7 +1,6 @@
 """Shared by the tests of the model: an injector in both outflow forms, and trajectories over given inputs."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.integrator import advance, advance_over
+from observer_rt.model.integrator import Interval, advance, advance_over
 from observer_rt.model.network import Network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
@@ -43,23 +42,21 @@ def integrate() -> Trajectory:
             u_start = (float(inputs[n, 0]), float(inputs[n, 1]))
             u_end = u_start if zero_order_hold else (float(inputs[n + 1, 0]), float(inputs[n + 1, 1]))
             states[n + 1] = states[n]
-            advance(states[n + 1], u_start, u_end, interval, substeps, c, network, None)
+            advance(states[n + 1], Interval(u_start, u_end, interval, substeps), c, network, None)
         return states
 
     return run
 
 
-def advanced(x: State, *rest: Any) -> State:
+def advanced(x: State, interval: Interval, c: Coefficients, network: Network) -> State:
     """`advance` without a tangent, as a function of the state."""
-    return _moved(advance, x, *rest)
+    return advanced_over(x, interval, (0.0, 0.0), c, network)
 
 
-def advanced_over(x: State, *rest: Any) -> State:
+def advanced_over(
+    x: State, interval: Interval, knot: tuple[float, float], c: Coefficients, network: Network
+) -> State:
     """`advance_over` likewise."""
-    return _moved(advance_over, x, *rest)
-
-
-def _moved(move: Callable[..., None], x: State, *rest: Any) -> State:
     state = np.array(x)
-    move(state, *rest, None)
+    advance_over(state, interval, knot, c, network, None)
     return float(state[0]), float(state[1]), float(state[2])

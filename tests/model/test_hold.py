@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import effective_model
+from observer_rt.model.integrator import Interval
 from observer_rt.model.network import zero_network
 from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.model.seat import normalised_area
@@ -91,16 +92,20 @@ def test_a_bend_between_samples_is_followed(share: float) -> None:
         fine = x
         areas = np.interp(np.linspace(0.0, 1.0, 4001), [0.0, share, 1.0], [start, knot, end])
         for before, after in pairwise(float(area) for area in areas):
-            fine = advanced(fine, (0.95, before), (0.95, after), interval / 4000, 1, C, zero_network())
-        bent = advanced_over(x, u_start, (share, knot), u_end, interval, substeps, C, zero_network())
-        straight = advanced(x, u_start, u_end, interval, substeps, C, zero_network())
+            fine = advanced(
+                fine, Interval((0.95, before), (0.95, after), interval / 4000, 1), C, zero_network()
+            )
+        whole = Interval(u_start, u_end, interval, substeps)
+        bent = advanced_over(x, whole, (share, knot), C, zero_network())
+        straight = advanced(x, whole, C, zero_network())
         assert bent == pytest.approx(fine, abs=1e-4)
         assert np.abs(np.subtract(straight, fine)).max() > 4e-3
 
 
 def test_no_bend_changes_nothing() -> None:
     ends = (0.95, 0.2), (0.94, 0.5)
-    plain = advanced((0.8, 0.6, 0.5), *ends, 5e-5, 21, C, zero_network())
-    assert advanced_over((0.8, 0.6, 0.5), ends[0], (0.0, 0.7), ends[1], 5e-5, 21, C, zero_network()) == plain
-    on_the_line = advanced_over((0.8, 0.6, 0.5), ends[0], (0.5, 0.35), ends[1], 5e-5, 21, C, zero_network())
+    whole = Interval(*ends, 5e-5, 21)
+    plain = advanced((0.8, 0.6, 0.5), whole, C, zero_network())
+    assert advanced_over((0.8, 0.6, 0.5), whole, (0.0, 0.7), C, zero_network()) == plain
+    on_the_line = advanced_over((0.8, 0.6, 0.5), whole, (0.5, 0.35), C, zero_network())
     assert on_the_line == pytest.approx(plain, abs=1e-4)

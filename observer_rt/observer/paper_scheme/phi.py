@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network
 from observer_rt.model.orifice import root
 from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
@@ -46,16 +47,13 @@ def _network(phi: FreePhi) -> FreeNetwork:
 def _advance_free(
     phi: FreePhi,
     x: NDArray[np.float64],
-    u_start: tuple[float, float],
+    interval: Interval,
     knot: tuple[float, float],
-    u_end: tuple[float, float],
-    interval: float,
-    substeps: int,
     c: Coefficients,
     network: Network,
 ) -> None:
-    setting = PaperSetting(interval, substeps, c, network, phi.unit[0])
-    observe(x, u_start, u_end, setting, _network(phi))
+    setting = PaperSetting(interval.length, interval.substeps, c, network, phi.unit[0])
+    observe(x, interval.start, interval.end, setting, _network(phi))
 
 
 @njit(cache=True, nogil=True)
@@ -63,12 +61,9 @@ def _read_free(
     phi: FreePhi,
     x: NDArray[np.float64],
     u: tuple[float, float],
-    resting: bool,
     c: Coefficients,
     network: Network,
 ) -> tuple[tuple[float, float, float], float]:
-    if resting:
-        return (0.0, 0.0, 0.0), 0.0
     rows = free_fault(x, u, _network(phi))
     return rows, balanced_rate(x[2], u[1], rows[0], c)
 

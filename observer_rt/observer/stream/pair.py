@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import correct, predict
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.integrator import Interval
 from observer_rt.model.line.interface import line_from, rest_line
 from observer_rt.model.network import Network
 from observer_rt.observer.stream.front_end import known
@@ -87,24 +88,18 @@ def step_pair(observer: Observer, position: int) -> bool:
     row = observer.ring[position & _MASK]
     network = network_in_force(observer)
     c = coefficients_in_force(observer)
-    u_start = (before.rail_pressure, before.seat_area)
-    u_end = (row.rail_pressure, row.seat_area)
+    interval = Interval(
+        (before.rail_pressure, before.seat_area),
+        (row.rail_pressure, row.seat_area),
+        constants.interval,
+        constants.substeps,
+    )
     knot = (before.lift_after, before.lift_area)
 
     _copy(before.x_tilde, row.x_tilde)
+    fraction = constants.sensor.fraction
     indicated, shown = predict(
-        row.x_tilde,
-        before.indicated,
-        u_start,
-        knot,
-        u_end,
-        constants.interval,
-        constants.substeps,
-        constants.sensor.fraction,
-        memory.lag,
-        c,
-        network,
-        None,
+        row.x_tilde, before.indicated, interval, knot, fraction, memory.lag, c, network, None
     )
     innovation = 0.0
     if _is_measured(observer, position):
@@ -118,8 +113,7 @@ def step_pair(observer: Observer, position: int) -> bool:
         _copy(row.x_tilde, row.x_hat)
     else:
         _copy(before.x_hat, row.x_hat)
-        interval, substeps = constants.interval, constants.substeps
-        advance_x_hat(observer.phi, row.x_hat, u_start, knot, u_end, interval, substeps, c, network)
+        advance_x_hat(observer.phi, row.x_hat, interval, knot, c, network)
     return math.isfinite(row.x_hat.sum() + row.x_tilde.sum())
 
 
@@ -127,9 +121,10 @@ def step_pair(observer: Observer, position: int) -> bool:
 def read_out(observer: Observer, position: int) -> None:
     """Injection rate and phi of x^ at a sample, into its row."""
     row = observer.ring[position & _MASK]
-    c = coefficients_in_force(observer)
-    network = network_in_force(observer)
-    x = row.x_hat
-    u = (row.rail_pressure, max(row.seat_area, 0.0))
-    phi, row.injection_rate = read_phi(observer.phi, x, u, row.resting, c, network)
+    phi, rate = (0.0, 0.0, 0.0), 0.0
+    if not row.resting:
+        c = coefficients_in_force(observer)
+        u = (row.rail_pressure, max(row.seat_area, 0.0))
+        phi, rate = read_phi(observer.phi, row.x_hat, u, c, network_in_force(observer))
     row.phi[0], row.phi[1], row.phi[2] = phi
+    row.injection_rate = rate

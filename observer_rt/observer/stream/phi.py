@@ -9,9 +9,9 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.integrator import advance_over
+from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.network import Network
-from observer_rt.model.right_hand_side import fault, injection_rate
+from observer_rt.model.right_hand_side import fault_and_rate
 
 
 class Phi(Protocol):
@@ -31,11 +31,8 @@ class StructuredPhi(NamedTuple):
 def advance_x_hat(
     phi: Any,
     x: NDArray[np.float64],
-    u_start: tuple[float, float],
+    interval: Interval,
     knot: tuple[float, float],
-    u_end: tuple[float, float],
-    interval: float,
-    substeps: int,
     c: Coefficients,
     network: Network,
 ) -> None:
@@ -47,11 +44,10 @@ def read_phi(
     phi: Any,
     x: NDArray[np.float64],
     u: tuple[float, float],
-    resting: bool,
     c: Coefficients,
     network: Network,
 ) -> tuple[tuple[float, float, float], float]:
-    """The three rows of phi [1/s] and the injection rate [m3/s] at a state. For compiled code."""
+    """The three rows of phi [1/s] and the injection rate [m3/s] at a state not at rest. For compiled code."""
     raise NotImplementedError
 
 
@@ -75,15 +71,12 @@ def carry(kind: type, advance: Callable[..., Any], read: Callable[..., Any]) -> 
 def _advance_structured(
     phi: StructuredPhi,
     x: NDArray[np.float64],
-    u_start: tuple[float, float],
+    interval: Interval,
     knot: tuple[float, float],
-    u_end: tuple[float, float],
-    interval: float,
-    substeps: int,
     c: Coefficients,
     network: Network,
 ) -> None:
-    advance_over(x, u_start, knot, u_end, interval, substeps, c, network, None)
+    advance_over(x, interval, knot, c, network, None)
 
 
 @njit(cache=True, nogil=True)
@@ -91,11 +84,11 @@ def _read_structured(
     phi: StructuredPhi,
     x: NDArray[np.float64],
     u: tuple[float, float],
-    resting: bool,
     c: Coefficients,
     network: Network,
 ) -> tuple[tuple[float, float, float], float]:
-    return fault(x, u, c, network), injection_rate(x, u, c, network)
+    rows, rate = fault_and_rate(x, u, c, network)
+    return rows, rate
 
 
 carry(StructuredPhi, _advance_structured, _read_structured)

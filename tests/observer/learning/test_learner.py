@@ -17,7 +17,7 @@ from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
-from observer_rt.model.integrator import advance
+from observer_rt.model.integrator import Interval, advance
 from observer_rt.model.network import flow_changes
 from observer_rt.observer.learning.knowledge import (
     Adoption,
@@ -182,7 +182,7 @@ def event(v_h: float, seed: int | None = None) -> Window:
     network = network_of(nozzle_wear(v_h))
     for k in range(699):
         u_start, u_end = (0.95, float(area[k])), (0.95, float(area[k + 1]))
-        advance(x, u_start, u_end, 1e-5, constants.substeps, constants.coefficients, network, None)
+        advance(x, Interval(u_start, u_end, 1e-5, constants.substeps), constants.coefficients, network, None)
         line.append(x[0])
     output = np.array(line)
     if seed is not None:

@@ -7,6 +7,7 @@ import pytest
 from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
+from observer_rt.evaluation.logged import read_logged
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.input_frames import InputFrames
@@ -71,3 +72,15 @@ def test_one_of_several_senders_counts_and_that_is_told(tmp_path: Path) -> None:
 def test_a_message_that_is_none_of_j1939_is_heard_exactly(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"holds no frame of Daq \(0x18FEF1FE\); it has 0x18FEF100"):
         list(input_frames(tmp_path, 0x18FEF100, is_j1939=False))
+
+
+def test_frames_that_come_too_seldom_give_the_cause(tmp_path: Path) -> None:
+    """Counted frames with one sample each, far slower than the sample rate: none follows another."""
+    input_frames(tmp_path, *[GROUP] * 50)
+    log = tmp_path / "slow.log"
+    log.write_text("".join(f"({10 + n * 0.01:.6f}) can0 {GROUP:08X}#{n:014X}00\n" for n in range(50)))
+    with pytest.raises(UserError) as raised:
+        read_logged(load_bench(tmp_path / "bench.toml"), log)
+    assert "its 50 input frames give" in raised.value.problem
+    assert "they come at 102 a second, where sampling.rate_hz is 100000" in raised.value.problem
+    assert "set sampling.rate_hz" in raised.value.remedy

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bench_map import BenchMap
@@ -137,13 +136,9 @@ def _frames(bench: Bench, mapped: BenchMap, number: int) -> list[Finding]:
     findings = []
     link = bench.config.buses[number]
     for layout in (layout for layout in mapped.layouts if layout.bus == number):
-        if layout.length > FD_LENGTHS[-1]:
-            problem = f"{layout.name} has {layout.length} bytes, no frame more than {FD_LENGTHS[-1]}"
-        elif layout.is_fd and not link.config.fd:
+        if layout.is_fd and not link.config.fd:
             problem = (
                 f"{layout.name} is a CAN FD message, but {link.place}.fd is false; set {link.place}.fd = true"
             )
-        else:
-            continue
-        findings.append(Finding("frames", Level.ERROR, problem))
+            findings.append(Finding("frames", Level.ERROR, problem))
     return findings

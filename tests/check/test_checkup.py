@@ -162,12 +162,6 @@ def test_long_messages_are_can_fd_whatever_the_database_says(
     assert {finding.level for finding in of(findings_of(database=forgotten), "frames")} == {Level.OK}
 
 
-def test_messages_that_no_frame_holds(findings_of: Callable[..., list[Finding]]) -> None:
-    findings = findings_of(database={"BO_ 512 InjectionRate: 64": "BO_ 512 InjectionRate: 80"})
-    assert "InjectionRate has 80 bytes, no frame more than 64" in worst(findings, "frames").text
-    assert not of(findings, "bus load")  # not to be computed
-
-
 def test_can_fd_messages_on_a_classic_link(findings_of: Callable[..., list[Finding]]) -> None:
     findings = of(findings_of({"fd = true": "fd = false"}), "frames")
     assert {finding.level for finding in findings} == {Level.ERROR}

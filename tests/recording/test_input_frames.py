@@ -13,7 +13,7 @@ from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.input_frames import InputFrames
 from tests.recording.canlog.log_cases import START, write_log
 
-GROUP = 0x18FEF1FE
+GROUP, OTHER = 0x18FEF1FE, 0x18FEF2FE
 DATABASE = f"""VERSION ""
 BU_: Device
 BO_ {GROUP | 1 << 31} Daq: 8 Device
@@ -75,12 +75,19 @@ def test_a_message_that_is_none_of_j1939_is_heard_exactly(tmp_path: Path) -> Non
 
 
 def test_frames_that_come_too_seldom_give_the_cause(tmp_path: Path) -> None:
-    """Counted frames with one sample each, far slower than the sample rate: none follows another."""
-    input_frames(tmp_path, *[GROUP] * 50)
+    """Two messages that nothing counts, far slower than the sample rate: none joins the other."""
+    input_frames(tmp_path, *[GROUP] * 3)
+    database, bench = tmp_path / "user.dbc", tmp_path / "bench.toml"
+    lift = ' SG_ Lift : 16|16@1+ (0.1,0) [0|0] "um" Device\n'
+    other = f"BO_ {OTHER | 1 << 31} Slow: 8 Device\n{lift}BA_DEF_ BO_"
+    database.write_text(database.read_text().replace(lift, "").replace("BA_DEF_ BO_", other, 1))
+    text = bench.read_text().replace('message = "Daq"\nsignal = "Lift"', 'message = "Slow"\nsignal = "Lift"')
+    bench.write_text(text.replace('counter = "Count"', ""))
     log = tmp_path / "slow.log"
-    log.write_text("".join(f"({10 + n * 0.01:.6f}) can0 {GROUP:08X}#{n:014X}00\n" for n in range(50)))
+    times = [(10 + n * 0.01, identifier) for n in range(50) for identifier in (GROUP, OTHER)]
+    log.write_text("".join(f"({time:.6f}) can0 {identifier:08X}#{'00' * 8}\n" for time, identifier in times))
     with pytest.raises(UserError) as raised:
-        read_logged(load_bench(tmp_path / "bench.toml"), log)
-    assert "its 50 input frames give" in raised.value.problem
-    assert "they come at 102 a second, where sampling.rate_hz is 100000" in raised.value.problem
+        read_logged(load_bench(bench), log)
+    assert "its 100 input frames give 0 samples" in raised.value.problem
+    assert "they come at 204 a second, where sampling.rate_hz is 100000" in raised.value.problem
     assert "set sampling.rate_hz" in raised.value.remedy

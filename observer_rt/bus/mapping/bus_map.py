@@ -160,7 +160,8 @@ def _map_inputs(fitted: BenchInjector, databases: BenchDatabases) -> tuple[Input
     layouts = []
     streams: list[tuple[BusMessage, list[Role]]] = []
     for found, roles in by_message.values():
-        layout = protected_layout(*found)
+        with named(fitted.place(f"signals.{roles[0]}.message")):
+            layout = protected_layout(*found)
         layouts.append(layout)
         row = frame_row(layout)
         streams += [(found, together) for together in _map_message(fitted, found.message, roles, row, tables)]
@@ -211,7 +212,8 @@ def _map_message(
                 group_row["position"][place] = len(names)
                 group_row["factor"][place] = _factor(fitted, message, role, samples[role])
                 names.extend(samples[role][group.offset : group.offset + group.count])
-            tables.add_group(group_row, message, names, group)
+            with named(fitted.place(f"signals.{together[0]}")):
+                tables.add_group(group_row, message, names, group)
         tables.add_stream(int(row["samples"]), sum(1 << ROLES.index(role) for role in together))
     tables.add_message(row, message, [group for groups in streams for group in groups])
     return list(streams.values())

@@ -7,7 +7,6 @@ from itertools import count
 
 import numpy as np
 
-from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.replay.framing import Framer, Span, TimedFrame, grid_samples, whole, windows
@@ -39,16 +38,9 @@ def recording_frames(
     own time [s]. Between two loops the last samples are left out if they do not fill a frame.
 
     Raises:
-        UserError: nothing is selected, or a message is too long for a frame.
+        UserError: nothing is selected.
     """
     part, spans = _selected(recording, bus, windowed, start, stop)
-    for layout in bus.input_layouts:
-        if layout.length > FD_LENGTHS[-1]:
-            raise UserError(
-                f"message {layout.name}",
-                f"{layout.length} bytes do not fit into one frame",
-                f"correct the bus database: at most {FD_LENGTHS[-1]}",
-            )
     return _looped(part, spans, bus, loop)
 
 

@@ -173,7 +173,7 @@ def test_index_that_cannot_be_unwrapped(tmp_path: Path, index: str) -> None:
 
 def test_protection_that_is_not_supported(tmp_path: Path) -> None:
     error = refusal(tmp_path, rail_pressure='message = "Guarded"\nsignal = "Rail"')
-    assert "Guarded" in error.place
+    assert "Guarded" in error.problem
     assert "profile 2" in error.problem
     assert "1 and 5" in error.remedy
 
@@ -301,3 +301,25 @@ def test_an_output_that_will_not_do_names_the_bench_file(tmp_path: Path) -> None
         UserError, match=r"bench\.toml: outputs\.injection_rate: message SampleBlock has no signal"
     ):
         map_bus(load_bench(tmp_path / "bench.toml"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "problem"),
+    [
+        ("SampleBlock: 64", "SampleBlock: 80", "signals.rail_pressure.message", "80 bytes, no frame more than 64"),
+        ("InjectionRate: 64", "InjectionRate: 80", "outputs.injection_rate", "80 bytes, no frame more than 64"),
+        ('"GenSigError" SG_ 256 LinePressure_04 65534', '"GenSigError" SG_ 256 LinePressure_04 99999',
+         "signals.rail_pressure", "GenSigError is 99999, which its 16 bits cannot hold"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_database_names_the_bench_file(
+    tmp_path: Path, old: str, new: str, place: str, problem: str
+) -> None:
+    text = FD_DATABASE.read_text()
+    assert old in text
+    (tmp_path / "observer_fd.dbc").write_text(text.replace(old, new))
+    (tmp_path / "bench.toml").write_text(EXAMPLE_BENCH.read_text())
+    with pytest.raises(UserError) as refused:
+        map_bus(load_bench(tmp_path / "bench.toml"))
+    assert refused.value.place == f"{tmp_path / 'bench.toml'}: {place}"
+    assert problem in refused.value.problem

@@ -184,12 +184,6 @@ def test_a_long_block_is_can_fd_whatever_the_database_says(tmp_path: Path) -> No
     assert {frame.is_fd for frame in recording_frames(recording_of(100), bus, False)} == {True}
 
 
-def test_a_block_that_no_frame_holds_is_refused(tmp_path: Path) -> None:
-    bus = changed_map(tmp_path, block=("BO_ 256 SampleBlock: 64", "BO_ 256 SampleBlock: 80"))
-    with pytest.raises(UserError, match="SampleBlock: 80 bytes do not fit into one frame"):
-        recording_frames(recording_of(100), bus, False)
-
-
 def test_values_out_of_range_are_told_by_role(bus: BusMap) -> None:
     recording = recording_of(100)
     assert recorded_out_of_range(recording, bus) == []

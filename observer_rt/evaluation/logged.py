@@ -20,6 +20,7 @@ from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.counters import Counters
+from observer_rt.service.watch.log_watch import LogWatch
 
 READ_EVERY = 64  # frames between two looks at the observer's memory, which forgets
 RATE_TOLERANCE = 0.02  # of the sample rate by stamps, beyond which a log is odd
@@ -65,9 +66,11 @@ def read_logged(
     seen = 0
     first_ns = last_ns = 0
     stamps = _Stamps()
+    watch = LogWatch(bench.injector, bus, core)
     for count, (on, frame) in enumerate(frames):
         first_ns, last_ns = first_ns or frame.stamp_ns, frame.stamp_ns
         core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, on)
+        watch.note(on, frame)
         if core.processed > 0:  # before, clocks may have to be learned
             stamps.note(frame)
         if count % READ_EVERY == 0:
@@ -78,21 +81,27 @@ def read_logged(
     rows = np.concatenate([*pieces, core.rows(seen, core.processed)])
     rate = bench.injector.config.sampling.rate_hz
     if len(rows) < 2:
-        raise _too_few(path, core.counters, len(rows), last_ns - first_ns, rate)
+        raise _too_few(path, core.counters, watch.absent(), len(rows), last_ns - first_ns, rate)
     recording = _recording(bench, rows, path)
-    notes = [*frames.notes(), *stamps.notes(path, rate, int(rows["index"][-1] - rows["index"][0]))]
+    notes = [
+        *frames.notes(),
+        *watch.notes(path),
+        *stamps.notes(path, rate, int(rows["index"][-1] - rows["index"][0])),
+    ]
     found = core.counters, core.standstill, core.timing
     return LoggedRecording(recording, int(rows["index"][0]), frames, tuple(notes), *found)
 
 
-def _too_few(path: Path, counted: Counters, samples: int, duration: int, rate: float) -> UserError:
+def _too_few(
+    path: Path, counted: Counters, absent: Sequence[str], samples: int, duration: int, rate: float
+) -> UserError:
     """The error for a log of frames that give no samples; duration [ns] of them, sample rate [Hz] of the bench."""
-    problem = (
-        f"its {counted.frames} input frames give {samples} samples ({counted.crc_errors} CRC errors, "
-        f"{counted.length_errors} of wrong length)"
-    )
+    odd = "; ".join(absent) or f"{counted.crc_errors} CRC errors, {counted.length_errors} of wrong length"
+    problem = f"its {counted.frames} input frames give {samples} samples: {odd}"
     remedy = "give --bench with the file the log was recorded by"
-    if not counted.crc_errors + counted.length_errors and duration > 0:
+    if absent:
+        remedy = "record all inputs: was the device on, its channel recorded?"
+    elif not counted.crc_errors + counted.length_errors and duration > 0:
         a_second = counted.frames * NANOSECONDS / duration
         problem += f"; they come at {a_second:.3g} a second, where sampling.rate_hz is {rate:g}"
         remedy += (

@@ -51,6 +51,7 @@ class Reason(IntEnum):
     TIME_BASE = 16  # when samples were taken is in doubt, or the line pressure seems recorded late
     REVISED = 17  # what was learned from the injection changes its mass
     INPUT_STALE = 18  # one of the inputs stays away while others come
+    SECOND_SENDER = 21  # another node sends what only this service should
 
 
 _SAMPLE = [

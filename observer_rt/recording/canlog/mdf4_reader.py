@@ -38,7 +38,11 @@ class Mdf4Log(LogReader):
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         parts = mdf4_apart(RECORDS, "records", self.path)
-        self._size, self.error_frames, self.remote_frames = next(parts)
+        self._size, self.error_frames, self.remote_frames, uncounted = next(parts)
+        if uncounted:
+            self.remarks.append(
+                f"its heading leaves out {uncounted} frames that are in it: it may be damaged"
+            )
         for records in parts:
             for record in _frames(records):
                 self._position += 1

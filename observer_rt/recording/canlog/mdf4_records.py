@@ -4,6 +4,7 @@ ASAM's rules for bus logging: one record a frame, groups apart by data, error an
 virtual: not stored, but given by the number of the record through its conversion, which makes a constant of it.
 """
 
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,6 +24,7 @@ EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
 RECORDS_AT_ONCE = 50_000
 MAX_LENGTH = FD_LENGTHS[-1]
 _LARGEST_NUMBER = 0xFFFF_FFFF
+_BLOCK = struct.Struct("<4s4xQ8x")  # head of a block: kind, length with this head, links
 CHANNEL_NAME = 16  # characters
 _LARGEST_TIME = np.iinfo(np.int64).max
 _LENGTH_OF_CODE = np.array([length_of(code) for code in range(16)])
@@ -49,12 +51,14 @@ class Totals(NamedTuple):
     data: int
     error: int
     remote: int
+    uncounted: int
+    """Records of data frames that are in the file, but beyond their number in its heading."""
 
 
 def totals(path: Path) -> Iterator[Totals]:
     """How many frames a file has, once."""
     with opened(path) as file:
-        yield _totals(file)
+        yield _totals(file, path)
 
 
 def records(path: Path) -> Iterator[Totals | NDArray[np.void]]:
@@ -63,17 +67,29 @@ def records(path: Path) -> Iterator[Totals | NDArray[np.void]]:
     Frames of several groups are put in order of time; what steps back within one group stays as it is.
     """
     with opened(path) as file:
-        yield _totals(file)
+        yield _totals(file, path)
         yield from in_order_of_time([_group_records(file, group) for group in _groups(file, DATA)])
 
 
-def _totals(file: MDF) -> Totals:
-    return Totals(
-        *(
-            sum(file.groups[group].channel_group.cycles_nr for group in _groups(file, kind))
-            for kind in (DATA, ERROR, REMOTE)
-        )
+def _totals(file: MDF, path: Path) -> Totals:
+    data, error, remote = (
+        sum(file.groups[group].channel_group.cycles_nr for group in _groups(file, kind))
+        for kind in (DATA, ERROR, REMOTE)
     )
+    return Totals(data, error, remote, sum(_uncounted(file, path, group) for group in _groups(file, DATA)))
+
+
+def _uncounted(file: MDF, path: Path, group: int) -> int:
+    """Records beyond the number in the heading, where they are in one plain block: asammdf passes them over."""
+    place, heading = file.groups[group].data_group, file.groups[group].channel_group
+    size = heading.samples_byte_nr + heading.invalidation_bytes_nr
+    with path.open("rb") as content:
+        content.seek(place.data_block_addr)
+        kind, length = _BLOCK.unpack(content.read(_BLOCK.size))
+    if kind != b"##DT" or place.record_id_len or not size:
+        return 0
+    uncounted: int = (length - _BLOCK.size) // size - heading.cycles_nr
+    return max(0, uncounted)
 
 
 def _groups(file: MDF, kind: str) -> list[int]:

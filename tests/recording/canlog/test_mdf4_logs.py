@@ -221,6 +221,19 @@ def test_an_offset_outside_the_data_does_not_end_this_process(tmp_path: Path) ->
         list(open_log(tmp_path / "saved.mf4"))
 
 
+def test_frames_that_the_heading_does_not_count_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "bus.mf4"
+    write_log(path, mixture(".mf4", 12))
+    data = bytearray(path.read_bytes())
+    count = data.index(b"##CG") + 24 + 6 * 8 + 8
+    assert data[count] == 12
+    data[count] = 5
+    path.write_bytes(data)
+    log = open_log(path)
+    assert len(list(log)) == 5
+    assert log.notes() == [f"{path}: its heading leaves out 7 frames that are in it: it may be damaged"]
+
+
 def mixture_offset(frames: int) -> int:
     """Where the data of the last frame stand, among those of variable length."""
     return sum(4 + len(frame.frame.payload) for frame in mixture(".mf4", frames)[:-1])

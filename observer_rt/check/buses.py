@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from observer_rt.bus.can_frame import CLASSIC_LENGTH
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bench_map import BenchMap
@@ -11,6 +10,8 @@ from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.check.findings import Finding, Level, graded
 from observer_rt.check.load import load_findings
 from observer_rt.config.bench import Bench
+
+_OUTPUT_KEYS = " (of results: outputs.injection_rate_id, injection_summary_id, status_id in the bench file)"
 
 
 def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
@@ -96,7 +97,7 @@ def _identifiers(mapped: BenchMap) -> list[Finding]:
             "identifiers",
             Level.ERROR,
             f"{' and '.join(map(mapped.name_of, layouts))} share 0x{key & 0x1FFFFFFF:X}; give every message its own "
-            "identifier",
+            f"identifier{_OUTPUT_KEYS}",
         )
         for key, layouts in owners.items()
         if len(layouts) > 1
@@ -108,7 +109,7 @@ def _identifiers(mapped: BenchMap) -> list[Finding]:
             Level.WARNING,
             f"{mapped.name_of(owners[message.key][0])} shares 0x{message.key & 0x1FFFFFFF:X} with {message.name} of "
             f"{message.path}; "
-            "if that one is on this bus too, give one of them another identifier",
+            f"if that one is on this bus too, give one of them another identifier{_OUTPUT_KEYS}",
         )
         for message in mapped.known
         if message.key in owners and (message.name, message.bus) not in used
@@ -135,16 +136,9 @@ def _frames(bench: Bench, mapped: BenchMap, number: int) -> list[Finding]:
     findings = []
     link = bench.config.buses[number]
     for layout in (layout for layout in mapped.layouts if layout.bus == number):
-        if not layout.is_fd and layout.length > CLASSIC_LENGTH:
-            problem = (
-                f"{layout.name} is a classic CAN message of {layout.length} bytes, more than {CLASSIC_LENGTH}; "
-                "set its VFrameFormat to 14 (StandardCAN_FD) or 15 (ExtendedCAN_FD)"
-            )
-        elif layout.is_fd and not link.config.fd:
+        if layout.is_fd and not link.config.fd:
             problem = (
                 f"{layout.name} is a CAN FD message, but {link.place}.fd is false; set {link.place}.fd = true"
             )
-        else:
-            continue
-        findings.append(Finding("frames", Level.ERROR, problem))
+            findings.append(Finding("frames", Level.ERROR, problem))
     return findings

@@ -58,7 +58,8 @@ def _division(message: np.void) -> str:
 
 def _unit(role: Role, factor: float) -> str:
     units = LENGTH_UNITS if role is Role.NEEDLE_LIFT else PRESSURE_UNITS
-    return next(unit for unit, known in units.items() if known == factor)
+    named = next((unit for unit, known in units.items() if known == factor), None)
+    return named or f"units of {factor:g} {next(iter(units))}"
 
 
 def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:

@@ -10,6 +10,8 @@ from observer_rt.config.recording import RecordingConfig
 from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.config.toml_file import Section
 
+Identifier = Annotated[int, Field(ge=0, le=0x1FFF_FFFF)]
+
 
 class SamplingConfig(Section):
     rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] = 100e3
@@ -33,6 +35,9 @@ class OutputsConfig(Section):
     injection_rate: str | Literal[False] = "InjectionRate"  # false: not published
     injection_summary: str = "InjectionSummary"
     status: str = "ObserverStatus"
+    injection_rate_id: Identifier | None = None  # instead of that in the database; above 0x7FF it is extended
+    injection_summary_id: Identifier | None = None
+    status_id: Identifier | None = None
     injector_id: Annotated[int, Field(ge=0, le=255)] = 1
     status_period_ms: Annotated[float, Field(ge=10, le=10_000)] = 100.0
     link: str | None = None  # the bus they are sent on, instead of their database's

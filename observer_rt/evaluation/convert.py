@@ -28,7 +28,6 @@ from observer_rt.recording.formats import (
 )
 from observer_rt.recording.replay.device import Device
 from observer_rt.recording.replay.framing import bench_for
-from observer_rt.recording.replay.recording_frames import refuse_long_frames
 from observer_rt.terminal.console import progress_bar, say, say_if_compiling
 from observer_rt.terminal.destinations import check_destination, refuse_existing
 
@@ -127,7 +126,6 @@ def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) 
     bench = bench_for(bench, stream)
     names = [link.config.channel for link in bench.config.buses]
     bus = map_bus(bench)
-    refuse_long_frames(bus)
     device = Device(bus)
     count = done = 0
     with (

@@ -141,18 +141,7 @@ class LoggedSignals(SignalStream):
             self._survey(rows)
             progress(self.frames.share_read)
         if found < 2:
-            counted = core.counters
-            absent = watch.absent()
-            odd = "; ".join(absent) or (
-                f"{counted.crc_errors} CRC errors, {counted.length_errors} of wrong length"
-            )
-            raise UserError(
-                str(path),
-                f"its {counted.frames} input frames give {found} samples: {odd}",
-                "record all inputs: was the device on, its channel recorded?"
-                if absent
-                else "give --bench with the file the log was recorded by",
-            )
+            raise _too_few(path, core.counters, watch.absent(), found, stamps.span, self.rate)
         intervals = sum(stretch.samples - 1 for stretch in stretches)
         self.notes = (
             *self.frames.notes(),
@@ -190,8 +179,7 @@ class LoggedSignals(SignalStream):
             core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, on)
             if watch is not None:
                 watch.note(on, frame)
-            if core.processed > 0:  # before, clocks may have to be learned
-                stamps.note(frame)
+            stamps.note(frame, core.processed > 0)  # before, clocks may have to be learned
             if count % READ_EVERY == 0 and core.processed > seen:
                 yield core.rows(seen, core.processed)
                 seen = core.processed
@@ -234,6 +222,24 @@ class LoggedSignals(SignalStream):
         return bench_constants(self._bench.injector).coefficients
 
 
+def _too_few(
+    path: Path, counted: Counters, absent: Sequence[str], samples: int, duration: int, rate: float
+) -> UserError:
+    """The error for a log of frames that give no samples; duration [ns] of them, sample rate [Hz] of the bench."""
+    odd = "; ".join(absent) or f"{counted.crc_errors} CRC errors, {counted.length_errors} of wrong length"
+    problem = f"its {counted.frames} input frames give {samples} samples: {odd}"
+    remedy = "give --bench with the file the log was recorded by"
+    if absent:
+        remedy = "record all inputs: was the device on, its channel recorded?"
+    elif not counted.crc_errors + counted.length_errors and duration > 0:
+        a_second = counted.frames * NANOSECONDS / duration
+        problem += f"; they come at {a_second:.3g} a second, where sampling.rate_hz is {rate:g}"
+        remedy += (
+            ", name their index, or set sampling.rate_hz (and rate_hz of slower signals) to what is there"
+        )
+    return UserError(str(path), problem, remedy)
+
+
 def _restarts(path: Path, stretches: Sequence[LoggedStretch]) -> Iterator[str]:
     if len(stretches) > 1:
         places = [f"after sample {before.last_index}" for before in stretches[:-1]]
@@ -257,17 +263,27 @@ def _refuse_hole(index: NDArray[np.int64], stretches: Sequence[LoggedStretch], p
 
 
 class _Stamps:
-    """First and last stamp of the frames: with the sample index they tell the sample rate."""
+    """First and last stamp of the frames: with the sample index they tell the sample rate.
+
+    span: of all frames [ns], those before the first sample included.
+    """
 
     def __init__(self) -> None:
         self._frames = 0
-        self._first = self._last = 0
+        self._begin = self._first = self._last = 0
 
-    def note(self, frame: Frame) -> None:
+    def note(self, frame: Frame, gives_samples: bool) -> None:
+        self._begin = self._begin or frame.stamp_ns
+        self._last = frame.stamp_ns
+        if not gives_samples:
+            return
         if not self._frames:
             self._first = frame.stamp_ns
         self._frames += 1
-        self._last = frame.stamp_ns
+
+    @property
+    def span(self) -> int:
+        return self._last - self._begin
 
     def notes(self, path: Path, rate: float, intervals: int) -> list[str]:
         """A warning where the stamps contradict the bench's sample rate [Hz]."""

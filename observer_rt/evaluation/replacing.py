@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from observer_rt.foundation.errors import UserError
+
 
 @contextmanager
 def replacing(target: Path) -> Iterator[Path]:
@@ -12,5 +14,7 @@ def replacing(target: Path) -> Iterator[Path]:
     try:
         yield part
         part.replace(target)
+    except UserError as error:
+        raise UserError(error.place.replace(str(part), str(target)), error.problem, error.remedy) from None
     finally:
         part.unlink(missing_ok=True)

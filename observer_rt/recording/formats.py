@@ -16,6 +16,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.canlog.asc_writer import ASC
 from observer_rt.recording.canlog.blf_writer import BLF
+from observer_rt.recording.canlog.busmaster import BUSMASTER
 from observer_rt.recording.canlog.can_log import LogReader, LogRecorder, LogWriter
 from observer_rt.recording.canlog.candump import CANDUMP
 from observer_rt.recording.canlog.log_format import LogFormat
@@ -27,10 +28,10 @@ from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.signal_format import SignalFormat
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream
 from observer_rt.recording.signals.writers import CollectingWriter, PartsWriter, RecordingWriter
-from observer_rt.terminal.destinations import check_suffix
+from observer_rt.terminal.destinations import PACKED, check_suffix, suffix_of
 
 Format = LogFormat | SignalFormat
-BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, PARQUET, CANDUMP, BLF, ASC, TRC, MDF4_LOG)
+BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, PARQUET, CANDUMP, BUSMASTER, BLF, ASC, TRC, MDF4_LOG)
 GROUP = "observer_rt.formats"
 F = TypeVar("F", bound=Format)
 
@@ -69,20 +70,28 @@ def is_log(path: Path) -> bool:
 
     Raises `UserError` for an unknown suffix, and for a file that had to be opened and is not there or damaged.
     """
-    check_suffix(str(path), path, suffixes_of(formats()))
-    suffix = path.suffix.lower()
-    log = next((each for each in log_formats() if suffix in each.suffixes), None)
-    return log is not None and (log.holds_frames is None or log.holds_frames(path))
+    known = _readable(formats())
+    check_suffix(str(path), path, tuple(known))
+    kinds = known[suffix_of(path)]
+    logs = [each for each in kinds if isinstance(each, LogFormat)]
+    return len(logs) == len(kinds) or _recognised(path, logs) is not None
 
 
 def log_format(path: Path) -> LogFormat:
-    """The format of a log by its suffix. Raises `UserError` for an unknown one."""
+    """The format in which a log of this suffix is written. Raises `UserError` for an unknown one."""
     return _of(path, log_formats())
 
 
 def open_log(path: Path) -> LogReader:
-    """The reader of a log; nothing is read before it is iterated. Raises `UserError` for an unknown suffix."""
-    return log_format(path).reader(path)
+    """The reader of a log; nothing is read before it is iterated, unless its suffix leaves the format open.
+
+    Raises `UserError` for an unknown suffix.
+    """
+    known = _readable(log_formats())
+    check_suffix(str(path), path, tuple(known))
+    kinds = known[suffix_of(path)]
+    found = _recognised(path, kinds) if len(kinds) > 1 else None
+    return (found or next(each for each in kinds if each.recognises is None or len(kinds) == 1)).reader(path)
 
 
 def open_writer(path: Path, start_ns: int) -> LogWriter:
@@ -146,7 +155,30 @@ def open_parts(path: Path, has_rate: bool) -> PartsWriter:
 
 def _of(path: Path, known: Sequence[F]) -> F:
     check_suffix(str(path), path, suffixes_of(known))
-    return next(each for each in known if path.suffix.lower() in each.suffixes)
+    return next(each for each in known if suffix_of(path) in each.suffixes)
+
+
+def _readable(known: Iterable[F]) -> dict[str, list[F]]:
+    """The formats that files of each suffix may be of, those of packed text among them."""
+    kinds: dict[str, list[F]] = {}
+    for each in known:
+        for suffix in each.suffixes:
+            kinds.setdefault(suffix, []).append(each)
+    for suffix, there in list(kinds.items()):
+        texts = [each for each in there if _is_text(each)]
+        if texts:
+            kinds[f"{suffix}{PACKED}"] = texts
+    return kinds
+
+
+def _is_text(known: Format) -> bool:
+    return isinstance(known, LogFormat) and known.is_text
+
+
+def _recognised(path: Path, known: Iterable[LogFormat]) -> LogFormat | None:
+    """The format that takes a file for its own."""
+    with file_errors(path):
+        return next((each for each in known if each.recognises is not None and each.recognises(path)), None)
 
 
 def _installed(entry: EntryPoint, known: Iterable[Format]) -> Format:
@@ -172,8 +204,7 @@ def _problem(found: object, known: Iterable[Format]) -> str | None:
         return f"has the suffixes {found.suffixes}: each begins with a dot and is in lower case"
     for other in known:
         shared = sorted(set(found.suffixes) & set(other.suffixes))
-        log = next((each for each in (found, other) if isinstance(each, LogFormat)), None)
-        is_told_apart = type(found) is not type(other) and log is not None and log.holds_frames is not None
+        is_told_apart = any(isinstance(each, LogFormat) and each.recognises for each in (found, other))
         if shared and not is_told_apart:
             return f"has the suffix {shared[0]}, which belongs to '{other.description}'"
     return None

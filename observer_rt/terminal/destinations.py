@@ -7,6 +7,7 @@ from pathlib import Path
 
 from observer_rt.foundation.errors import UserError
 
+PACKED = ".gz"
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 
@@ -33,11 +34,17 @@ def refuse_existing(option: str, paths: Iterable[Path], force: bool) -> None:
             raise UserError(f"{option} {path}", "exists already", "name another file, or add --force")
 
 
+def suffix_of(path: Path) -> str:
+    """What kind a file is by its name, in lower case: of a packed one with that of its content, as `.asc.gz`."""
+    suffix = path.suffix.lower()
+    return Path(path.stem).suffix.lower() + suffix if suffix == PACKED else suffix
+
+
 def check_suffix(place: str, path: Path, suffixes: Collection[str]) -> None:
     """Raise `UserError` for a file whose suffix is not among those known."""
-    if path.suffix.lower() not in suffixes:
+    if suffix_of(path) not in suffixes:
         raise UserError(
-            place, f"unknown kind of file '{path.suffix}'", f"known suffixes: {', '.join(suffixes)}"
+            place, f"unknown kind of file '{suffix_of(path)}'", f"known suffixes: {', '.join(suffixes)}"
         )
 
 

@@ -73,6 +73,17 @@ def test_nothing_is_overwritten_unless_forced(command: Command, tmp_path: Path) 
     assert len(contents(there)) == 20
 
 
+def test_an_error_names_the_file_and_not_its_part(command: Command, tmp_path: Path) -> None:
+    log = tmp_path / "in.log"
+    late = "".join(f"({1700000010 + n}.5) can0 100#00\n" for n in range(1000))
+    log.write_text(f"{late}(1700000001.5) can1 100#00\n")
+    for suffix in (".blf", ".asc", ".trc"):
+        outcome = command("convert", log, tmp_path / f"out{suffix}")
+        assert outcome.code == 2
+        assert f"{tmp_path}/out{suffix}: a frame is older than the first ones" in outcome.err
+    assert list(tmp_path.iterdir()) == [log]
+
+
 def test_what_is_lost_is_said(command: Command, tmp_path: Path) -> None:
     log = tmp_path / "in.log"
     log.write_text("(1.000000001) can0 100#00\n(1.1) can0 100#R\n(1.2) can0 100#00\n")

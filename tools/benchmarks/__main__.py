@@ -17,6 +17,7 @@ from tools.benchmarks.ablation import CLASSES_TRIED, run_ablation
 from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
 from tools.benchmarks.accuracy import print_results, run_accuracy
 from tools.benchmarks.cases import CLASSES
+from tools.benchmarks.damage import damage_document, damage_table, run_damage
 from tools.benchmarks.discovery import figures as discovery_figures
 from tools.benchmarks.discovery import tables as discovery_tables
 from tools.benchmarks.discovery.generator import HidingPlan
@@ -122,6 +123,25 @@ def formats(
         print(json.dumps(formats_document(found), indent=2))
     else:
         _console().print(formats_table(found))
+
+
+@app.command(epilog="Example: tools/bench damage --files 5000 --seed 1")
+def damage(
+    files: Annotated[int, typer.Option(min=1, help="Damaged files.")] = 5000,
+    seed: SeedOption = 1,
+    workers: WorkersOption = PROCESSES,
+    as_json: JsonOption = False,
+) -> None:
+    """What becomes of damaged files of every format; exit code 1 if one crashes, or shows a traceback."""
+    campaign = run_damage(files, seed, workers, messages)
+    if as_json:
+        print(json.dumps(damage_document(campaign), indent=2))
+    else:
+        _console().print(damage_table(campaign))
+    for fault in campaign.faults:
+        messages.print(f"{fault.task}: {fault.said}", markup=False, highlight=False, soft_wrap=True)
+    if campaign.faults:
+        raise typer.Exit(1)
 
 
 @app.command(epilog="Example: tools/bench frame")

@@ -6,7 +6,7 @@ cantools is the reference: wherever it defines a result, `decode` gives the same
 - The code "not available" and the code "error" decode to NaN, and no number encodes to either of them: it
   becomes the nearest code that is neither.
 - A number outside the declared minimum and maximum, or outside what the field holds, is clamped (infinities
-  included).
+  included). A declared range in which no code of the field lies counts as none.
 - NaN encodes to "not available"; without that code to NaN in a float field, else to the number nearest zero.
 - A float64 holds 53 bits. An integer wider than that decodes to the nearest float64 (half to even) when it is
   not scaled; scaled, it is the float64 product and sum, not rounded once from exact integers. Encoding a
@@ -85,10 +85,6 @@ def _compile(signal: Signal, row: np.void, place: str, message_length: int) -> N
     row["scale"] = signal.scale
     row["offset"] = signal.offset
     row["lowest"], row["highest"] = _raw_limits(signal)
-    if row["lowest"] > row["highest"]:
-        raise UserError(
-            place, f"no code of {signal.length} bits lies within {signal.minimum} to {signal.maximum}"
-        )
     _set_reserved_codes(signal, row, place)
 
 
@@ -107,7 +103,10 @@ def _set_position(signal: Signal, row: np.void) -> None:
 
 
 def _raw_limits(signal: Signal) -> tuple[float, float]:
-    """Lowest and highest raw value by the declared range and by the field, both float64 the field holds."""
+    """Lowest and highest raw value by the declared range and by the field, both float64 the field holds.
+
+    A range in which no code lies says nothing: by the field alone.
+    """
     if signal.conversion.is_float:
         highest = _LARGEST_FLOAT[signal.length]
         lowest = -highest
@@ -123,10 +122,11 @@ def _raw_limits(signal: Signal) -> tuple[float, float]:
     if not signal.conversion.is_float:
         declared = [float(np.rint(raw)) if raw is not None else None for raw in declared]
     declared_lowest, declared_highest = declared
-    return (
+    within = (
         lowest if declared_lowest is None else max(lowest, declared_lowest),
         highest if declared_highest is None else min(highest, declared_highest),
     )
+    return within if within[0] <= within[1] else (lowest, highest)
 
 
 def _largest_float_to(limit: int) -> float:

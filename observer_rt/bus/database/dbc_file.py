@@ -11,6 +11,10 @@ from observer_rt.foundation.errors import UserError
 _LENIENT = "or read it all the same: lenient = true in its [[dbc]], or --lenient"
 # As cantools says it: where it stopped, an attribute, or signals and message by name.
 _AT_LINE = re.compile(r"at line (\d+)")
+_OF_PYTHON = re.compile(
+    r"object (has no|is not|does not|cannot)|positional argument|unsupported operand|invalid literal|"
+    r"not enough values|too many values|could not convert|out of range|must be (str|int|real|a )|unexpected keyword"
+)
 _UNDEFINED = re.compile(r"uses (\S+), which it does not define")
 _IN_MESSAGE = re.compile(r"signals? (\w+).* in\s+message (\w+)")
 _MESSAGE = re.compile(r"message (\w+)\W*$")
@@ -30,7 +34,7 @@ def load_database(path: Path, lenient: bool = False) -> Database:
         raise UserError(str(path), "no such file", "correct the path of the bus database") from None
     except OSError as error:
         raise UserError(str(path), f"cannot be read: {error.strerror}") from None
-    except (cantools.Error, UnicodeDecodeError, ValueError) as error:
+    except Exception as error:  # cantools fails in many ways on what it does not expect
         remedy = "mend the bus database"
         if not lenient and _is_readable(path):
             remedy = f"{remedy}, {_LENIENT}"
@@ -58,7 +62,7 @@ def _is_readable(path: Path) -> bool:
     """Whether leniency helps."""
     try:
         cantools.database.load_file(path, strict=False)
-    except (cantools.Error, ValueError):
+    except Exception:  # see `load_database`
         return False
     return True
 
@@ -68,7 +72,11 @@ def _reason(error: Exception) -> str:
     text = re.sub(r'^[A-Z]+: "(.*)"$', r"\1", str(error), flags=re.DOTALL)
     text = " ".join(text.split()).rstrip(".")
     missing = re.fullmatch(r"'([^']*)'", text)
-    return f"uses {missing.group(1)}, which it does not define" if missing else text
+    if missing:
+        return f"uses {missing.group(1)}, which it does not define"
+    if not isinstance(error, cantools.Error | ValueError) or _OF_PYTHON.search(text):
+        return f"is incomplete, or not of the kind its name says: what reads it fails ({text})"
+    return text
 
 
 def _line_of(path: Path, reason: str) -> int | None:

@@ -1,12 +1,14 @@
 """Bus databases: looking up messages and signals, and the layout attributes the observer needs."""
 
 import hashlib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from cantools.database.can import Database, Message, Signal
 
+from observer_rt.bus.can_frame import CLASSIC_LENGTH
+from observer_rt.bus.j1939 import GroupIdentifier
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import nearest
 
@@ -35,6 +37,13 @@ class MessageLayout:
     e2e_data_id: int | None
     bus: int = 0
     """Number of the bus it is on."""
+    is_j1939: bool = False
+    """Whether its parameter group names it, whatever the source address."""
+
+    @property
+    def received_id(self) -> int:
+        """Its identifier, for who receives it: of a message of J1939 one that stands for its parameter group."""
+        return GroupIdentifier(self.frame_id) if self.is_j1939 and self.is_extended else self.frame_id
 
     @classmethod
     def of(cls, message: Message, bus: int = 0) -> "MessageLayout":
@@ -55,7 +64,7 @@ class MessageLayout:
             name=message.name,
             frame_id=message.frame_id,
             is_extended=message.is_extended_frame,
-            is_fd=message.is_fd,
+            is_fd=message.is_fd or message.length > CLASSIC_LENGTH,  # which nothing else carries
             length=message.length,
             samples_per_frame=_integer_attribute(message, "SamplesPerFrame") or None,
             sample_period_ns=_integer_attribute(message, "SamplePeriodNs") or None,
@@ -63,6 +72,7 @@ class MessageLayout:
             e2e_profile=e2e_profile,
             e2e_data_id=e2e_data_id if e2e_profile is not None else None,
             bus=bus,
+            is_j1939=message.protocol == "j1939",
         )
 
 
@@ -152,14 +162,15 @@ def error_code(signal: Signal) -> int | None:
 
 def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | None:
     """The code as the bits of the field. Negative is a code for a signed signal, -1 means none otherwise."""
-    code = _integer_attribute(signal, attribute)
-    if code is None:
-        code = _named_code(signal, names)
+    stated = _integer_attribute(signal, attribute)
+    code = _named_code(signal, names) if stated is None else stated
     if code is None or (code == -1 and not signal.is_signed):
         return None
     bits: int = signal.length
     lowest = -(1 << (bits - 1)) if signal.is_signed else 0
     if not lowest <= code < (1 << bits):
+        if stated is None:
+            return None  # a label for what is never sent
         raise UserError(
             f"signal {signal.name}",
             f"{attribute} is {code}, which its {bits} bits cannot hold",
@@ -222,21 +233,6 @@ def _expand(pattern: str, known: Sequence[str], place: str) -> tuple[str, ...]:
 
 def _nearest(name: str, known: Sequence[str]) -> str:
     best = nearest(name, known)
-    return f"there are: {', '.join(known)}" if best is None else f"nearest name: {best}"
-
-
-def from_unit(
-    place: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]
-) -> float:
-    """What `units` holds for the unit of a signal: `unit` of the bench file, or else what the database states.
-
-    Raises `UserError` naming `place` of the bench file for a unit that is none of them.
-    """
-    stated = unit or find_signal(message, signal).unit or ""
-    if stated not in units:
-        raise UserError(
-            place,
-            f"unit {stated!r} of {message.name} is not known" if stated else f"{message.name} states no unit",
-            f'add unit = "..." with one of {", ".join(units)}',
-        )
-    return units[stated]
+    if best is not None:
+        return f"nearest name: {best}"
+    return f"there are: {', '.join(known)}" if known else "it has none at all: give another database"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from cantools.database.can import Message
+from cantools.database.can import Message, Signal
 from numba import njit
 from numpy.typing import NDArray
 
@@ -50,7 +50,7 @@ def conditions_of(message: Message, name: str) -> Conditions:
     """
     conditions: list[Condition] = []
     signal = find_signal(message, name)
-    while signal.multiplexer_ids is not None:
+    while (values := _multiplexer_ids(message, signal)) is not None:
         if signal.multiplexer_signal is None or len(conditions) == len(message.signals):
             raise UserError(
                 f"message {message.name}, signal {name}",
@@ -59,11 +59,30 @@ def conditions_of(message: Message, name: str) -> Conditions:
             )
         selector = find_signal(message, signal.multiplexer_signal)
         mask = (1 << selector.length) - 1
-        conditions.append(
-            Condition(selector.name, frozenset(value & mask for value in signal.multiplexer_ids))
-        )
+        conditions.append(Condition(selector.name, frozenset(value & mask for value in values)))
         signal = selector
     return frozenset(conditions)
+
+
+def _multiplexer_ids(message: Message, signal: Signal) -> set[int] | None:
+    """Values of its selector under which a signal is sent, None: always. KCD repeats it in each of its groups."""
+    repeated = [other for other in message.signals if other.name == signal.name]
+    if any(_field(other) != _field(signal) for other in repeated):
+        raise UserError(
+            f"message {message.name}, signal {signal.name}",
+            f"is defined {len(repeated)} times, in different ways",
+            "give each of them a name of its own in the bus database",
+        )
+    if any(other.multiplexer_ids is None for other in repeated):
+        return None
+    return {value for other in repeated for value in other.multiplexer_ids}
+
+
+def _field(signal: Signal) -> tuple[object, ...]:
+    """What decides what a signal's bits mean, and which other selects it."""
+    conversion = signal.conversion
+    bits = (signal.start, signal.length, signal.byte_order, signal.is_signed, conversion.is_float)
+    return (*bits, conversion.scale, conversion.offset, signal.multiplexer_signal)
 
 
 def are_exclusive(one: Conditions, other: Conditions) -> bool:

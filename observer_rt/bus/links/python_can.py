@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import can
 
+from observer_rt.bus.j1939 import ParameterGroups
 from observer_rt.bus.links.controller import BusCondition
 from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, LinkDownError, StampSource
 from observer_rt.foundation.errors import RunError, UserError
@@ -32,6 +33,7 @@ class PythonCanLink(Link):
         self._interface, self._channel, self._fd = interface, channel, fd
         self._name = f"{interface} channel {channel}"
         self._receive_ids = None if receive_ids is None else frozenset(receive_ids)
+        self._groups = ParameterGroups(frame_id for frame_id, _ in receive_ids or ())
         self._by_arrival = computer_time or interface == "virtual"
         self._computer_time = computer_time
         self._condition = BusCondition()
@@ -63,13 +65,16 @@ class PythonCanLink(Link):
                 counted = self._condition.error_frames + 1
                 self._condition = replace(self._condition, error_frames=counted)
                 continue
-            key = (message.arbitration_id, message.is_extended_id)
             if message.is_remote_frame:
                 continue
+            identifier = message.arbitration_id
+            if self._groups and message.is_extended_id:
+                identifier = self._groups.own(identifier)
+            key = (identifier, message.is_extended_id)
             if self._receive_ids is None or key in self._receive_ids:
                 stamp_ns = 0 if self._computer_time else round(message.timestamp * 1e9)
                 return Frame(
-                    message.arbitration_id,
+                    identifier,
                     bytes(message.data),
                     stamp_ns or time.time_ns(),  # not every driver has stamps
                     message.is_extended_id,

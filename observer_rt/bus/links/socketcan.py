@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, CLASSIC_LENGTH, FD_LENGTHS, FD_MTU
+from observer_rt.bus.j1939 import GroupIdentifier, ParameterGroups
 from observer_rt.bus.links.controller import BusCondition, BusState, ErrorClass, after_error_frame
 from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, LinkDownError, StampSource
 from observer_rt.bus.links.stamps import ANCILLARY_BYTES, StampReader
@@ -55,6 +56,7 @@ class SocketCanLink(Link):
         self._channel = channel
         self._fd = fd
         self._receive_ids = receive_ids
+        self._groups = ParameterGroups(frame_id for frame_id, _ in receive_ids or ())
         self._computer_time = computer_time
         self._dropped = 0
         self._condition = BusCondition()
@@ -145,8 +147,13 @@ class SocketCanLink(Link):
                 continue
             is_extended = bool(identifier & socket.CAN_EFF_FLAG)
             is_fd = len(data) == _FD_FRAME.size
+            identifier &= socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK
+            if self._groups and is_extended:
+                identifier = self._groups.own(identifier)
+                if (identifier, is_extended) not in (self._receive_ids or ()):
+                    continue  # of a source address that does not count
             return Frame(
-                identifier & (socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK),
+                identifier,
                 payload,
                 stamp_ns,
                 is_extended,
@@ -258,11 +265,15 @@ def _filters(receive_ids: Sequence[tuple[int, bool]] | None) -> bytes:
         return _FILTER.pack(0, socket.CAN_RTR_FLAG)
     exact = socket.CAN_EFF_FLAG | socket.CAN_RTR_FLAG
     return b"".join(
-        _FILTER.pack(frame_id | socket.CAN_EFF_FLAG, socket.CAN_EFF_MASK | exact)
+        _FILTER.pack(frame_id | socket.CAN_EFF_FLAG, _wanted_bits(frame_id) | exact)
         if is_extended
         else _FILTER.pack(frame_id, socket.CAN_SFF_MASK | exact)
         for frame_id, is_extended in receive_ids
     )
+
+
+def _wanted_bits(frame_id: int) -> int:
+    return frame_id.mask if isinstance(frame_id, GroupIdentifier) else socket.CAN_EFF_MASK
 
 
 def _can_interfaces() -> list[str]:

@@ -86,4 +86,4 @@ def map_bench(bench: Bench) -> BenchMap:
 
 
 def _once(layouts: Iterable[MessageLayout]) -> tuple[MessageLayout, ...]:
-    return tuple({(layout.name, layout.bus): layout for layout in layouts}.values())
+    return tuple({(layout.name, layout.bus, layout.frame_id): layout for layout in layouts}.values())

@@ -1,14 +1,19 @@
 """From bench file and bus database to arrays: which frames carry which samples, which carry the results."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
+from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
-from observer_rt.bus.database.lookup import MessageLayout, from_unit, signal_names
+from observer_rt.bus.database.lookup import MessageLayout, signal_names
+from observer_rt.bus.database.signal_unit import from_unit
 from observer_rt.bus.mapping.energizing import Energizing
 from observer_rt.bus.mapping.input_tables import INPUT_GROUP, ROLES, Inputs, InputTables, frame_row
 from observer_rt.bus.mapping.output_messages import (
@@ -40,6 +45,7 @@ _UNITS = {
     Role.NEEDLE_LIFT: LENGTH_UNITS,
     Role.LINE_PRESSURE: PRESSURE_UNITS,
 }
+Compiled = TypeVar("Compiled", RateMessage, OutputMessage)
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ class BusMap:
         """
         wanted = [layout for layout in self.received if layout.bus == bus]
         wanted = wanted or [layout for layout in self.sent if layout.bus == bus]
-        return [(layout.frame_id, layout.is_extended) for layout in wanted]
+        return [(layout.received_id, layout.is_extended) for layout in wanted]
 
     def name_of(self, layout: MessageLayout) -> str:
         """Its name and, where there are several, its bus."""
@@ -111,8 +117,11 @@ def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
     slow, energizing = map_optional(fitted, databases, inputs, layouts)
     outputs = fitted.config.outputs
 
-    def output(key: str, name: str) -> BusMessage:
-        return databases.find(fitted.place(f"outputs.{key}"), name, outputs.link)
+    def output(key: str, compile_message: Callable[[Message, int], Compiled]) -> Compiled:
+        place = fitted.place(f"outputs.{key}")
+        message, number = databases.find(place, getattr(outputs, key), outputs.link)
+        with named(place):
+            return compile_message(_moved(message, getattr(outputs, f"{key}_id")), number)
 
     return BusMap(
         inputs=inputs,
@@ -120,17 +129,25 @@ def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
         slow=slow,
         energizing=energizing,
         following=tuple(following(fitted, inputs.timing, inputs.streams["roles"].tolist())),
-        rate=rate_message(*output("injection_rate", outputs.injection_rate))
-        if outputs.injection_rate
-        else None,
-        summary=_output(output("injection_summary", outputs.injection_summary), SummaryValues),
-        status=_output(output("status", outputs.status), StatusValues),
+        rate=output("injection_rate", rate_message) if outputs.injection_rate else None,
+        summary=output("injection_summary", partial(_output, SummaryValues)),
+        status=output("status", partial(_output, StatusValues)),
         labels=databases.labels,
     )
 
 
-def _output(on_bus: BusMessage, values: type[SummaryValues] | type[StatusValues]) -> OutputMessage:
-    return output_message(on_bus.message, signals_of(values), on_bus.bus)
+def _moved(message: Message, identifier: int | None) -> Message:
+    """The message under another identifier, if one is given."""
+    if identifier is None:
+        return message
+    moved = copy(message)
+    moved.is_extended_frame = message.is_extended_frame or identifier > STANDARD_MASK
+    moved.frame_id = identifier
+    return moved
+
+
+def _output(values: type[SummaryValues] | type[StatusValues], message: Message, bus: int) -> OutputMessage:
+    return output_message(message, signals_of(values), bus)
 
 
 def _map_inputs(fitted: BenchInjector, databases: BenchDatabases) -> tuple[Inputs, tuple[MessageLayout, ...]]:
@@ -143,7 +160,8 @@ def _map_inputs(fitted: BenchInjector, databases: BenchDatabases) -> tuple[Input
     layouts = []
     streams: list[tuple[BusMessage, list[Role]]] = []
     for found, roles in by_message.values():
-        layout = protected_layout(*found)
+        with named(fitted.place(f"signals.{roles[0]}.message")):
+            layout = protected_layout(*found)
         layouts.append(layout)
         row = frame_row(layout)
         streams += [(found, together) for together in _map_message(fitted, found.message, roles, row, tables)]
@@ -194,7 +212,8 @@ def _map_message(
                 group_row["position"][place] = len(names)
                 group_row["factor"][place] = _factor(fitted, message, role, samples[role])
                 names.extend(samples[role][group.offset : group.offset + group.count])
-            tables.add_group(group_row, message, names, group)
+            with named(fitted.place(f"signals.{together[0]}")):
+                tables.add_group(group_row, message, names, group)
         tables.add_stream(int(row["samples"]), sum(1 << ROLES.index(role) for role in together))
     tables.add_message(row, message, [group for groups in streams for group in groups])
     return list(streams.values())

@@ -24,7 +24,7 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.links import LinkConfig
 from observer_rt.config.signals import EnergizingConfig, Role, SignalConfig
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND, TIME_UNITS
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, TIME_UNITS, factor_of
 
 NO_UNITS = ("", "-", "1")  # of a level
 NANOSECONDS = 1e9
@@ -160,13 +160,14 @@ def _factor(place: str, config: EnergizingConfig, message: Message, names: tuple
     stated = config.unit or find_signal(message, names[0]).unit or ""
     if stated in NO_UNITS:
         return None
-    if stated not in TIME_UNITS:
+    factor = factor_of(stated, TIME_UNITS)
+    if factor is None:
         raise UserError(
             place,
             f"unit {stated!r} of {message.name} is neither a time nor that of a level",
             f'add unit = "..." with one of {", ".join(TIME_UNITS)} for a duration, or "-" for a level',
         )
-    return TIME_UNITS[stated]
+    return factor
 
 
 def say_no_energizing(energizing: Energizing, payload: NDArray[np.uint8]) -> None:

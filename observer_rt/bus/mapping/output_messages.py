@@ -8,6 +8,7 @@ import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
+from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.e2e import PROFILES, shortest_frame
 from observer_rt.bus.database.lookup import MessageLayout, signal_names
@@ -158,6 +159,12 @@ def _page(
 def protected_layout(message: Message, bus: int) -> MessageLayout:
     """Layout of a message, on the bus of this number; raises `UserError` unless its protection is supported."""
     layout = MessageLayout.of(message, bus)
+    if layout.length > FD_LENGTHS[-1]:
+        raise UserError(
+            f"message {layout.name}",
+            f"has {layout.length} bytes, no frame more than {FD_LENGTHS[-1]}",
+            "correct its length in the bus database; messages of several frames are not put together",
+        )
     if layout.e2e_profile not in (None, *PROFILES):
         raise UserError(
             f"message {layout.name}",

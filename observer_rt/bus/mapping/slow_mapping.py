@@ -7,7 +7,8 @@ from dataclasses import replace
 from cantools.database.can import Message
 
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
-from observer_rt.bus.database.lookup import MessageLayout, find_signal, from_unit
+from observer_rt.bus.database.lookup import MessageLayout, find_signal
+from observer_rt.bus.database.signal_unit import from_unit, stated_unit, unknown_unit
 from observer_rt.bus.mapping.energizing import Energizing, map_energizing, say_no_energizing
 from observer_rt.bus.mapping.input_tables import Inputs, frame_row
 from observer_rt.bus.mapping.output_messages import protected_layout
@@ -79,7 +80,10 @@ def _slow_signal(
         find_signal(message, config.signal)
     factor, origin, untold, timeout = 1.0, 0.0, math.nan, math.inf
     if isinstance(config, FuelTemperatureConfig):
-        origin = from_unit(place, message, config.signal, config.unit, TEMPERATURE_ORIGINS)
+        unit = stated_unit(message, config.signal, config.unit)
+        if unit not in TEMPERATURE_ORIGINS:
+            raise unknown_unit(place, message, unit, TEMPERATURE_ORIGINS)
+        origin = TEMPERATURE_ORIGINS[unit]
         untold = fitted.parameters.fluid.reference_temperature or math.nan
     elif isinstance(config, SlowQuantityConfig):
         factor = from_unit(place, message, config.signal, config.unit, MASS_UNITS)

@@ -11,7 +11,6 @@ import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import CLASSIC_LENGTH
 from observer_rt.bus.database.e2e import UNPROTECTED, counter_values
 from observer_rt.bus.database.lookup import MessageLayout, find_signal
 from observer_rt.bus.mapping.load import frame_time
@@ -222,10 +221,7 @@ def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
     """Time [s] that a frame takes; none where the bus is not a real one."""
     if link.interface == "virtual" or link.channel.startswith("vcan"):
         return 0.0
-    is_fd = (
-        layout.is_fd or layout.length > CLASSIC_LENGTH
-    )  # where the database forgot to say so, `check` does
-    return frame_time(layout.length, is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
+    return frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
 
 
 def _steps(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> int:

@@ -2,31 +2,28 @@
 
 import re
 from collections.abc import Iterator
-from datetime import datetime
+from itertools import takewhile
+from typing import NoReturn
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, FD_LENGTHS, length_of
-from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader, text_nanoseconds
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.asc_date import nanoseconds_of
+from observer_rt.recording.canlog.can_log import LogFrame, text_nanoseconds
+from observer_rt.recording.canlog.rising import Rising
+from observer_rt.recording.canlog.text_log import TextLogReader
 
-MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
-MONTHS_ELSEWHERE = {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12}
 FLAG_REMOTE, FLAG_FD, FLAG_BIT_RATE_SWITCH, FLAG_ERROR_STATE = 0x10, 0x1000, 0x2000, 0x4000
 _TIME = re.compile(r"\d+(?:[.,]\d+)?")
-_DATE = re.compile(
-    r"(?:\S+\s+)?(?P<month>[^\W\d]+)\.?\s+(?P<day>\d{1,2})\s+"
-    r"(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d)(?:[.,](?P<fraction>\d{1,9}))?"
-    r"(?:\s+(?P<half>[ap]m))?\s+(?P<year>\d{4})",
-    re.IGNORECASE,
-)
 _BASE = re.compile(r"base\s+(?P<base>hex|dec)\b", re.IGNORECASE)
 _TIMES = re.compile(r"(?:base\s+\w+\s+)?timestamps\s+(?P<times>absolute|relative)", re.IGNORECASE)
 _IDENTIFIER = {16: re.compile(r"[0-9A-Fa-f]+[xX]?"), 10: re.compile(r"[0-9]+[xX]?")}
+_BYTE = {16: re.compile(r"[0-9A-Fa-f]{1,2}"), 10: re.compile(r"[0-9]{1,3}")}
 _DIRECTIONS = {"rx": False, "tx": True}
 HEADING = ("internal events", "no internal events")
-RISING_LINES = 30
 _AFTER_DATA = 4  # words of a CAN FD line from its data to its flags, which comes third
 
 
-class AscLog(LogReader):
+class AscLog(TextLogReader):
     """Reader; channels are numbered from 1 and named by their number.
 
     Dates are taken as local time; where one is in a language not known, times count from the start of the log,
@@ -37,46 +34,42 @@ class AscLog(LogReader):
         self._radix = 16
         self._relative = False
         self._time = 0
-        self._before = 0
-        self._rising = 0
+        self._rising = Rising()
         self._start: int | None = None
         self._dated = False
         self._ended = False
-        with self.path.open(encoding="utf-8", errors="replace") as file:
-            for number, line in enumerate(file, start=1):
-                self._position += len(line)
-                words = line.split()
-                if not words:
-                    continue
-                if number == 1 and words[0].lower() not in ("date", "base", "//"):
-                    self.refuse(number, "no ASC log: neither date nor base", "give a log of Vector's tools")
-                if _TIME.fullmatch(words[0]) is None:
-                    self._header(line, number)
-                    continue
-                try:
-                    entry = self._event(words, number)
-                except (ValueError, IndexError):
-                    self._malformed(line, number)
-                    continue
-                if entry is not None and self._is_whole(line, number):
-                    yield number, entry
+        self._long_frames = 0
+        number = 0
+        for number, line in self._lines():
+            words = line.split()
+            if not words:
+                continue
+            if number == 1 and words[0].lower() not in ("date", "base", "//"):
+                self.refuse_content(
+                    number, "no ASC log: neither date nor base", "give a log of Vector's tools"
+                )
+            if _TIME.fullmatch(words[0]) is None:
+                self._header(line.strip(), number)
+                continue
+            try:
+                entry = self._event(words, number)
+            except (ValueError, IndexError):
+                self._malformed(line, number)
+            if entry is not None:
+                yield number, entry
+        if number == 0:
+            raise UserError(str(self.path), "is empty: it has not even a heading", "record it again")
+        if self._long_frames:
+            self.remarks.append(
+                f"{self._long_frames} frames of more than 8 bytes in lines of classic CAN are read as CAN FD"
+            )
         if not self._ended:
             self.remarks.append("it has no End TriggerBlock: it may have been cut")
 
-    def _is_whole(self, line: str, number: int) -> bool:
-        """Whether a frame surely ends where its line does: a decimal one cut short may look like another."""
-        if line.endswith("\n") or self._radix == 16:
-            return True
-        self.remarks.append(f"line {number} is cut short and left out")
-        return False
+    def _malformed(self, line: str, number: int) -> NoReturn:
+        self.refuse(number, f"not a line of an ASC log: '{line.strip()[:60]}'")
 
-    def _malformed(self, line: str, number: int) -> None:
-        if line.endswith("\n"):
-            self.refuse(number, f"not a line of an ASC log: '{line.strip()[:60]}'")
-        self.remarks.append(f"line {number} is cut short and left out")
-
-    def _header(self, line: str, number: int) -> None:
-        text = line.strip()
+    def _header(self, text: str, number: int) -> None:
         lower = text.lower()
         base, times = _BASE.match(text), _TIMES.match(text)  # on one line or on two
         if base is not None:
@@ -86,7 +79,7 @@ class AscLog(LogReader):
         if base is not None or times is not None:
             return
         if not text.startswith(("//", ";")) and not _DIRECTIONS.keys().isdisjoint(lower.split()):
-            self._malformed(line, number)  # what is left of a frame
+            self._malformed(text, number)  # what is left of a frame
         elif lower.startswith("date "):
             self._take_date(text[len("date ") :], number)
         elif lower.startswith("begin trigger"):
@@ -100,12 +93,12 @@ class AscLog(LogReader):
         elif text.startswith(("//", ";")):
             return
         elif not text[0].isalpha():
-            self._malformed(line, number)
+            self._malformed(text, number)
         else:
             self.other_entries += not lower.startswith(HEADING)
 
     def _take_date(self, text: str, number: int) -> None:
-        start = _date(text.strip())
+        start = nanoseconds_of(text.strip())
         if start is not None:
             self._start = start
         elif self._start is None:
@@ -128,13 +121,11 @@ class AscLog(LogReader):
 
     def _refuse_rising(self, time: int, number: int) -> None:
         """Times that rise and rise are no distances from line to line, whatever the heading says."""
-        if time != self._before:
-            self._rising = self._rising + 1 if time > self._before else 0
-        self._before = time
-        if self._rising >= RISING_LINES:
+        self._rising.add(time)
+        if self._rising.is_from_start:
             self.refuse(
                 number,
-                f"times rise for {RISING_LINES} lines, but the heading calls them relative (to the line before)",
+                "times rise from line to line, but the heading calls them relative (to the line before)",
                 "write 'absolute' for 'relative' in the heading if they count from the start",
             )
 
@@ -157,17 +148,31 @@ class AscLog(LogReader):
             return None
         if kind != "d":
             raise ValueError
-        length = min(int(words[5], self._radix), CLASSIC_LENGTH)
+        length = self._length(words[5], words[6:], number)
         _refuse_second_frame(words[6 + length :])
+        self._long_frames += length > CLASSIC_LENGTH
         return self.frame(
             number,
             stamp,
             *_identifier(words[2], self._radix),
             _data(words[6 : 6 + length], length, self._radix),
-            False,
+            length > CLASSIC_LENGTH,
             str(int(words[1])),
             is_sent=_DIRECTIONS[direction],
         )
+
+    def _length(self, code: str, words: list[str], number: int) -> int:
+        """Bytes of a frame by its length code, before `words` that begin with them.
+
+        Some converters write CAN FD frames like classic ones, with a code that is decimal whatever the base.
+        """
+        length = min(int(code, self._radix), CLASSIC_LENGTH)
+        there = sum(1 for _ in takewhile(_BYTE[self._radix].fullmatch, words))
+        if there <= length:
+            return length
+        if not (code.isdigit() and CLASSIC_LENGTH < there == length_of(int(code))):
+            self.refuse(number, f"{there} bytes follow a length code {code}, which stands for {length}")
+        return there
 
     def _fd(self, words: list[str], number: int, stamp: int) -> LogFrame | None:
         """A line of a CAN FD channel: hexadecimal, whatever the base of the others."""
@@ -205,30 +210,6 @@ class AscLog(LogReader):
             state == "1",
             _DIRECTIONS[direction],
         )
-
-
-def _date(text: str) -> int | None:
-    """A date as Vector's tools write it, as local time, in ns since 1970; None in an unknown language."""
-    match = _DATE.fullmatch(text)
-    if match is None:
-        return None
-    known = {month.lower(): number for number, month in enumerate(MONTHS, start=1)} | MONTHS_ELSEWHERE
-    month = known.get(match["month"].lower())
-    hour = int(match["hour"])
-    if match["half"]:
-        hour = hour % 12 + 12 * (match["half"].lower() == "pm")
-    try:
-        moment = datetime(
-            int(match["year"]),
-            month or 0,
-            int(match["day"]),
-            hour,
-            int(match["minute"]),
-            int(match["second"]),
-        )
-        return int(moment.timestamp()) * NANOSECONDS + text_nanoseconds(f"0.{match['fraction'] or 0}")
-    except (ValueError, OverflowError):
-        return None
 
 
 def _refuse_second_frame(words: list[str]) -> None:

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from observer_rt.bus.can_frame import length_code
 from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.asc_date import MONTHS
 from observer_rt.recording.canlog.asc_reader import (
     FLAG_BIT_RATE_SWITCH,
     FLAG_ERROR_STATE,
     FLAG_FD,
-    MONTHS,
     AscLog,
 )
 from observer_rt.recording.canlog.can_log import NANOSECONDS, ChannelNumbers, LogFrame, LogWriter
@@ -69,4 +69,4 @@ class AscWriter(LogWriter):
             self._file.close()
 
 
-ASC = LogFormat((".asc",), "Vector, text", AscLog, AscWriter)
+ASC = LogFormat((".asc",), "Vector, text", AscLog, AscWriter, is_text=True)

@@ -12,6 +12,7 @@ from typing import BinaryIO, NamedTuple
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, length_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader
+from observer_rt.recording.canlog.foreign import likeness
 
 # "LOGG", header size, 8 bytes of versions, file size, uncompressed size, objects, objects read, start, end
 FILE_HEADER = struct.Struct("<4sL8BQQLL8H8H")
@@ -72,22 +73,36 @@ class BlfLog(LogReader):
     def _header(self, file: BinaryIO) -> _Header:
         data = file.read(FILE_HEADER.size)
         if len(data) < FILE_HEADER.size or not data.startswith(b"LOGG"):
-            problem = (
-                "is no BLF file" if data and not b"LOGG".startswith(data[:4]) else "ends within its header"
-            )
-            raise UserError(str(self.path), problem, READABLE)
+            if data and not b"LOGG".startswith(data[:4]):
+                looks, rename = likeness(self.path)
+                raise UserError(str(self.path), f"is no BLF file{looks}", rename or READABLE)
+            raise UserError(str(self.path), "ends within its header", READABLE)
         fields = FILE_HEADER.unpack(data)
-        header = _Header(fields[1], fields[10], _nanoseconds(fields[14:22]))
+        header = _Header(fields[1], fields[10], self._start(fields[14:22]))
         if header.size > self._size:
             raise UserError(str(self.path), "ends within its header", READABLE)
         file.seek(header.size)
         return header
+
+    def _start(self, system_time: tuple[int, ...]) -> int:
+        """A Windows SYSTEMTIME, taken as UTC, in ns since 1970; 0 where none is stored, or none that can be."""
+        year, month, _, day, hour, minute, second, millisecond = system_time
+        try:
+            moment = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
+        except ValueError:
+            if any(system_time):
+                date = f"{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02}"
+                self.remarks.append(f"its start, {date}, is no date: times count from 1970")
+            return 0
+        return int(moment.timestamp()) * NANOSECONDS + millisecond * 1_000_000
 
     def _parts(self, file: BinaryIO, header: _Header) -> Iterator[bytes]:
         """The objects, unpacked, in pieces that end anywhere."""
         container = 0
         while head := file.read(OBJECT_HEADER.size):
             container += 1
+            begin = max(0, head.find(_MARK, 0, _LONGEST_PADDING + len(_MARK)))
+            head = head[begin:] + file.read(begin)
             place = f"{self.path}, container {container}"
             if len(head) < OBJECT_HEADER.size:
                 self._cut(container)
@@ -127,11 +142,12 @@ class BlfLog(LogReader):
 
     def _next(self, data: bytes, position: int, number: int) -> tuple[int, int] | None:
         """Start and end of the next whole object; None if it is not all there yet."""
-        start = data.find(_MARK, position, position + _LONGEST_PADDING + len(_MARK))
-        if start < 0:
-            if len(data) - position < _LONGEST_PADDING + len(_MARK):
-                return None
+        start = data.find(_MARK, position)
+        between = data[position : start if start >= 0 else None].lstrip(b"\0")  # some tools pad with many
+        if len(between) > (_LONGEST_PADDING if start >= 0 else _LONGEST_PADDING + len(_MARK)):
             self.refuse(number, "no object begins where one should", READABLE)
+        if start < 0:
+            return None
         if len(data) - start < OBJECT_HEADER.size:
             return None
         size = OBJECT_HEADER.unpack_from(data, start)[3]
@@ -251,13 +267,3 @@ def _stamp(data: bytes, position: int, version: int) -> int:
         raise ValueError(f"has an object header of unknown version {version}")
     unit, *_, time = (STAMP_V1 if version == 1 else STAMP_V2).unpack_from(data, position)
     return int(time) * (10_000 if unit == TEN_MICROSECONDS else 1)
-
-
-def _nanoseconds(system_time: tuple[int, ...]) -> int:
-    """A Windows SYSTEMTIME, taken as UTC, in ns since 1970; 0 where none is stored."""
-    year, month, _, day, hour, minute, second, millisecond = system_time
-    try:
-        moment = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
-    except ValueError:
-        return 0
-    return int(moment.timestamp()) * NANOSECONDS + millisecond * 1_000_000

@@ -3,6 +3,7 @@
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import ClassVar, NamedTuple, NoReturn, Self
 
@@ -13,6 +14,8 @@ from observer_rt.foundation.file_errors import file_errors
 
 NANOSECONDS = 1_000_000_000  # in a second
 REORDERED = 1_000_000  # ns by which drivers are seen to hand over frames in the wrong order
+FRAMES_TO_JUDGE_STAMPS = 100
+LATEST_STAMP = (1 << 63) - 1  # ns since 1970, in 2262
 LOST_NOTE = "frames lost before this"
 _LENGTHS = {True: frozenset(FD_LENGTHS), False: frozenset(range(CLASSIC_LENGTH + 1))}  # by whether FD
 _LOST = re.compile(rf"(\d+) {LOST_NOTE}")
@@ -36,9 +39,9 @@ def lost_note(frames: int) -> str:
 class LogReader(ABC):
     """Data frames of one log, read while iterating, in the order of the file; the counters belong to one reading.
 
-    Iterating raises `UserError` that names file and place for what is malformed, for a frame no bus can carry and
-    for time that steps back on a channel. A file that ends within a frame was cut while it was written: the frames
-    before are read, and `notes` says so.
+    Iterating raises `UserError` that names file and place for what is malformed, for a frame no bus can carry, for
+    time that steps back on a channel and for stamps that are whole seconds only. A file that ends within a frame was
+    cut while it was written: the frames before are read, and `notes` says so.
     """
 
     unit: ClassVar[str] = "line"
@@ -71,7 +74,11 @@ class LogReader(ABC):
         self._reset()
         with file_errors(self.path):
             self._size = self.path.stat().st_size
-            yield from self._in_order(self._entries())
+            frames = self._in_order(self._entries())
+            first = list(islice(frames, FRAMES_TO_JUDGE_STAMPS))
+            self._refuse_whole_seconds([entry.frame.stamp_ns for entry in first])
+            yield from first
+            yield from frames
 
     @abstractmethod
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
@@ -108,6 +115,14 @@ class LogReader(ABC):
         """Raise `UserError` for a place in the file."""
         raise UserError(self.place(number), problem, remedy)
 
+    def _refuse_whole_seconds(self, stamps: list[int]) -> None:
+        if len(set(stamps)) < len(stamps) and all(stamp % NANOSECONDS == 0 for stamp in stamps):
+            raise UserError(
+                str(self.path),
+                "all stamps are whole seconds, several frames share one: the times of the frames are lost",
+                "record the log again, with finer stamps (candump -l writes microseconds)",
+            )
+
     def note_text(self, text: str) -> None:
         """Take a comment of the log: it may say that frames were lost."""
         lost = _LOST.search(text)
@@ -134,6 +149,8 @@ class LogReader(ABC):
         if identifier > (EXTENDED_MASK if is_extended else STANDARD_MASK):
             kind = "extended" if is_extended else "standard"
             self.refuse(number, f"{identifier:X} is no {kind} identifier")
+        if not 0 <= stamp_ns <= LATEST_STAMP:
+            self.refuse(number, "its time is before 1970, or after 2262")
         return LogFrame(
             Frame(identifier, payload, stamp_ns, is_extended, is_fd, bit_rate_switch, error_state_indicator),
             channel,

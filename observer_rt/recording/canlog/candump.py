@@ -1,71 +1,56 @@
-"""Logs as `candump -l` and `candump -L` write them: `(1700000000.000123) vcan0 100##1AABB`."""
+"""Logs as `candump -l` and `candump -L` write them: `(1700000000.000123) vcan0 100##1AABB`; its screen output."""
 
 import os
 import re
-from collections import deque
 from collections.abc import Iterator
-from itertools import islice
 from pathlib import Path
 from typing import NoReturn
 
-from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import (
     NANOSECONDS,
     ChannelNumbers,
     LogFrame,
-    LogReader,
     LogRecorder,
     lost_note,
 )
+from observer_rt.recording.canlog.candump_screen import ERROR_FRAME, screen_line
 from observer_rt.recording.canlog.log_format import LogFormat
+from observer_rt.recording.canlog.rising import Rising
+from observer_rt.recording.canlog.text_log import TextLogReader
 
 STAMP_DIGITS = 9
-ERROR_FRAME = 0x2000_0000  # CAN_ERR_FLAG in the identifier of an error frame
 BIT_RATE_SWITCH = 0x1
 ERROR_STATE_INDICATOR = 0x2
-FRAMES_TO_JUDGE_STAMPS = 100
 
 _LINE = re.compile(
     r"\((?P<seconds>\d+)(?:\.(?P<fraction>\d{1,9}))?\)"
-    r"\s+(?P<channel>\S+)"
+    r"\s+(?P<channel>[^\s\ufffd]+)"
     r"\s+(?P<id>[0-7][0-9A-Fa-f]{2}|[0-3][0-9A-Fa-f]{7})"
     r"(?:##(?P<flags>[0-9A-Fa-f])(?P<fd_data>[0-9A-Fa-f]*)"
     r"|#(?:(?P<remote>[Rr])[0-9A-Fa-f]?|(?P<data>[0-9A-Fa-f]*))(?:_[0-9A-Fa-f])?)"
     r"(?:\s+(?P<direction>[RT]))?"
 )
-_SCREEN_TEXT = re.compile(r"\s*(?:\([^)]*\)\s+)?\S+\s+(?:(?:TX|RX)[\sBE-]*\s+)?[0-9A-Fa-f]+\s+\[\d+\]")
 
 
-class CandumpLog(LogReader):
+class CandumpLog(TextLogReader):
     """Reader; a line that begins with `#` is a comment."""
 
-    def __iter__(self) -> Iterator[LogFrame]:
-        frames = super().__iter__()
-        first = deque(islice(frames, FRAMES_TO_JUDGE_STAMPS))
-        self._refuse_whole_seconds([entry.frame.stamp_ns for entry in first])
-        while first:
-            yield first.popleft()
-        yield from frames
-
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        with self.path.open(encoding="ascii", errors="replace") as file:
-            for number, line in enumerate(file, start=1):
-                self._position += len(line)
-                text = line.strip()
-                if not line.endswith("\n"):
-                    if text:  # what is left of a frame may look like a shorter one
-                        self.remarks.append(f"line {number} is cut short and left out")
-                elif text.startswith("#"):
-                    self.note_text(text)
-                elif text:
-                    entry = self._parse(text, number)
-                    if entry is not None:
-                        yield number, entry
+        self._rising = Rising()
+        self._undated = False
+        for number, line in self._lines():
+            text = line.strip()
+            if text.startswith("#"):
+                self.note_text(text)
+            elif text:
+                entry = self._parse(text, number)
+                if entry is not None:
+                    yield number, entry
 
     def _parse(self, text: str, number: int) -> LogFrame | None:
         match = _LINE.fullmatch(text)
         if match is None:
-            self._refuse_line(number, text)
+            return self._screen(text, number)
         identifier = int(match["id"], 16)
         if identifier & ERROR_FRAME and len(match["id"]) > 3:
             self.error_frames += 1
@@ -91,20 +76,50 @@ class CandumpLog(LogReader):
             match["direction"] == "T",
         )
 
-    def _refuse_whole_seconds(self, stamps: list[int]) -> None:
-        if len(set(stamps)) < len(stamps) and all(stamp % NANOSECONDS == 0 for stamp in stamps):
-            raise UserError(
-                f"{self.path}",
-                "all stamps are whole seconds, several frames share one: the times of the frames are lost",
-                "record the log again with candump -l, which writes microseconds",
+    def _screen(self, text: str, number: int) -> LogFrame | None:
+        """A frame as it is printed on the screen."""
+        try:
+            line = screen_line(text)
+        except ValueError as error:
+            self.refuse(number, str(error))
+        if line is None:
+            self._refuse_line(number, text)
+        if line.stamp_ns is None:
+            problem = "this is candump's screen output without times, not a log"
+            self.refuse(number, problem, "record with candump -l, or print with candump -ta")
+        if not line.is_dated:
+            self._judge_times(line.stamp_ns, number)
+        if line.is_error or line.is_remote:
+            self.error_frames += line.is_error
+            self.remote_frames += not line.is_error
+            return None
+        return self.frame(
+            number,
+            line.stamp_ns,
+            line.identifier,
+            line.is_extended,
+            line.payload,
+            line.is_fd,
+            line.channel,
+            line.bit_rate_switch,
+            line.error_state,
+            line.is_sent,
+        )
+
+    def _judge_times(self, time: int, number: int) -> None:
+        self._rising.add(time)
+        if self._rising.is_from_line_to_line:
+            self.refuse(
+                number,
+                "its times are from line to line (candump -td), of all interfaces together",
+                "record with candump -l, or print with candump -ta",
             )
+        if not self._undated:
+            self.remarks.append("its times are taken to count from its start (candump -tz)")
+            self._undated = True
 
     def _refuse_line(self, number: int, text: str) -> NoReturn:
-        if _SCREEN_TEXT.match(text):
-            self.refuse(
-                number, "this is candump's screen output, not a log", "record with candump -l (or -L)"
-            )
-        self.refuse(
+        self.refuse_content(
             number,
             f"not a candump log line: '{text[:60]}'",
             "a line reads (seconds.microseconds) channel id#data or id##flags data in one word",
@@ -117,7 +132,7 @@ class CandumpWriter(LogRecorder):
     def __init__(self, path: Path, start_ns: int) -> None:
         """See `LogWriter`."""
         super().__init__(path, start_ns)
-        self._file = path.open("w", encoding="ascii", newline="\n")
+        self._file = path.open("w", encoding="utf-8", newline="\n")
         self._numbers = ChannelNumbers()
         self._size = 0
 
@@ -156,4 +171,4 @@ class CandumpWriter(LogRecorder):
         self._file.close()
 
 
-CANDUMP = LogFormat((".log",), "text of `candump -l`", CandumpLog, CandumpWriter, CandumpWriter)
+CANDUMP = LogFormat((".log",), "text of `candump -l`", CandumpLog, CandumpWriter, CandumpWriter, is_text=True)

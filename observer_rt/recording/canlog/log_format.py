@@ -21,5 +21,7 @@ class LogFormat(FileFormat):
     """Whether CAN FD frames can be written."""
     stamp_step: int = 1
     """ns to which stamps are written."""
-    holds_frames: Callable[[Path], bool] | None = None
-    """Whether a file holds frames, where files with the same suffix may hold signals; None: always."""
+    is_text: bool = False
+    """Whether its reader is a `TextLogReader`, which also reads what gzip packed."""
+    recognises: Callable[[Path], bool] | None = None
+    """Whether a file is of this format, where those of another have the same suffix; None: any is."""

@@ -12,11 +12,11 @@ from observer_rt.recording.canlog.can_log import (
     NANOSECONDS,
     ChannelNumbers,
     LogFrame,
-    LogReader,
     LogWriter,
     text_nanoseconds,
 )
 from observer_rt.recording.canlog.log_format import LogFormat
+from observer_rt.recording.canlog.text_log import TextLogReader
 
 DAY_ZERO = datetime(1899, 12, 30, tzinfo=UTC)
 DAY = 86_400 * NANOSECONDS
@@ -39,7 +39,7 @@ class _Row(NamedTuple):
     data: list[str]
 
 
-class TrcLog(LogReader):
+class TrcLog(TextLogReader):
     """Reader; channels are named by their number. The start time is taken as UTC."""
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
@@ -47,23 +47,18 @@ class TrcLog(LogReader):
         self._start = 0
         self._at: dict[str, int] = {}  # place of a column
         row_of: Callable[[list[str]], _Row] | None = None
-        with self.path.open(encoding="utf-8", errors="replace") as file:
-            for number, line in enumerate(file, start=1):
-                self._position += len(line)
-                text = line.strip()
-                if text.startswith(";"):
-                    self._header(text, number)
-                elif text:
-                    row_of = row_of or self._row_reader(number)
-                    try:
-                        entry = self._entry(row_of(text.split()), number)
-                    except (ValueError, IndexError):
-                        if line.endswith("\n"):
-                            self.refuse(number, f"not a line of a TRC log: '{text[:60]}'")
-                        self.remarks.append(f"line {number} is cut short and left out")
-                        return
-                    if entry is not None:
-                        yield number, entry
+        for number, line in self._lines():
+            text = line.strip()
+            if text.startswith(";"):
+                self._header(text, number)
+            elif text:
+                row_of = row_of or self._row_reader(number)
+                try:
+                    entry = self._entry(row_of(text.split()), number)
+                except (ValueError, IndexError):
+                    self.refuse(number, f"not a line of a TRC log: '{text[:60]}'")
+                if entry is not None:
+                    yield number, entry
 
     def _header(self, text: str, number: int) -> None:
         key, _, value = text.partition("=")
@@ -90,7 +85,7 @@ class TrcLog(LogReader):
             return readers[self._version]
         if self._version not in ("2.0", "2.1"):
             problem = f"version '{self._version}' is not known" if self._version else "no TRC log: no version"
-            self.refuse(number, problem, "export it from PEAK's tools as version 2.1")
+            self.refuse_content(number, problem, "export it from PEAK's tools as version 2.1")
         if not set("OTId") <= set(self._at) or not {"l", "L"} & set(self._at):
             self.refuse(number, f"columns {','.join(self._at)} do not suffice", "export N,O,T,B,I,d,l,D")
         return self._row_2
@@ -211,4 +206,5 @@ TRC = LogFormat(
     TrcWriter,
     keeps_fd=False,
     stamp_step=STAMP_STEP,
+    is_text=True,
 )

@@ -7,7 +7,6 @@ from itertools import count
 
 import numpy as np
 
-from observer_rt.bus.can_frame import CLASSIC_LENGTH
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.replay.framing import Framer, Span, TimedFrame, grid_samples, whole, windows
@@ -39,22 +38,10 @@ def recording_frames(
     own time [s]. Between two loops the last samples are left out if they do not fill a frame.
 
     Raises:
-        UserError: nothing is selected, or a message is too long for its kind of frame.
+        UserError: nothing is selected.
     """
     part, spans = _selected(recording, bus, windowed, start, stop)
-    refuse_long_frames(bus)
     return _looped(part, spans, bus, loop)
-
-
-def refuse_long_frames(bus: BusMap) -> None:
-    """Raise `UserError` for an input message that is too long for its kind of frame."""
-    for layout in bus.input_layouts:
-        if not layout.is_fd and layout.length > CLASSIC_LENGTH:
-            raise UserError(
-                f"message {layout.name}",
-                f"{layout.length} bytes do not fit a classic CAN frame, and the database does not say CAN FD",
-                "set its VFrameFormat to 14 (StandardCAN_FD) or 15 (ExtendedCAN_FD)",
-            )
 
 
 def recording_extent(

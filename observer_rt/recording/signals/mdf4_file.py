@@ -1,4 +1,4 @@
-"""Recordings as MDF4, ASAM's measurement file: one channel per signal, units read from the channel."""
+"""Signals in MDF4, ASAM's measurement file, by asammdf: one channel per signal, units read from the channel."""
 
 import gc
 import logging
@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
-from observer_rt.recording.signals.checked import CheckedGrid, in_chunks
-from observer_rt.recording.signals.recording import Chunk, Recording
-from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream
+from observer_rt.recording.mdf4_apart import READABLE
 from observer_rt.recording.signals.units import RATE_UNITS
 
 UNITS = {
@@ -31,8 +29,8 @@ UNITS = {
     "injection_rate": RATE_UNITS,
 }
 REQUIRED = ("rail_pressure", "needle_lift", "line_pressure")
-MAGIC = b"MDF"
-READABLE = "give a complete MDF 4 measurement"
+MAGICS = (b"MDF     ", b"UnFinMF ")  # complete, and as a logger leaves it
+MAJOR_VERSION = b"4."
 DAMAGE = (  # the ways in which asammdf fails on a damaged file
     MdfException,
     struct.error,
@@ -46,69 +44,54 @@ DAMAGE = (  # the ways in which asammdf fails on a damaged file
     AttributeError,
 )
 logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come as errors, too
+LARGEST = 1e30  # in SI: no measurement, but what can be written in any unit
 NO_DATE = datetime.fromtimestamp(0, UTC)
 
 
-class Mdf4Signals(SignalStream):
-    """A recording by the names of its channels; those beyond the recording's own are ignored.
+def parts(path: Path, at_once: int) -> Iterator[dict[str, NDArray[np.float64]]]:
+    """Time [s] and signals in SI units by the names of their channels, so many samples at once, to be run apart.
 
-    The samples that a channel marks as invalid become NaN. Raises `UserError` for a file that is not MDF, a
-    missing channel, an unknown unit and channels on different time stamps.
+    Channels beyond the recording's own are ignored. The samples that a channel marks as invalid become NaN. Raises
+    `UserError` for a file that is not MDF, a missing channel, an unknown unit and channels on different time stamps.
     """
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._file = path
-        checked = CheckedGrid(self, lambda row: f"{path}, sample {row}")
-        for arrays in self._parts():
-            self.has_rate = "injection_rate" in arrays
-            checked.take(arrays)
-        checked.end()
-
-    def chunks(self) -> Iterator[Chunk]:
-        """Read anew."""
-        return in_chunks(self, self._parts())
-
-    def _parts(self) -> Iterator[dict[str, NDArray[np.float64]]]:
-        path = self._file
-        with opened(path) as file:
-            places = _places(file, path)
-            samples = max(file.groups[group].channel_group.cycles_nr for group, _ in places.values())
-            for first in range(0, samples, SAMPLES_AT_ONCE):
-                with damage_told(path):
-                    signals = {name: part_of(file, *place, first) for name, place in places.items()}
-                time = signals["rail_pressure"].timestamps.astype(np.float64)
-                for name, signal in signals.items():
-                    if not np.array_equal(signal.timestamps, time):
-                        raise UserError(
-                            f"{path}, channel {name}",
-                            "its time stamps differ from those of rail_pressure",
-                            "record the channels in one group, resample them on one time grid, or describe them in "
-                            "[recording] of a bench file, which resamples",
-                        )
-                yield {"time": time, **{name: _to_si(signal, path) for name, signal in signals.items()}}
-
-
-def read_mdf4(path: Path) -> Recording:
-    """Read a recording, as `Mdf4Signals`."""
-    return Mdf4Signals(path).collected()
-
-
-def mdf4_names(path: Path) -> list[str]:
-    """Of the channels."""
     with opened(path) as file:
-        return list(file.channels_db)
+        places = _places(file, path)
+        samples = max(file.groups[group].channel_group.cycles_nr for group, _ in places.values())
+        for first in range(0, samples, at_once):
+            with damage_told(path):
+                signals = {name: part_of(file, *place, first, at_once) for name, place in places.items()}
+            time = signals["rail_pressure"].timestamps.astype(np.float64)
+            for name, signal in signals.items():
+                if not np.array_equal(signal.timestamps, time):
+                    raise UserError(
+                        f"{path}, channel {name}",
+                        "its time stamps differ from those of rail_pressure",
+                        "record the channels in one group, resample them on one time grid, or describe them in "
+                        "[recording] of a bench file, which resamples",
+                    )
+            yield {"time": time, **{name: _to_si(signal, path) for name, signal in signals.items()}}
+
+
+def names(path: Path) -> Iterator[list[str]]:
+    """Of the channels, to be run apart."""
+    with opened(path) as file:
+        yield list(file.channels_db)
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[MDF]:
-    """A file to read; the many ways in which asammdf fails on a damaged one become a `UserError`."""
+    """A file to read; the many ways in which asammdf fails on a damaged one become a `UserError`.
+
+    One that is not finalised asammdf finalises in a temporary copy.
+    """
     with path.open("rb") as handle:
-        if handle.read(len(MAGIC)) != MAGIC:
-            raise UserError(str(path), "not an MDF file", READABLE)
-        handle.seek(0)
-        with damage_told(path), MDF(handle) as file:
-            yield file
+        mark, version = handle.read(len(MAGICS[0])), handle.read(len(MAJOR_VERSION))
+    if mark not in MAGICS:
+        raise UserError(str(path), "not an MDF file", READABLE)
+    if version != MAJOR_VERSION:
+        raise UserError(str(path), f"is of MDF {version.decode('ascii', 'replace')}, not 4", READABLE)
+    with damage_told(path), MDF(path) as file:
+        yield file
 
 
 @contextmanager
@@ -150,7 +133,7 @@ def refuse_outside(file: MDF, group: int) -> None:
             raise ValueError(f"{channel.name} reaches to byte {end} of records of {record}")
 
 
-def part_of(file: MDF, group: int, index: int, first: int, count: int = SAMPLES_AT_ONCE) -> Signal:
+def part_of(file: MDF, group: int, index: int, first: int, count: int) -> Signal:
     """At most `count` samples of a channel from one on."""
     return file.get(
         group=group,
@@ -195,4 +178,11 @@ def _to_si(signal: Signal, path: Path) -> NDArray[np.float64]:
     values: NDArray[np.float64] = signal.samples.astype(np.float64) * units[unit]
     if signal.invalidation_bits is not None:
         values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
+    beyond = np.flatnonzero(np.abs(values) > LARGEST)
+    if beyond.size:
+        raise UserError(
+            f"{path}, channel {signal.name}",
+            f"sample {beyond[0]} is {signal.samples[beyond[0]]:g} {unit}",
+            "record it again: the file is damaged, or mark such samples as invalid",
+        )
     return values

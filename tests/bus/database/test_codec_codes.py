@@ -142,11 +142,19 @@ def test_half_precision_encodes_like_numpy(value: float) -> None:
     assert int.from_bytes(encoded(float_message(16), value)[:2], "little") == expected
 
 
+def test_a_range_in_which_no_code_lies_says_nothing() -> None:
+    message = message_with("0|8@1+ (1,0) [300|400]")
+    assert encoded(message, 77.0)[0] == 77
+    assert encoded(message, 1e9)[0] == 255
+    table, values = signal_table(message, ["Value"]), np.empty(1)
+    decode(np.frombuffer(b"\x07" + bytes(7), np.uint8), table, values)
+    assert values[0] == 7.0
+
+
 @pytest.mark.parametrize(
     ("message", "said"),
     [
         (message_with("0|8@1+ (0,0) [0|0]"), "scale 0"),
-        (message_with("0|8@1+ (1,0) [300|400]"), "no code"),
         (message_with("0|1@1+ (1,0) [0|0]", {"GenSigSNA": 1, "GenSigError": 0}), "reserved"),
         (message_with("0|8@1+ (1,0) [0|0]", {"GenSigSNA": 256}), "cannot hold"),
         (float_message(24), "float of 24 bits"),

@@ -253,3 +253,33 @@ def test_database_hash_is_of_the_bytes(tmp_path: Path) -> None:
     assert database_hash([first, second]) != database_hash([second, first])
     with pytest.raises(UserError, match=r"absent\.dbc"):
         database_hash([tmp_path / "absent.dbc"])
+
+
+def test_messages_that_only_can_fd_can_carry_are_of_can_fd(tmp_path: Path) -> None:
+    text = USER_DBC.replace("Pressures: 8", "Pressures: 12")
+    assert MessageLayout.of(load_text(tmp_path, text).messages[0]).is_fd
+    assert not MessageLayout.of(load_text(tmp_path, USER_DBC).messages[0]).is_fd
+
+
+def test_a_label_that_no_code_of_the_signal_stands_for_is_no_error(tmp_path: Path) -> None:
+    flag = ' SG_ Flag : 48|1@1+ (1,0) [0|1] "" Vector__XXX\n'
+    text = USER_DBC.replace(f"{PRESSURES}\n", flag) + 'VAL_ 2147484672 Flag 2 "Error" 3 "SNA" ;\n'
+    text = re.sub(r'BA_ "GenSigSNA".*\n', "", text)
+    signal = load_text(tmp_path, text).messages[0].get_signal_by_name("Flag")
+    assert (error_code(signal), not_available_code(signal)) == (None, None)
+
+
+def test_a_message_without_signals_says_so(tmp_path: Path) -> None:
+    message = find_message(load_text(tmp_path, USER_DBC.replace(f"{PRESSURES}\n", "")), "Pressures")
+    with pytest.raises(UserError, match=r"has no signal Rail1\n.*it has none at all"):
+        signal_names(message, "Rail1")
+
+
+def test_what_cantools_fails_on_is_refused_in_words(tmp_path: Path) -> None:
+    path = tmp_path / "user.kcd"
+    namespace = "http://kayak.2codeornot2code.org/1.0"
+    path.write_text(
+        f'<NetworkDefinition xmlns="{namespace}"><Bus name="a"><Message/></Bus></NetworkDefinition>'
+    )
+    with pytest.raises(UserError, match=r"user\.kcd: is incomplete, or not of the kind its name says"):
+        load_database(path)

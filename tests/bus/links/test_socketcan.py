@@ -10,6 +10,7 @@ from pathlib import Path
 import can
 import pytest
 
+from observer_rt.bus.j1939 import GroupIdentifier
 from observer_rt.bus.links import socketcan as socketcan_link
 from observer_rt.bus.links.controller import BusCondition, BusState
 from observer_rt.bus.links.link import FdFlags, Frame, Link, StampSource
@@ -22,6 +23,20 @@ pytestmark = pytest.mark.vcan
 
 def link_on(channel: str, receive_ids: list[tuple[int, bool]] | None = None, *, fd: bool = True) -> Link:
     return open_link("socketcan", channel, fd, receive_ids)
+
+
+def test_messages_of_j1939_come_from_any_source(vcan: str) -> None:
+    group = GroupIdentifier(0x18FEF1FE)
+    with link_on(vcan, []) as sender, link_on(vcan, [(group, True), (0x100, False)]) as receiver:
+        for identifier in (0x18FEF200, 0x0CFEF103, 0x18FEF104):
+            sender.send(identifier, b"\1", True, False)
+        sender.send(0x100, b"\2", False, False)
+        frames = [receiver.receive(1.0), receiver.receive(1.0), receiver.receive(0.05)]
+    assert [frame and (frame.frame_id, frame.is_extended) for frame in frames] == [
+        (0x18FEF1FE, True),
+        (0x100, False),
+        None,
+    ]
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ BO_ 291 Daq: 24 Device
  SG_ Rail : 112|16@1+ (0.1,0) [0|0] "bar" Device
  SG_ Rail2 : 128|16@1+ (0.1,0) [0|0] "bar" Device
  SG_ Lift : 144|16@1+ (0.1,0) [0|0] "um" Device
- SG_ Line : 160|16@1+ (0.1,0) [0|0] "psi" Device
+ SG_ Line : 160|16@1+ (0.1,0) [0|0] "torr" Device
  SG_ Bare : 176|16@1+ (0.1,0) [0|0] "" Device
 BO_ 292 Guarded: 8 Device
  SG_ Index : 0|32@1+ (1,0) [0|0] "" Device
@@ -118,7 +118,7 @@ def test_number_of_an_extended_frame_is_another() -> None:
     [
         ({"rail_pressure": 'message = "Dag"\nsignal = "Rail"'}, "rail_pressure.message", "Dag", "Daq"),
         ({"rail_pressure": 'signal = "Rial"'}, "rail_pressure", "Rial", "Rail"),
-        ({"line_pressure": 'signal = "Line"'}, "line_pressure", "psi", "bar"),
+        ({"line_pressure": 'signal = "Line"'}, "line_pressure", "torr", "bar"),
         ({"line_pressure": 'signal = "Bare"'}, "line_pressure", "no unit", 'unit = "..."'),
     ],
 )
@@ -173,7 +173,7 @@ def test_index_that_cannot_be_unwrapped(tmp_path: Path, index: str) -> None:
 
 def test_protection_that_is_not_supported(tmp_path: Path) -> None:
     error = refusal(tmp_path, rail_pressure='message = "Guarded"\nsignal = "Rail"')
-    assert "Guarded" in error.place
+    assert "Guarded" in error.problem
     assert "profile 2" in error.problem
     assert "1 and 5" in error.remedy
 
@@ -252,3 +252,75 @@ def test_a_rate_message_may_lack_header_signals_but_not_be_multiplexed(tmp_path:
     path.write_text(text.replace("State MARK", "State m0").replace("MARK", "m1"))
     with pytest.raises(UserError, match="multiplexed"):
         rate_message(find_message(load_database(path), "Rates"))
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [("hPa", 1e2), ("mbar", 1e2), ("psi", 6894.757293168), ("98066.5 Pa", 98066.5), ("-0.5 bar", -5e4)],
+)
+def test_further_units_and_a_factor_of_ones_own(tmp_path: Path, unit: str, factor: float) -> None:
+    bus = user_map(tmp_path, line_pressure=f'signal = "Line"\nunit = "{unit}"')
+    assert bus.inputs.groups[0]["factor"].tolist() == [1e5, 1e-6, factor]
+
+
+@pytest.mark.parametrize("unit", ["0 Pa", "nan Pa", "inf Pa", "1 2 Pa", "2 apples", "Pa 2", "1e999 Pa"])
+def test_a_factor_that_is_none(tmp_path: Path, unit: str) -> None:
+    error = refusal(tmp_path, line_pressure=f'signal = "Line"\nunit = "{unit}"')
+    assert repr(unit) in error.problem
+    assert 'or a number of them ("98066.5 Pa")' in error.remedy
+
+
+def test_results_under_other_identifiers(tmp_path: Path) -> None:
+    text = EXAMPLE_BENCH.read_text()
+    for key, identifier in (
+        ("injection_rate", "0x300"),
+        ("injection_summary", "0x18FF0001"),
+        ("status", "0x7FF"),
+    ):
+        text = text.replace(f"# {key}_id =", f"{key}_id = {identifier} #")
+    (tmp_path / "bench.toml").write_text(text)
+    bus, usual = map_bus(load_bench(tmp_path / "bench.toml")), map_bus(load_bench())
+    assert [(layout.frame_id, layout.is_extended) for layout in bus.sent] == [
+        (0x300, False),
+        (0x18FF0001, True),
+        (0x7FF, False),
+    ]
+    for moved, layout in zip(bus.sent, usual.sent, strict=True):
+        assert (moved.name, moved.length, moved.e2e_data_id) == (
+            layout.name,
+            layout.length,
+            layout.e2e_data_id,
+        )
+
+
+def test_an_output_that_will_not_do_names_the_bench_file(tmp_path: Path) -> None:
+    text = EXAMPLE_BENCH.read_text().replace(
+        'injection_rate = "InjectionRate"', 'injection_rate = "SampleBlock"'
+    )
+    (tmp_path / "bench.toml").write_text(text)
+    with pytest.raises(
+        UserError, match=r"bench\.toml: outputs\.injection_rate: message SampleBlock has no signal"
+    ):
+        map_bus(load_bench(tmp_path / "bench.toml"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "problem"),
+    [
+        ("SampleBlock: 64", "SampleBlock: 80", "signals.rail_pressure.message", "80 bytes, no frame more than 64"),
+        ("InjectionRate: 64", "InjectionRate: 80", "outputs.injection_rate", "80 bytes, no frame more than 64"),
+        ('"GenSigError" SG_ 256 LinePressure_04 65534', '"GenSigError" SG_ 256 LinePressure_04 99999',
+         "signals.rail_pressure", "GenSigError is 99999, which its 16 bits cannot hold"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_database_names_the_bench_file(
+    tmp_path: Path, old: str, new: str, place: str, problem: str
+) -> None:
+    text = FD_DATABASE.read_text()
+    assert old in text
+    (tmp_path / "observer_fd.dbc").write_text(text.replace(old, new))
+    (tmp_path / "bench.toml").write_text(EXAMPLE_BENCH.read_text())
+    with pytest.raises(UserError) as refused:
+        map_bus(load_bench(tmp_path / "bench.toml"))
+    assert refused.value.place == f"{tmp_path / 'bench.toml'}: {place}"
+    assert problem in refused.value.problem

@@ -2,8 +2,11 @@
 
 from datetime import datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.asc_reader import AscLog
@@ -110,10 +113,26 @@ def test_times_from_the_start_that_are_called_relative_are_refused(tmp_path: Pat
     def lines(times: list[float]) -> list[str]:
         return [f"   {time:.6f} 1  123             Rx   d 1 AA" for time in times]
 
-    with pytest.raises(UserError, match=r"times rise for 30 lines.*\n.*'absolute'"):
+    with pytest.raises(UserError, match=r"times rise from line to line.*\n.*'absolute'"):
         read(tmp_path, *lines([0.01 * (n // 2) for n in range(100)]), times="relative")
     steps = [0.01 + 1e-6 * (n % 7) for n in range(100)]
     assert len(read(tmp_path, *lines(steps), times="relative")) == 100
+
+
+def test_times_from_the_start_are_refused_although_frames_are_swapped(tmp_path: Path) -> None:
+    """A log of .4 s, every tenth frame of which stands before an earlier one."""
+    times = [0.002 * n - 0.003 * (n % 10 == 9) for n in range(200)]
+    lines = [f"   {time:.6f} 1  123             Rx   d 1 AA" for time in times]
+    with pytest.raises(UserError, match="but the heading calls them relative"):
+        read(tmp_path, *lines, times="relative")
+
+
+@given(st.lists(st.integers(1, 20_000), min_size=100, max_size=300))
+def test_distances_are_no_times_from_the_start(steps: list[int]) -> None:
+    with TemporaryDirectory() as folder:
+        lines = [f"   {step / 1e6:.6f} 1  123             Rx   d 1 AA" for step in steps]
+        found = read(Path(folder), *lines, times="relative")
+    assert found[-1].frame.stamp_ns - START == sum(steps) * 1000
 
 
 def test_times_from_line_to_line_count_every_line(tmp_path: Path) -> None:
@@ -193,9 +212,40 @@ def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
     ]
 
 
+def test_long_frames_in_lines_of_classic_can_are_fd(tmp_path: Path) -> None:
+    """As some converters write them: the length code in decimal, whatever the base."""
+    data = [bytes(range(length)) for length in (8, 12, 64)]
+    found = log(
+        tmp_path,
+        f"   0.1 1  123             Rx   d 8 {data[0].hex(' ')}",
+        f"   0.2 1  123             Rx   d 9 {data[1].hex(' ')}",
+        f"   0.3 1  123             Rx   d 15 {data[2].hex(' ')}  // a comment",
+    )
+    frames = [entry.frame for entry in found]
+    assert [frame.payload for frame in frames] == data
+    assert [frame.is_fd for frame in frames] == [False, True, True]
+    assert any("2 frames of more than 8 bytes in lines of classic CAN" in note for note in found.notes())
+
+
+def test_a_byte_order_mark(tmp_path: Path) -> None:
+    found = log(tmp_path, "   0.5 1  123             Rx   d 1 AA")
+    found.path.write_bytes(b"\xef\xbb\xbf" + found.path.read_bytes())
+    assert len(list(found)) == 1
+
+
+def test_an_empty_file(tmp_path: Path) -> None:
+    path = tmp_path / "bus.asc"
+    path.write_text("")
+    with pytest.raises(UserError, match=r"bus\.asc: is empty"):
+        list(AscLog(path))
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [
+        ("   3.1 1  100   Rx d 4 01 02 03 04 05 06 07 08", "8 bytes follow a length code 4"),
+        ("   3.1 1  100   Rx d 8 " + "00 " * 12, "12 bytes follow a length code 8"),
+        ("   3.1 1  100   Rx d 9 " + "00 " * 11, "11 bytes follow a length code 9"),
         ("   3.1 1  100   Rx d 8 01 A0 0F", "not a line of an ASC log"),
         ("   3.1 1  100   Rx d 3 01 A0 F", "not a line of an ASC log"),
         ("   3.1 1  100   Rx d 3 01 A0 GG", "not a line of an ASC log"),

@@ -75,6 +75,34 @@ def test_objects_outside_containers(tmp_path: Path) -> None:
     assert len(list(log(tmp_path, obj(1, classic()), container(obj(1, classic()))))) == 2
 
 
+@pytest.mark.parametrize("padding", [1, 7, 8, 40])
+def test_padding_after_a_marker(tmp_path: Path, padding: int) -> None:
+    marker = obj(96, struct.pack("<LLL3xBLLL12x", 0, 0, 0, 0, 3, 3, 0) + b"abcdef")
+    objects = marker + bytes(padding) + obj(1, classic())
+    found = log(
+        tmp_path, container(objects), container(marker + bytes(padding)), container(obj(1, classic()))
+    )
+    assert len(list(found)) == 2
+    assert found.notes() == [f"{found.path}: left out: 2 entries that are no frames"]
+    outside = log(tmp_path, marker, bytes(padding % 9), container(obj(1, classic())))
+    assert len(list(outside)) == 1
+
+
+def test_a_start_that_is_no_date_is_told(tmp_path: Path) -> None:
+    found = log(tmp_path, container(obj(1, classic(), 5)))
+    data = found.path.read_bytes()
+    for date, notes in (
+        (
+            (2017, 13, 6, 30, 15, 6, 13, 0),
+            [f"{found.path}: its start, 2017-13-30 15:06:13, is no date: times count from 1970"],
+        ),
+        ((0,) * 8, []),
+    ):
+        found.path.write_bytes(data.replace(struct.pack("<8H", *DAY), struct.pack("<8H", *date)))
+        assert [entry.frame.stamp_ns for entry in found] == [5]
+        assert found.notes() == notes
+
+
 def test_fd_64_with_all_some_and_too_few_bytes(tmp_path: Path) -> None:
     data = bytes(range(1, 13))
     objects = (

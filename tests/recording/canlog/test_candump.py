@@ -1,9 +1,11 @@
 """The candump log reader against text as candump writes it, and against text it must refuse."""
 
+from datetime import datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
@@ -108,19 +110,54 @@ def test_remote_and_error_frames_are_counted_not_yielded(tmp_path: Path) -> None
         assert (frames.remote_frames, frames.error_frames) == (3, 1)
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "  vcan0  100   [8]  11 22 33 44 55 66 77 88",
-        "(1700000000.000123)  vcan0  100  [08]  11 22 33 44 55 66 77 88",
-        "(000.000123)  vcan0  18DAF110   [2]  11 22",
-        "vcan0  RX - -  100   [2]  11 22",
-    ],
-)
-def test_screen_output_is_recognised(tmp_path: Path, line: str) -> None:
+@pytest.mark.parametrize("line", ["  vcan0  100   [2]  11 22", "vcan0  RX - -  100   [2]  11 22"])
+def test_screen_output_without_times_is_refused(tmp_path: Path, line: str) -> None:
     text = message(tmp_path, f"(1.5) vcan0 100#00\n{line}\n")
-    assert "line 2: this is candump's screen output" in text
+    assert "line 2: this is candump's screen output without times" in text
     assert "candump -l" in text
+
+
+def test_screen_output_with_times(tmp_path: Path) -> None:
+    found = log(
+        tmp_path,
+        " (1700000000.000123)  vcan0  100   [8]  11 22 33 44 55 66 77 88   '..3DUfw.'\n"
+        " (1700000000.000124)  can1  TX B E  18DAF110  [12]  00 01 02 03 04 05 06 07 08 09 0A 0B\n"
+        " (1700000000.000125)  can1  RX - -  100   [0]  remote request\n"
+        " (1700000000.000126)  can1  20000004   [8]  00 01 00 00 00 00 00 00   ERRORFRAME\n"
+        " (1700000000.000127)  can1  7FF  [00]\n",
+    )
+    first, second, empty = found
+    assert first.frame.stamp_ns == 1_700_000_000_000_123_000
+    assert (first.frame.frame_id, first.frame.is_extended, first.frame.is_fd) == (0x100, False, False)
+    assert first.frame.payload == bytes.fromhex("1122334455667788")
+    assert (second.frame.frame_id, second.frame.is_extended, second.channel) == (0x18DAF110, True, "can1")
+    assert (second.frame.payload, second.frame.is_fd, second.is_sent) == (bytes(range(12)), True, True)
+    assert (second.frame.bit_rate_switch, second.frame.error_state_indicator) == (True, True)
+    assert (empty.frame.payload, empty.frame.is_fd, empty.is_sent) == (b"", True, False)
+    assert (found.remote_frames, found.error_frames) == (1, 1)
+
+
+def test_screen_output_with_dates_or_times_from_its_start(tmp_path: Path) -> None:
+    (dated,) = read(tmp_path, " (2023-11-14 22:13:20.123456)  can0  100   [1]  00\n")
+    local = datetime(2023, 11, 14, 22, 13, 20).timestamp()
+    assert dated.frame.stamp_ns == int(local) * 10**9 + 123_456_000
+    times = [0.001 * n - 0.0015 * (n % 10 == 9) for n in range(200)]  # a driver swaps frames
+    found = log(tmp_path, "".join(f" ({time:010.6f})  can0  100   [1]  00\n" for time in times))
+    assert [entry.frame.stamp_ns for entry in found] == [round(time * 1e6) * 1000 for time in times]
+    assert any("are taken to count from its start" in note for note in found.notes())
+
+
+@given(st.lists(st.integers(80, 120), min_size=40, max_size=80))
+def test_screen_output_with_times_from_line_to_line_is_refused(steps: list[int]) -> None:
+    assume(len(set(steps[:30])) > 5)
+    with TemporaryDirectory() as folder, pytest.raises(UserError, match=r"from line to line \(candump -td\)"):
+        read(Path(folder), "".join(f" (000.{step:06d})  can0  100   [1]  00\n" for step in steps))
+
+
+@pytest.mark.parametrize(("length", "bytes_there"), [("[8]", "00 11"), ("[1]", "00 11"), ("[12]", "00 11")])
+def test_screen_output_that_was_cut_is_refused(tmp_path: Path, length: str, bytes_there: str) -> None:
+    text = message(tmp_path, f" (1700000000.000123)  can0  100   {length}  {bytes_there}\n")
+    assert f"line 1: 2 bytes follow the length {length[1:-1]}" in text
 
 
 @pytest.mark.parametrize(
@@ -138,6 +175,7 @@ def test_screen_output_is_recognised(tmp_path: Path, line: str) -> None:
         "(-1.5) vcan0 100#AA",
         "(1.5) vcan0 100#GG",
         "(1.5) vcan0 100#AA BB",
+        "(1.5) vc\ufffdn0 100#AA",
     ],
 )
 def test_malformed_line_names_its_number(tmp_path: Path, line: str) -> None:

@@ -137,6 +137,26 @@ def test_other_content_is_refused(tmp_path: Path, suffix: str) -> None:
         list(open_log(path))
 
 
+@pytest.mark.parametrize("content", [suffix for suffix in SUFFIXES if suffix != ".mf4"])
+@pytest.mark.parametrize("suffix", STREAMED)
+def test_a_log_under_the_wrong_name_is_recognised(tmp_path: Path, suffix: str, content: str) -> None:
+    if suffix == content:
+        return
+    written, path = tmp_path / f"bus{content}", tmp_path / f"named{suffix}"
+    write_log(written, mixture(content, 5))
+    path.write_bytes(written.read_bytes())
+    with pytest.raises(UserError, match=rf"it looks like .*log.*\n.*name it so: named\{content}"):
+        list(open_log(path))
+
+
+@pytest.mark.parametrize("suffix", STREAMED)
+def test_a_log_of_another_program_is_named(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    path.write_text("Time Stamp,ID,Extended,Dir,Bus,LEN,D1\n1,123,false,Rx,0,1,00\n" * 100)
+    with pytest.raises(UserError, match=r"it looks like a log of SavvyCAN\n.*export it as"):
+        list(open_log(path))
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_time_that_steps_back_is_refused_and_a_swap_is_told(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"

@@ -164,15 +164,24 @@ def test_an_empty_part_names_the_range(bus: BusMap) -> None:
         recording_frames(recording_of(1000, start=2.0), bus, False, start=7.0)
 
 
-def test_a_block_that_is_no_can_fd_message_is_refused(tmp_path: Path) -> None:
+def changed_map(folder: Path, **changes: tuple[str, str]) -> BusMap:
+    """The example bench, with changes of its database."""
     text = EXAMPLE_BENCH.with_name("observer_fd.dbc").read_text(encoding="utf-8")
-    text = text.replace('"BusType" "CAN FD"', '"BusType" "CAN"').replace(
-        'Format" BO_ 256 14', 'Format" BO_ 256 0'
+    for old, new in changes.values():
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "observer_fd.dbc").write_text(text, encoding="utf-8")
+    (folder / "bench.toml").write_text(EXAMPLE_BENCH.read_text(encoding="utf-8"), encoding="utf-8")
+    return map_bus(load_bench(folder / "bench.toml"))
+
+
+def test_a_long_block_is_can_fd_whatever_the_database_says(tmp_path: Path) -> None:
+    bus = changed_map(
+        tmp_path,
+        bus=('"BusType" "CAN FD"', '"BusType" "CAN"'),
+        block=('Format" BO_ 256 14', 'Format" BO_ 256 0'),
     )
-    (tmp_path / "observer_fd.dbc").write_text(text, encoding="utf-8")
-    (tmp_path / "bench.toml").write_text(EXAMPLE_BENCH.read_text(encoding="utf-8"), encoding="utf-8")
-    with pytest.raises(UserError, match="SampleBlock: 64 bytes do not fit"):
-        recording_frames(recording_of(100), map_bus(load_bench(tmp_path / "bench.toml")), False)
+    assert {frame.is_fd for frame in recording_frames(recording_of(100), bus, False)} == {True}
 
 
 def test_values_out_of_range_are_told_by_role(bus: BusMap) -> None:

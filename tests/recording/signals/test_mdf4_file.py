@@ -9,7 +9,7 @@ from asammdf import MDF, Signal
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import write_recording
-from observer_rt.recording.signals.mdf4_file import read_mdf4
+from observer_rt.recording.signals.mdf4_stream import read_mdf4
 from observer_rt.recording.signals.recording import Recording
 
 TIME = np.arange(10) / 1e5
@@ -79,9 +79,16 @@ def test_samples_marked_invalid_are_not_available(tmp_path: Path) -> None:
 
 
 def test_unknown_unit_names_channel_and_known_units(tmp_path: Path) -> None:
-    text = message(write(tmp_path / "x.mf4", channels({**UNITS, "line_pressure": "psi"})))
-    assert "channel line_pressure: unit 'psi' is not known" in text
-    assert "Pa, kPa, MPa, bar" in text
+    text = message(write(tmp_path / "x.mf4", channels({**UNITS, "line_pressure": "torr"})))
+    assert "channel line_pressure: unit 'torr' is not known" in text
+    assert "Pa, hPa, kPa, MPa, mbar, bar, psi" in text
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, 1e306])
+def test_a_value_that_no_measurement_has(tmp_path: Path, value: float) -> None:
+    signals = channels(UNITS)
+    signals[1] = Signal(np.where(np.arange(10) == 7, value, VALUES), TIME, name="needle_lift", unit="mm")
+    assert f"channel needle_lift: sample 7 is {value:g} mm" in message(write(tmp_path / "x.mf4", signals))
 
 
 def test_no_unit(tmp_path: Path) -> None:

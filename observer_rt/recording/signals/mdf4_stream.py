@@ -1,0 +1,45 @@
+"""Recordings as MDF4, ASAM's measurement file; what touches the file runs apart (`mdf4_file.py`)."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.recording.mdf4_apart import mdf4_apart
+from observer_rt.recording.signals.checked import CheckedGrid, in_chunks
+from observer_rt.recording.signals.recording import Chunk, Recording
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream
+
+FILE = "observer_rt.recording.signals.mdf4_file"
+
+
+class Mdf4Signals(SignalStream):
+    """A recording by the names of its channels, as `mdf4_file.parts`."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._file = path
+        checked = CheckedGrid(self, lambda row: f"{path}, sample {row}")
+        for arrays in self._parts():
+            self.has_rate = "injection_rate" in arrays
+            checked.take(arrays)
+        checked.end()
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Read anew."""
+        return in_chunks(self, self._parts())
+
+    def _parts(self) -> Iterator[dict[str, NDArray[np.float64]]]:
+        return mdf4_apart(FILE, "parts", self._file, SAMPLES_AT_ONCE)
+
+
+def read_mdf4(path: Path) -> Recording:
+    """Read a recording, as `Mdf4Signals`."""
+    return Mdf4Signals(path).collected()
+
+
+def mdf4_names(path: Path) -> list[str]:
+    """Of the channels."""
+    (names,) = mdf4_apart(FILE, "names", path)
+    return list(names)

@@ -1,0 +1,102 @@
+"""Logs as BUSMASTER writes them, in its modes of time and number, and what must be refused of them."""
+
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.canlog.busmaster import BusmasterLog
+from observer_rt.recording.canlog.candump import CandumpLog
+from observer_rt.recording.formats import is_log, open_log
+
+START = int(datetime(2014, 8, 5, 11, 49, 7).timestamp()) * 10**9 + 965_000_000
+NOON = int(datetime(2014, 8, 5, 12).timestamp()) * 10**9
+
+
+def log(folder: Path, *lines: str, mode: str = "SYSTEM", radix: str = "HEX") -> BusmasterLog:
+    path = folder / "bus.log"
+    head = (
+        "***BUSMASTER Ver 2.4.0***\n***PROTOCOL CAN***\n***NOTE: PLEASE DO NOT EDIT THIS DOCUMENT***\n"
+        f"***[START LOGGING SESSION]***\n***START DATE AND TIME 5:8:2014 11:49:7:965***\n***{radix}***\n"
+        f"***{mode} MODE***\n***<Time><Tx/Rx><Channel><CAN ID><Type><DLC><DataBytes>***\n"
+    )
+    path.write_text(head + "".join(f"{line}\n" for line in lines) + "***[STOP LOGGING SESSION]***\n")
+    return BusmasterLog(path)
+
+
+def test_frames_of_all_kinds(tmp_path: Path) -> None:
+    found = log(
+        tmp_path,
+        "12:00:00:9420 Rx 1 0x023 s 1 40",
+        "12:00:00:9440 Tx 2 0x18FEF100 x 8 03 E0 00 00 C0 00 00 FF ",
+        "12:00:01:0000 Rx 1 0x023 sr 0 ",
+        "12:00:01:5000 Rx 1 0x7FF s 0",
+    )
+    first, second, last = found
+    assert (first.frame.frame_id, first.frame.payload, first.frame.is_extended) == (0x23, b"\x40", False)
+    assert (second.frame.frame_id, second.frame.is_extended) == (0x18FEF100, True)
+    assert second.frame.payload == bytes.fromhex("03E00000C00000FF")
+    assert [(f.channel, f.is_sent, f.frame.is_fd) for f in (first, second)] == [
+        ("1", False, False),
+        ("2", True, False),
+    ]
+    assert [f.frame.stamp_ns - NOON for f in (first, second, last)] == [
+        942_000_000,
+        944_000_000,
+        1_500_000_000,
+    ]
+    assert found.remote_frames == 1
+    assert f"{found.path}: its stamps are tenths of milliseconds" in found.notes()
+
+
+def test_times_after_midnight_are_of_the_next_day(tmp_path: Path) -> None:
+    found = log(
+        tmp_path,
+        "23:59:59:9999 Rx 1 0x023 s 0",
+        "00:00:00:0001 Rx 1 0x023 s 0",
+        "00:00:01:0001 Rx 1 0x023 s 0",
+    )
+    first, second, third = (entry.frame.stamp_ns for entry in found)
+    assert (second - first, third - second) == (200_000, 10**9)
+
+
+@pytest.mark.parametrize(("mode", "last"), [("ABSOLUTE", 500_000_000), ("RELATIVE", 600_000_000)])
+def test_times_from_the_start_and_from_line_to_line(tmp_path: Path, mode: str, last: int) -> None:
+    found = log(tmp_path, "0:00:00:1000 Rx 1 0x023 s 0", "0:00:00:5000 Rx 1 0x023 s 0", mode=mode)
+    assert [entry.frame.stamp_ns - START for entry in found] == [100_000_000, last]
+
+
+def test_decimal_numbers(tmp_path: Path) -> None:
+    (found,) = log(tmp_path, "12:00:00:9420 Rx 1 291 s 3 255 16 7", radix="DEC")
+    assert (found.frame.frame_id, found.frame.payload) == (0x123, bytes((255, 16, 7)))
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("12:00:00:942 Rx 1 0x023 s 1 40", "line 9: not a line of a BUSMASTER log"),
+        ("12:00:00:9420 Rx 1 0x023 q 1 40", "line 9: not a line of a BUSMASTER log"),
+        ("12:00:00:9420 Rx 1 0x023 s 1 140", "line 9: not a line of a BUSMASTER log"),
+        ("12:00:00:9420 Rx 1 0x023 s 2 40", "line 9: 1 bytes follow the length 2"),
+        ("12:00:00:9420 Rx 1 0x023 s 1 40 41", "line 9: 2 bytes follow the length 1"),
+        ("12:00:00:9420 Rx 1 0x823 s 1 40", "line 9: 823 is no standard identifier"),
+        ("***START DATE AND TIME 50:8:2014 11:49:7:965***", "line 9: .* has no date"),
+    ],
+)
+def test_malformed_lines_are_refused(tmp_path: Path, line: str, said: str) -> None:
+    with pytest.raises(UserError, match=said):
+        list(log(tmp_path, line))
+
+
+def test_a_log_without_a_mode_of_times(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="the heading does not say what times mean"):
+        list(log(tmp_path, "12:00:00:9420 Rx 1 0x023 s 1 40", mode="NO"))
+
+
+def test_its_content_tells_it_from_candumps(tmp_path: Path) -> None:
+    path = log(tmp_path, "12:00:00:9420 Rx 1 0x023 s 1 40").path
+    assert is_log(path)
+    assert isinstance(open_log(path), BusmasterLog)
+    path.write_text("(1.5) can0 123#00\n")
+    assert isinstance(open_log(path), CandumpLog)

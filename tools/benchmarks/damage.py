@@ -1,0 +1,268 @@
+"""Damaged files of every format, given to the commands: what becomes of them, and that nothing crashes.
+
+Files are made whole, damaged by a seed, and converted as a user would; databases are mapped as a bench names them.
+"""
+
+import contextlib
+import os
+import random
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rich.console import Console
+from rich.table import Table
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.cli.app import main
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording import formats
+from observer_rt.terminal.console import progress_bar
+from tools.benchmarks.damage_files import DATABASE, makers, write_database
+from tools.benchmarks.pool import Crash, run_tasks
+
+LONG = 30.0  # s, for one of these small files, on a machine that has other work
+
+
+class Became(StrEnum):
+    """What became of a damaged file."""
+
+    REFUSED = "refused"
+    TOLD = "read, something told"
+    SAME = "read as undamaged"
+    CHANGED = "read otherwise, nothing told"
+    FAULT = "fault"
+
+
+class Task(NamedTuple):
+    """A file to be damaged: the kind, and what determines the damage."""
+
+    kind: str
+    seed: int
+    number: int
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one file, in how many seconds; `said` on the screen, or of the fault."""
+
+    task: Task
+    became: Became
+    seconds: float
+    said: str = ""
+
+
+@dataclass
+class Campaign:
+    """All outcomes so far."""
+
+    outcomes: list[Outcome] = field(default_factory=list)
+
+    @property
+    def faults(self) -> list[Outcome]:
+        """Tracebacks, output on stdout, results that cannot be read, and files that took long."""
+        return [each for each in self.outcomes if each.became is Became.FAULT]
+
+
+def run_damage(files: int, seed: int, workers: int, console: Console) -> Campaign:
+    """Damage so many files, the kinds in turn. Raises `RunError` where a process of ours was ended by one."""
+    kinds = list(makers())
+    tasks = [Task(kinds[number % len(kinds)], seed, number) for number in range(files)]
+    campaign = Campaign()
+    with progress_bar(console, "damaging", float(files)) as progress:
+        for result in run_tasks(one_file, tasks, workers, _warm_up):
+            if isinstance(result, Crash):
+                result = Outcome(result.task, Became.FAULT, 0.0, result.message)
+            campaign.outcomes.append(result)
+            progress(float(len(campaign.outcomes)))
+    return campaign
+
+
+def damage_table(campaign: Campaign) -> Table:
+    """The outcomes for a screen, kind by kind."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("kind", "files", *Became, "longest s"):
+        table.add_column(heading, justify="left" if heading == "kind" else "right")
+    for kind in (*makers(), "all"):
+        chosen = [each for each in campaign.outcomes if kind in (each.task.kind, "all")]
+        if chosen:
+            counts = Counter(each.became for each in chosen)
+            longest = max(each.seconds for each in chosen)
+            table.add_row(kind, str(len(chosen)), *(str(counts[b]) for b in Became), f"{longest:.2f}")
+    return table
+
+
+def damage_document(campaign: Campaign) -> dict[str, Any]:
+    """The outcomes for a program."""
+    counts = Counter(each.became for each in campaign.outcomes)
+    figures = {"files": len(campaign.outcomes)} | {b.name.lower(): counts[b] for b in Became}
+    return {"figures": figures, "faults": [[*each.task, each.said] for each in campaign.faults]}
+
+
+def one_file(task: Task) -> Outcome:
+    """Damage a file and give it to the command that reads its kind."""
+    with tempfile.TemporaryDirectory(prefix="damage-") as name:
+        folder = Path(name)
+        path = folder / task.kind
+        damage = random.Random(f"{task.seed} {task.number}")
+        path.write_bytes(_damaged(_whole(task.kind), damage))
+        begun = time.perf_counter()
+        became, said = (_mapped if task.kind == DATABASE else _converted)(path, task.number)
+        seconds = time.perf_counter() - begun
+        if seconds > LONG:
+            became, said = Became.FAULT, f"took {seconds:.1f} s; {said}"
+        return Outcome(task, became, seconds, said)
+
+
+def _damaged(data: bytes, chance: random.Random) -> bytes:
+    """Some of a file's bytes changed, missing, repeated, or its end cut off."""
+    size = len(data)
+    place = chance.randrange(size)
+    length = min(chance.choice((1, 2, 8, 64, 500)), size - place)
+    kind = chance.choice(("bit", "bit", "bits", "byte", "noise", "zero", "gone", "twice", "cut", "link"))
+    if kind in ("bit", "bits"):
+        changed = bytearray(data)
+        for _ in range(1 if kind == "bit" else chance.randrange(2, 20)):
+            changed[chance.randrange(size)] ^= 1 << chance.randrange(8)
+        return bytes(changed)
+    if kind == "link":  # what is 8 bytes long and leads somewhere, leads elsewhere
+        place = place // 8 * 8
+        other = chance.choice((0, size, size - 8, place, chance.randrange(size), 1 << chance.randrange(64)))
+        return data[:place] + other.to_bytes(8, "little") + data[place + 8 :]
+    new = {
+        "byte": chance.randbytes(1),
+        "noise": chance.randbytes(length),
+        "zero": bytes(length),
+        "gone": b"",
+        "twice": data[place : place + length] * 2,
+        "cut": b"",
+    }[kind]
+    end = size if kind == "cut" else place + (1 if kind == "byte" else length)
+    return data[:place] + new + data[end:]
+
+
+def _converted(path: Path, number: int) -> tuple[Became, str]:
+    """What `convert` makes of a file of signals or frames."""
+    suffixes = [".csv"] if path.name.startswith("signals") else [".log", ".blf", ".asc", ".mf4"]
+    target = path.with_name(f"out{suffixes[number % len(suffixes)]}")
+    code, out, err = _run("convert", path, target)
+    if code not in (0, 1, 2) or "Traceback" in out + err or ".part" in err:
+        return Became.FAULT, f"exit code {code}: {out}{err}"
+    if code != 0:
+        named = path.name in err or target.name in err
+        return (Became.REFUSED, err) if named and not out else (Became.FAULT, f"unnamed: {out}{err}")
+    if out.count("\n") != 1:
+        return Became.FAULT, f"on stdout: {out}"
+    try:
+        content = _content(target)
+    except Exception as error:  # whatever is wrong with what was written
+        return Became.FAULT, f"writes what cannot be read: {error}"
+    if err:
+        return Became.TOLD, err
+    return (Became.SAME if content == _whole_content(path.name, target.suffix) else Became.CHANGED), ""
+
+
+def _mapped(path: Path, number: int) -> tuple[Became, str]:
+    """What a bench makes of a damaged database, read strictly or leniently."""
+    bench = path.with_name("bench.toml")
+    bench.write_text(_bench(number % 2 == 0))
+    try:
+        found = map_bus(load_bench(bench))
+    except UserError as error:
+        is_named = str(path.parent) in str(error)
+        return (Became.REFUSED if is_named else Became.FAULT), str(error)
+    except Exception:  # what would be a traceback on a user's screen
+        return Became.FAULT, traceback.format_exc()
+    return (Became.SAME if repr(found) == _whole_map() else Became.CHANGED), ""
+
+
+def _run(*arguments: object) -> tuple[int | str | None, str, str]:
+    """Run a command: exit code, stdout, stderr, of foreign code too."""
+    sys.argv = ["observer-rt", *map(str, arguments)]
+    with _captured() as screen:
+        try:
+            main()
+            code: int | str | None = 0
+        except SystemExit as end:
+            code = end.code or 0
+        except BaseException:
+            traceback.print_exc()
+            code = "exception"
+    out, err = screen
+    return code, out, err
+
+
+@contextlib.contextmanager
+def _captured() -> Iterator[list[str]]:
+    """What is written to the two outputs meanwhile, by whatever code."""
+    texts: list[str] = []
+    with (
+        tempfile.TemporaryFile("w+", errors="replace") as out,
+        tempfile.TemporaryFile("w+", errors="replace") as err,
+    ):
+        kept = os.dup(1), os.dup(2)
+        os.dup2(out.fileno(), 1)
+        os.dup2(err.fileno(), 2)
+        try:
+            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+                yield texts
+        finally:
+            for number, (descriptor, file) in enumerate(zip(kept, (out, err), strict=True), start=1):
+                os.dup2(descriptor, number)
+                os.close(descriptor)
+                file.seek(0)
+                texts.append(file.read())
+
+
+def _content(path: Path) -> Sequence[object]:
+    if formats.is_log(path):
+        return [(entry.frame, entry.is_sent) for entry in formats.open_log(path)]
+    recording = formats.read_recording(path)
+    return [values.tolist() for values in recording.signals.values()]
+
+
+@cache
+def _whole(kind: str) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / kind
+        makers()[kind](path)
+        return path.read_bytes()
+
+
+@cache
+def _whole_content(kind: str, suffix: str) -> Sequence[object]:
+    """What `convert` makes of the undamaged file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path, target = Path(folder) / kind, Path(folder) / f"out{suffix}"
+        path.write_bytes(_whole(kind))
+        _run("convert", path, target)
+        return _content(target)
+
+
+def _bench(is_lenient: bool) -> str:
+    """The example bench with the database beside it."""
+    text = EXAMPLE_BENCH.read_text().replace('file = "observer_fd.dbc"', f'file = "{DATABASE}"')
+    return text.replace("lenient = false", f"lenient = {str(is_lenient).lower()}")
+
+
+@cache
+def _whole_map() -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        bench = Path(folder) / "bench.toml"
+        write_database(Path(folder) / DATABASE)
+        bench.write_text(_bench(False))
+        return repr(map_bus(load_bench(bench)))
+
+
+def _warm_up() -> None:
+    """Have what reads MDF4 files started."""
+    one_file(Task("frames.mf4", 0, 0))

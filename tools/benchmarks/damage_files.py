@@ -1,0 +1,132 @@
+"""Whole files of every format, small ones, for `damage.py`."""
+
+import gzip
+import random
+import shutil
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from observer_rt.bus.can_frame import FD_LENGTHS
+from observer_rt.bus.links.link import Frame
+from observer_rt.config.bench import PACKAGE_DATA
+from observer_rt.recording import formats
+from observer_rt.recording.canlog.can_log import LogFrame
+from observer_rt.recording.signals.recording import Recording
+from tools.benchmarks.logger_file import Field, write_logger_file
+
+FRAMES = 40
+SAMPLES = 60
+START = 1_700_000_000_000_000_000  # ns since 1970
+STORED = (
+    Field("ID", 29),
+    Field("IDE", 1),
+    Field("DataLength", 7),
+    Field("EDL", 1),
+    Field("BRS", 1),
+    Field("ESI", 1),
+    Field("Dir", 1),
+    Field("BusChannel", 0, offset=1),
+)
+DATABASE = "database.dbc"
+
+
+@cache
+def makers() -> dict[str, Callable[[Path], None]]:
+    """The kinds of files by their name: every format that is written, files of loggers, a database."""
+    logs = formats.suffixes_of(formats.written(formats.log_formats()))
+    signals = formats.suffixes_of(formats.written(formats.signal_formats()))
+    known: dict[str, Callable[[Path], None]] = {f"frames{suffix}": _write_frames for suffix in logs}
+    known |= {f"signals{suffix}": _write_signals for suffix in signals}
+    known |= {"card.mf4": _write_card, "card_fixed.mf4": _write_fixed_card, "saved.mf4": _write_saved}
+    known |= {"busmaster.log": _write_busmaster, "screen.log": _write_screen, "packed.asc.gz": _write_packed}
+    return known | {DATABASE: write_database}
+
+
+def write_database(path: Path) -> None:
+    """A copy of our database for CAN FD."""
+    shutil.copy(PACKAGE_DATA / "observer_fd.dbc", path)
+
+
+def _write_frames(path: Path) -> None:
+    frames = _frames(formats.log_format(path).keeps_fd)
+    with formats.open_writer(path, START) as writer:
+        for frame in frames:
+            writer.write(frame)
+
+
+def _write_signals(path: Path) -> None:
+    noise = np.random.default_rng(1).normal(size=(3, SAMPLES))
+    recording = Recording(
+        np.arange(SAMPLES) / 1e5, 100e6 + 1e5 * noise[0], 4e-7 * noise[1], 100e6 + 1e5 * noise[2]
+    )
+    formats.write_recording(path, recording)
+
+
+def _write_card(path: Path) -> None:
+    write_logger_file(path, _frames(True), list(STORED), START)
+
+
+def _write_fixed_card(path: Path) -> None:
+    write_logger_file(path, _frames(True), list(STORED), START, finalised=True, data_width=64)
+
+
+def _write_saved(path: Path) -> None:
+    """As asammdf saves what it finalised."""
+    from asammdf import MDF
+
+    card = path.with_name("unsaved.mf4")
+    _write_card(card)
+    with MDF(card) as file:
+        file.save(path, compression=0)
+
+
+def _write_busmaster(path: Path) -> None:
+    lines = [
+        "***BUSMASTER Ver 3.2.2***",
+        "***START DATE AND TIME 14:11:2023 22:13:20:000***",
+        "***HEX***",
+        "***ABSOLUTE MODE***",
+    ]
+    for frame, channel, is_sent in _frames(False):
+        seconds, rest = divmod(frame.stamp_ns - START, 10**9)
+        lines.append(
+            f"00:00:{seconds:02d}:{rest // 10**5:04d} {'Tx' if is_sent else 'Rx'} {channel} 0x{frame.frame_id:X} "
+            f"{'x' if frame.is_extended else 's'} {len(frame.payload)} {frame.payload.hex(' ').upper()}".rstrip()
+        )
+    path.write_text("\n".join([*lines, "***[STOP LOGGING SESSION]***", ""]))
+
+
+def _write_screen(path: Path) -> None:
+    lines = []
+    for frame, _, is_sent in _frames(True):
+        seconds, rest = divmod(frame.stamp_ns, 10**9)
+        size = f"{len(frame.payload):02d}" if frame.is_fd else str(len(frame.payload))
+        flags = f"{'TX' if is_sent else 'RX'} {'B' if frame.bit_rate_switch else '-'} -"
+        lines.append(
+            f" ({seconds}.{rest // 1000:06d})  can0  {flags}  {frame.frame_id:0{8 if frame.is_extended else 3}X}   "
+            f"[{size}]  {frame.payload.hex(' ').upper()}\n"
+        )
+    path.write_text("".join(lines))
+
+
+def _write_packed(path: Path) -> None:
+    text = path.with_name("frames.asc")
+    _write_frames(text)
+    path.write_bytes(gzip.compress(text.read_bytes(), mtime=0))
+
+
+def _frames(with_fd: bool) -> list[LogFrame]:
+    """Frames of all kinds on one channel."""
+    chance = random.Random(1)
+    frames = []
+    for number in range(FRAMES):
+        is_fd, is_extended = with_fd and chance.random() < 0.5, chance.random() < 0.5
+        payload = chance.randbytes(chance.choice(FD_LENGTHS if is_fd else FD_LENGTHS[:9]))
+        identifier = chance.randrange(0x2000_0000 if is_extended else 0x800)
+        stamp = START + number * 1_234_567_000
+        frame = Frame(identifier, payload, stamp, is_extended, is_fd, is_fd and chance.random() < 0.5)
+        frames.append(LogFrame(frame, "1", chance.random() < 0.5))
+    return frames

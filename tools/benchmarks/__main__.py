@@ -30,6 +30,7 @@ from tools.benchmarks.frame_time import frame_lines, measure_frame_times
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.runs import Plan
+from tools.benchmarks.surgery import findings_table, operate, surgeries
 from tools.benchmarks.tables import json_document
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -129,6 +130,18 @@ def frame(as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout."
         print(json.dumps({name: time._asdict() for name, time in times._asdict().items()}, indent=2))
     else:
         print(frame_lines(times))
+
+
+@app.command(epilog="Example: tools/bench surgery")
+def surgery() -> None:
+    """Whether anything wrong is ever valid: faults in recordings, for every way of learning."""
+    todo = surgeries()
+    with progress_bar(messages, "surgeries", len(todo)) as advance:
+        found = []
+        for number, each in enumerate(todo, 1):
+            found.append(operate(each))
+            advance(number)
+    _console().print(findings_table(found))
 
 
 @app.command(epilog="Example: tools/bench peer-tuning --peer ekf")

@@ -1,0 +1,22 @@
+"""Whether the innovations have left what noise can do: at every sample, between the judgements of events."""
+
+import math
+
+from numba import njit
+
+from observer_rt.observer.stream.state import Observer
+
+MEMORY = 16.0  # samples the running mean remembers
+LARGEST = 8.0  # standard deviations a single innovation counts for: a spike is no contradiction
+LIMIT = 2.5  # of the mean, whose own standard deviation is .18: six samples in a row at the largest
+
+
+@njit(cache=True, nogil=True, inline="always")
+def watch(observer: Observer, innovation: float) -> None:
+    """Take in an innovation of x~ [p_0]; what contradicts the model stays so until an event after it has passed."""
+    memory = observer.memory[0]
+    score = min(max(innovation / memory.innovation_sigma, -LARGEST), LARGEST)
+    memory.surprise += (score - memory.surprise) / MEMORY
+    if math.fabs(memory.surprise) > LIMIT and memory.synchronised and not memory.contradicted:
+        memory.contradicted = True
+        memory.contradicted_in = memory.event_number if memory.in_event else memory.event_number + 1

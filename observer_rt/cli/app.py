@@ -14,6 +14,7 @@ from rich.console import Console
 from observer_rt import __version__
 from observer_rt.cli.discover import discover
 from observer_rt.cli.effects import effects
+from observer_rt.cli.journal import journal
 from observer_rt.cli.live import check, demo, run
 from observer_rt.cli.logs import convert, record, replay
 from observer_rt.cli.offline import evaluate, simulate
@@ -78,7 +79,7 @@ def _root(
 
 for _command, _example in (
     (demo, "--wear 0.3 --figure demo.png"),
-    (run, "--bench bench.toml --state learned.json --view"),
+    (run, "--bench bench.toml --state learned.json --journal injections.sqlite --view"),
     (
         simulate,
         "--rail-pressure 60,100,140 --energizing-time 0.6,1.9 --injections 12 --effect orifice_area:v_H=0.3 "
@@ -87,6 +88,7 @@ for _command, _example in (
     (evaluate, "worn.csv --output trace.csv --plot worn.png"),
     (check, "--bench bench.toml --state learned.json"),
     (replay, "recording.csv --bench bench.toml --speed 0.1"),
+    (journal, "injections.sqlite --csv > injections.csv"),
     (record, "--bench bench.toml --out bus.blf --rotate-size 500"),
     (convert, "bus.blf recording.csv --bench bench.toml"),
     (discover, "--model injector.toml --out found worn_1.csv worn_2.csv"),

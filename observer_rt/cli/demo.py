@@ -34,8 +34,9 @@ from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
-from observer_rt.service.run import draw
-from observer_rt.service.view import Reference, View
+from observer_rt.service.screen.shown import Reference
+from observer_rt.service.show import draw
+from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
@@ -130,7 +131,9 @@ class Demo:
         self._density = effective_model(self.bench.injector.parameters).coefficients.density
         self._notes = Notes()
 
-    def references(self, report: InjectionReport) -> Sequence[Reference]:
+    def references(
+        self, report: InjectionReport, _rows: NDArray[np.void] | None = None
+    ) -> Sequence[Reference]:
         """True and nominal rate and mass of an injection."""
         window = slice(report.start_index, report.end_index + 1)
         return [
@@ -146,7 +149,7 @@ class Demo:
         bus = map_bus(self.bench)
         view = View(
             f"observer_rt demo: {self.link.interface} {self.link.channel}",
-            self.bench.injector.config.sampling.rate_hz,
+            self.bench.injector,
             self.references,
         )
 

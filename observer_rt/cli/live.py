@@ -44,9 +44,24 @@ def demo(
 def run(
     bench: Annotated[Path | None, file_option("--bench", "Bench file.")] = None,
     state: Annotated[
-        Path | None, file_option("--state", "Learned state: restored at start, saved at a clean stop.")
+        Path | None,
+        file_option(
+            "--state",
+            "Learned state: restored at start, saved at the stop and, while running, within "
+            "[state] save_within_s of the bench file (5 s).",
+        ),
+    ] = None,
+    journal: Annotated[
+        Path | None,
+        file_option(
+            "--journal", "SQLite file for a row an injection, written as soon: see `observer-rt journal`."
+        ),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Every injection as a line of JSON on stdout.")
+    ] = False,
+    log: Annotated[Path | None, file_option("--log", "File that log lines are appended to, too.")] = None,
     lenient: LenientOption = False,
     print_example_bench: Annotated[
         bool, typer.Option("--print-example-bench", help="Print a complete, commented bench file.")
@@ -67,9 +82,9 @@ def run(
             "is missing",
             "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from",
         )
-    from observer_rt.service.run import serve
+    from observer_rt.service.run import RunOptions, serve
 
-    serve(load_bench(bench, lenient=lenient), state, view, messages)
+    serve(load_bench(bench, lenient=lenient), RunOptions(state, view, as_json, log, journal), messages)
 
 
 def check(

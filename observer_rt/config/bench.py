@@ -122,7 +122,14 @@ class BenchInjector:
     @property
     def state(self) -> Path | None:
         """The file of the learned state, if the bench file names one."""
-        file = self.config.state.file
+        return self._beside(self.config.state.file)
+
+    @property
+    def journal(self) -> Path | None:
+        """The journal of injections, if the bench file names one."""
+        return self._beside(self.config.state.journal)
+
+    def _beside(self, file: str | None) -> Path | None:
         return self.file.path.parent / file if file else None
 
 

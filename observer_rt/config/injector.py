@@ -62,7 +62,11 @@ class LearningConfig(Section):
 
 
 class StateConfig(Section):
-    file: str | None = None  # relative to the bench file; None: nothing is kept
+    """What is kept on disk; files are relative to the bench file, None: not kept."""
+
+    file: str | None = None  # of what was learned
+    journal: str | None = None  # of the injections
+    save_within_s: Annotated[float, Field(ge=0.1, le=3600)] = 5.0  # of being learned, or of the injection
 
 
 class InjectorConfig(Section):

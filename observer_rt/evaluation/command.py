@@ -24,9 +24,10 @@ from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.service.compiled.constants import injector_at
 from observer_rt.service.core.learners import refuse_state
+from observer_rt.service.keeping.lock import sole_writer
 from observer_rt.service.run import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
-from observer_rt.terminal.console import progress_bar, results, say_if_compiling
+from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination, check_folder
 
 
@@ -61,12 +62,15 @@ def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions
     pressure_scale = bench.injector.parameters.scaling.pressure
     if options.state is not None and not options.state.exists():
         raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
-    knowledge = restored_knowledge(options.state, model, pressure_scale, console, set_aside=False)
+    knowledge = restored_knowledge(
+        options.state, model, pressure_scale, partial(say, console), set_aside=False
+    )
     histories = _histories(bench, recordings, knowledge, options, console)
     evaluations = [evaluation for history in histories for evaluation in history.evaluations]
     c = effective_model(bench.injector.parameters).coefficients
     if options.save_state is not None:
-        save_knowledge(options.save_state, histories[-1].knowledge, model, pressure_scale)
+        with sole_writer(options.save_state):
+            save_knowledge(options.save_state, histories[-1].knowledge, model, pressure_scale)
     if options.output is not None:
         _write_traces(options.output, paths, evaluations)
     if options.plot is not None:
@@ -138,6 +142,8 @@ def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None
     if options.save_state is not None:
         check_destination("--save-state", options.save_state)
         check_folder("--save-state", options.save_state.absolute().parent)
+        with sole_writer(options.save_state):
+            pass  # no daemon keeps it
     inputs = {path.resolve() for path in paths}
     for option, path in (
         ("--output", options.output),

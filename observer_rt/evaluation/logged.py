@@ -20,6 +20,7 @@ from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.counters import Counters
+from observer_rt.service.watch.log_watch import LogWatch
 
 READ_EVERY = 64  # frames between two looks at the observer's memory, which forgets
 RATE_TOLERANCE = 0.02  # of the sample rate by stamps, beyond which a log is odd
@@ -64,8 +65,10 @@ def read_logged(
     pieces: list[NDArray[np.void]] = []
     seen = 0
     stamps = _Stamps()
+    watch = LogWatch(bench.injector, bus, core)
     for count, (on, frame) in enumerate(frames):
         core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, on)
+        watch.note(on, frame)
         if core.processed > 0:  # before, clocks may have to be learned
             stamps.note(frame)
         if count % READ_EVERY == 0:
@@ -76,15 +79,22 @@ def read_logged(
     rows = np.concatenate([*pieces, core.rows(seen, core.processed)])
     if len(rows) < 2:
         counted = core.counters
+        absent = watch.absent()
+        odd = "; ".join(absent) or f"{counted.crc_errors} CRC errors, {counted.length_errors} of wrong length"
         raise UserError(
             str(path),
-            f"its {counted.frames} input frames give {len(rows)} samples ({counted.crc_errors} CRC errors, "
-            f"{counted.length_errors} of wrong length)",
-            "give --bench with the file the log was recorded by",
+            f"its {counted.frames} input frames give {len(rows)} samples: {odd}",
+            "record all inputs: was the device on, its channel recorded?"
+            if absent
+            else "give --bench with the file the log was recorded by",
         )
     rate = bench.injector.config.sampling.rate_hz
     recording = _recording(bench, rows, path)
-    notes = [*frames.notes(), *stamps.notes(path, rate, int(rows["index"][-1] - rows["index"][0]))]
+    notes = [
+        *frames.notes(),
+        *watch.notes(path),
+        *stamps.notes(path, rate, int(rows["index"][-1] - rows["index"][0])),
+    ]
     found = core.counters, core.standstill, core.timing
     return LoggedRecording(recording, int(rows["index"][0]), frames, tuple(notes), *found)
 

@@ -3,7 +3,7 @@
 import gc
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from observer_rt.bus.database.lookup import database_hash
@@ -11,6 +11,7 @@ from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.receiver import BusDownError, reading
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
+from observer_rt.config.signals import Role
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.core.core import Core
@@ -18,8 +19,12 @@ from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.core.status import LinkFigures, status_values
 from observer_rt.service.outbox import RETRY
 from observer_rt.service.port import Port
-from observer_rt.service.reports.news import LinkNews, Listener, to_all
+from observer_rt.service.reports.news import Listener, Notice, to_all
 from observer_rt.service.state_file import model_hash
+from observer_rt.service.watch.input_watch import PERIOD as LOOK_PERIOD
+from observer_rt.service.watch.input_watch import InputWatch
+from observer_rt.service.watch.state_watch import StateWatch
+from observer_rt.service.words import Topic
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data
@@ -36,17 +41,22 @@ class Daemon:
         links: Sequence[Link],
         knowledge: Knowledge | None = None,
         listeners: Sequence[Listener] = (),
+        on_alive: Callable[[], None] = lambda: None,
     ) -> None:
-        """links: of all buses, in order. knowledge: restored from an earlier run."""
+        """links: of all buses, in order. knowledge: restored from an earlier run.
+
+        on_alive: called some ten times a second by the loop, for whoever watches that it goes round.
+        """
         self._links = links
-        tell = to_all(listeners)
+        self._tell = tell = to_all(listeners)
+        self._on_alive = on_alive
         self.ports = tuple(
             Port(
                 named.label,
                 named.config.channel,
                 each,
                 any(layout.bus == number for layout in bus.received),
-                lambda text: tell(LinkNews(text)),
+                lambda text, is_over: tell(Notice(Topic.LINK, text, is_over)),
             )
             for number, (named, each) in enumerate(zip(bench.config.buses, self._links, strict=True))
         )
@@ -54,6 +64,10 @@ class Daemon:
         self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
         self._injector = bench.injector
         self.core = Core(bench.injector, bus, knowledge, self._executor, listeners=listeners)
+        self._watch = InputWatch(bench.injector, bus, self.core)
+        self.arrivals = self._watch.arrivals
+        """Of all input messages, by the monotonic clock, and of others under our identifiers."""
+        self._state_watch = StateWatch(self.arrivals)
         self._status_writer = FrameWriter(bus.status)
         self._status_period = round(bench.injector.config.outputs.status_period_ms * 1e6)
         self._hashes = (int(model_hash(bench.injector.parameters)[:8], 16), database_hash(bench.databases))
@@ -72,7 +86,8 @@ class Daemon:
         """
         gc.collect()
         gc.freeze()  # a full collection would stop the loop for tens of milliseconds
-        self._last_input = self._next_status = time.monotonic_ns()
+        self._last_input = self._next_status = self._next_look = time.monotonic_ns()
+        self.arrivals.begin(self._last_input)
         self._reading = reading(self._links, self.core.furthest_behind)
         self.ready.set()
         try:
@@ -95,6 +110,7 @@ class Daemon:
         now = time.monotonic_ns()
         if received is not None:
             bus, frame = received
+            self.arrivals.note(bus, frame.frame_id, frame.is_extended, now)
             results = self.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, bus)
             if self.core.frames_taken != self._frames_seen:
                 self._frames_seen, self._last_input = self.core.frames_taken, now
@@ -107,10 +123,23 @@ class Daemon:
             self._post(self._status(now))
             for port in self.ports:
                 port.tell(now)
+        if now >= self._next_look:
+            self._next_look = now + LOOK_PERIOD
+            self._look(now)
         for bus in list(self._down):
             if self.ports[bus].mend(self._menders):
                 self._down.remove(bus)
                 self._reading.take_back(bus)
+                self.arrivals.begin(now)
+
+    def _look(self, now: int) -> None:
+        """What is wrong with the inputs, and which state it is; of inputs on a bus that is down nothing is asked."""
+        if not self._down:
+            for notice in self._watch.look(now):
+                self._tell(notice)
+        for notice in self._state_watch.look(now, self.state(now)):
+            self._tell(notice)
+        self._on_alive()
 
     def _post(self, frames: Sequence[OutputFrame]) -> None:
         """Results to their buses, behind those that wait there."""
@@ -140,12 +169,16 @@ class Daemon:
 
     def state(self, now: int) -> tuple[State, Reason]:
         """State and reason at a monotonic time [ns], inputs that stay away included."""
+        if self.arrivals.is_contested(now):
+            return State.DEGRADED, Reason.SECOND_SENDER
         if self._frames_seen == 0:
             return State.WAITING_FOR_DATA, Reason.STARTING
         if any(self.ports[bus].has_inputs for bus in self._down):
             return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
         if now - self._last_input > INPUT_TIMEOUT * 1e9:
             return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
+        if self.arrivals.stale(now):
+            return State.DEGRADED, Reason.INPUT_STALE
         return self.core.state
 
     @property
@@ -166,7 +199,8 @@ class Daemon:
     def _status(self, now: int) -> list[OutputFrame]:
         state, reason = self.state(now)
         troubled = next((n for n, port in enumerate(self.ports, 1) if port.is_in_trouble), 0)
-        figures = LinkFigures(self.dropped, self.troubles, troubled)
+        ages = (self.arrivals.age_of(role, now) for role in Role)
+        figures = LinkFigures(self.dropped, self.troubles, troubled, self.arrivals.foreign_frames, *ages)
         injector_id = self._injector.config.outputs.injector_id
         return self._status_writer.write(
             status_values(self.core, state, reason, injector_id, self._hashes, figures)

@@ -1,6 +1,6 @@
 """What goes wrong on the link, as messages: seldom enough to be read."""
 
-from observer_rt.bus.links.controller import condition_messages
+from observer_rt.bus.links.controller import BusState, condition_messages
 from observer_rt.bus.links.link import Link
 from observer_rt.service.outbox import Outbox
 
@@ -20,26 +20,32 @@ class LinkWatch:
         """The link is up again: what was not sent meanwhile is no news."""
         self._unsent = self._outbox.unsent
 
-    def messages(self, now: int) -> list[str]:
-        """News at a monotonic time [ns]; none within `PERIOD` after the last ones."""
+    def messages(self, now: int) -> list[tuple[str, bool]]:
+        """News at a monotonic time [ns], each with whether it is well again; none within `PERIOD` after the last."""
         if now < self._next:
             return []
-        told = condition_messages(self._channel, self._condition, self._link.condition)
+        is_well = self._link.condition.state is BusState.ACTIVE
+        told = [
+            (text, is_well)
+            for text in condition_messages(self._channel, self._condition, self._link.condition)
+        ]
         self._condition = self._link.condition
         if self._link.dropped > self._dropped:
-            told.append(
+            text = (
                 f"{self._link.dropped - self._dropped} frames of {self._channel} were lost before this process could "
                 "read them\n"
                 "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
             )
+            told.append((text, False))
             self._dropped = self._link.dropped
         if self._outbox.unsent > self._unsent:
-            told.append(
+            text = (
                 f"{self._outbox.unsent - self._unsent} results were not sent, the transmit queue of "
                 f"{self._channel} is full\n"
                 "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
                 f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
             )
+            told.append((text, False))
             self._unsent = self._outbox.unsent
         if told:
             self._next = now + round(PERIOD * 1e9)

@@ -18,9 +18,12 @@ class Port:
     """A link that is up, or down and being reconnected. Nothing here waits: other buses go on meanwhile."""
 
     def __init__(
-        self, label: str, channel: str, link: Link, has_inputs: bool, on_message: Callable[[str], None]
+        self, label: str, channel: str, link: Link, has_inputs: bool, on_message: Callable[[str, bool], None]
     ) -> None:
-        """label: what messages call the bus; has_inputs: whether anything is to be received on it."""
+        """label: what messages call the bus; has_inputs: whether anything is to be received on it.
+
+        on_message: hears what is the matter, and whether that is over.
+        """
         self.label = label
         self.link = link
         self.has_inputs = has_inputs
@@ -75,8 +78,8 @@ class Port:
     def tell(self, now: int) -> None:
         """Messages about what has changed, at a monotonic time [ns]."""
         if self.is_up:
-            for message in self._watch.messages(now):
-                self._on_message(message)
+            for message, is_over in self._watch.messages(now):
+                self._on_message(message, is_over)
 
     def go_down(self, error: LinkDownError) -> None:
         """The link failed: to be reconnected by `mend`. What waits is given up: it would be too old for anybody."""
@@ -96,7 +99,7 @@ class Port:
         self._outage = None
         self._watch.begin_anew()
         if self._is_told:
-            self._on_message(f"{self.label} is back")
+            self._on_message(f"{self.label} is back", True)
         return True
 
     def _tell_outage(self, reason: str) -> bool:
@@ -106,5 +109,5 @@ class Port:
         self._last_outage = reason, now
         is_new = reason != before or now - when > SILENCE
         if is_new:
-            self._on_message(f"waiting for the interface: {reason}")
+            self._on_message(f"waiting for the interface: {reason}", False)
         return is_new

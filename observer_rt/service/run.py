@@ -1,112 +1,128 @@
-"""`observer-rt run`: the daemon with its signals, its learned state and its view."""
+"""`observer-rt run`: the daemon with its signals, its log, its learned state and its view."""
 
-import threading
-import time
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console, RenderableType
-from rich.live import Live
+from rich.console import Console
 
-from observer_rt.bus.links.link import Link
-from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.estimation.scalars import NOZZLE
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, ZERO_CELSIUS
+from observer_rt.foundation.compilation import is_compiled
+from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.units import MICROSECOND
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.compiled.constants import bench_constants
-from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.service.reports.news import LinkNews, News
-from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.service.keeping.keeper import keeper_of
+from observer_rt.service.log import ServiceLog
+from observer_rt.service.notify import Notifier
+from observer_rt.service.opening import StoppedError, open_links, tell_other_senders
+from observer_rt.service.reports.news import News
+from observer_rt.service.reports.telling import Teller
+from observer_rt.service.show import run_with_view
+from observer_rt.service.state_file import load_knowledge, model_hash
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
-from observer_rt.terminal.console import say, say_if_compiling
-from observer_rt.terminal.destinations import check_folder
+from observer_rt.service.words import Topic
+from observer_rt.terminal.console import COMPILING
+from observer_rt.terminal.destinations import check_destination
 from observer_rt.terminal.stop import stop_on_signals
 
-FRAMES_PER_SECOND = 8  # of the view
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of the command: state, log, journal: files; records: injections as JSON lines on stdout."""
+
+    state: Path | None = None
+    view: bool = False
+    records: bool = False
+    log: Path | None = None
+    journal: Path | None = None
 
 
-def serve(bench: Bench, state: Path | None, view: bool, console: Console) -> None:
+def serve(bench: Bench, options: RunOptions, console: Console) -> None:
     """Run the daemon until SIGINT or SIGTERM.
 
+    state, journal: files to keep, instead of those the bench file names.
     Raises `UserError` for files that do not fit, `RunError` when the link fails.
     """
-    if view and not console.is_terminal:
-        say(console, "no terminal for the view: one line an injection instead")
-        view = False
     bus, injector = map_bus(bench), bench.injector
-    state = state or injector.state
-    if state is not None:
-        refuse_state(injector, "--state")
-        check_folder("--state", state.absolute().parent)
-    model = model_hash(injector.parameters)
-    pressure_scale = injector.parameters.scaling.pressure
-    knowledge = restored_knowledge(state, model, pressure_scale, console)
-    _announce(bench, bus, console)
-    screen = View(f"observer_rt: {_buses(bench)}", injector.config.sampling.rate_hz)
+    has_view = options.view and console.is_terminal
+    notifier = Notifier()
+    with ExitStack() as stack:
+        log = stack.enter_context(_log(options, console, has_view))
+        if options.view and not has_view:
+            log.say(Topic.START, "no terminal for the view: one line an injection instead")
+        model = model_hash(injector.parameters)
+        pressure_scale = injector.parameters.scaling.pressure
 
-    def say_news(news: News) -> None:
-        if isinstance(news, InjectionReport):
-            say(console, _line(news))
-        else:
-            say(console, news.as_text())
+        def tell_kept(text: str) -> None:
+            log.say(Topic.KEPT, text)
 
-    def show_news(news: News) -> None:
-        screen.hear(news)
-        if isinstance(news, LinkNews):
-            say(console, news.text)
+        keeper = stack.enter_context(keeper_of(bench, options.state, options.journal, tell_kept))
+        knowledge = restored_knowledge(keeper.state, model, pressure_scale, tell_kept)
+        _announce(bench, bus, log)
+        screen = View(f"observer_rt: {_buses(bench)}", injector)
+        teller = Teller(log, notifier, bench_constants(injector).coefficients)
 
-    # from here on, so that a signal while compiling is neither lost nor an interrupt in the middle of it
-    with stop_on_signals() as stop:
-        say_if_compiling(console)
+        def tell(news: News) -> None:
+            screen.hear(news)
+            teller.hear(news)
+
+        # from here on, so that a signal while compiling is neither lost nor an interrupt in the middle of it
+        stop = stack.enter_context(stop_on_signals())
+        if not is_compiled():
+            log.say(Topic.START, COMPILING)
         warm_up(bench, bus)
-        with ExitStack() as stack:
-            links = [stack.enter_context(each) for each in _opened(bench, bus, console)]
-            daemon = Daemon(bench, bus, links, knowledge, [show_news if view else say_news])
-            screen.watch(daemon)
-            say(console, "ready")
+        notifier.ready()
+        try:
+            tell_other_senders(bench, bus, tell, stop, notifier.alive)
+            links = [stack.enter_context(link) for link in open_links(bench, bus, tell, stop, notifier.alive)]
+        except StoppedError:
+            log.say(Topic.STOP, "stopped while it waited for the interface")
+            return
+        daemon = Daemon(bench, bus, links, knowledge, [tell, *keeper.listeners], notifier.alive)
+        screen.watch(daemon)
+        log.say(Topic.START, "ready")
+        with keeper.keeping(daemon.core):
             try:
-                if view:
-                    _run_with_view(daemon, screen, stop, console)
+                if has_view:
+                    run_with_view(daemon, screen, stop, console)
                 else:
                     daemon.run(stop)
             finally:
-                if state is not None:
-                    save_knowledge(state, daemon.core.knowledge, model, pressure_scale)
-                    say(console, f"learned state saved in {state}")
-    _farewell(daemon, console)
+                notifier.stopping()
+        _farewell(daemon, log)
 
 
 def restored_knowledge(
-    path: Path | None, model: str, pressure_scale: float, console: Console, set_aside: bool = True
+    path: Path | None,
+    model: str,
+    pressure_scale: float,
+    tell: Callable[[str], None],
+    set_aside: bool = True,
 ) -> Knowledge | None:
-    """What a state file holds for this model, saying on the console what became of it; None without one.
+    """What a state file holds for this model, telling what became of it; None without one.
 
     A state learned from no event is no reason to trust the first results sooner: it counts as none.
     """
     if path is None:
         return None
     restored = load_knowledge(path, model, pressure_scale, set_aside)
-    say(console, restored.message)
+    tell(restored.message)
     return restored.knowledge if restored.knowledge and restored.knowledge.events else None
 
 
-def _opened(bench: Bench, bus: BusMap, console: Console) -> Iterator[Link]:
-    """The links of all buses, opened one after another, with what is to be said of them."""
-    links = bench.config.buses
-    for number, named in enumerate(links):
-        config = named.config
-        link = open_link(config.interface, config.channel, config.fd, bus.received_on(number), len(links) > 1)
-        yield link
-        on = f"{named.label}: " if len(links) > 1 else ""
-        say(console, f"{on}time stamps: {link.stamp_source}")
-        for warning in link.warnings:
-            say(console, f"warning: {warning}")
+def _log(options: RunOptions, console: Console, has_view: bool) -> ServiceLog:
+    """The log of the options. Raises `UserError` for a file that cannot be written."""
+    if options.log is not None:
+        check_destination("--log", options.log)
+        with file_errors(options.log):
+            options.log.touch()
+    return ServiceLog(console, options.log, sys.stdout if options.records else None, quiet=has_view)
 
 
 def _buses(bench: Bench) -> str:
@@ -114,80 +130,36 @@ def _buses(bench: Bench) -> str:
     return ", ".join(f"{link.config.interface} {link.label}" for link in bench.config.buses)
 
 
-def _announce(bench: Bench, bus: BusMap, console: Console) -> None:
+def _announce(bench: Bench, bus: BusMap, log: ServiceLog) -> None:
     constants = bench_constants(bench.injector)
     inputs = ", ".join(map(bus.name_of, bus.received))
     outputs = ", ".join(map(bus.name_of, bus.sent))
     rate = bench.injector.config.sampling.rate_hz
     lookahead = constants.timing.lookahead
-    say(
-        console,
+    log.say(
+        Topic.START,
         f"{_buses(bench)}: {inputs} at {rate:g} Hz -> {outputs}\n"
         f"{constants.substeps} integration steps a sample, look-ahead {lookahead} samples "
         f"({lookahead / rate / MICROSECOND:g} us)",
     )
     if any(link.config.interface == "virtual" for link in bench.config.buses):
-        say(
-            console,
+        log.say(
+            Topic.START,
             "the virtual bus ends at this process: nothing will come in (vcan0 reaches other programs)",
         )
 
 
-def _run_with_view(daemon: Daemon, screen: View, stop: threading.Event, console: Console) -> None:
-    """The loop in a thread of its own, the view in this one; an error of the loop is raised here."""
-    failure: list[BaseException] = []
-
-    def loop() -> None:
-        try:
-            daemon.run(stop)
-        except BaseException as error:
-            failure.append(error)
-            stop.set()
-
-    serving = threading.Thread(target=loop, name="daemon")
-    serving.start()
-    try:
-        draw(screen, stop, console)
-    finally:
-        stop.set()
-        serving.join()
-    if failure:
-        raise failure[0]
-
-
-def draw(screen: View, until: threading.Event, console: Console) -> None:
-    """Draw the view on a terminal until the event is set."""
-
-    def picture() -> RenderableType:
-        return screen.render(time.monotonic_ns(), console.width, console.height)
-
-    with Live(picture(), console=console, auto_refresh=False) as live:
-        while not until.wait(1 / FRAMES_PER_SECOND):
-            live.update(picture(), refresh=True)
-        live.update(picture(), refresh=True)
-
-
-def _line(report: InjectionReport) -> str:
-    verdict = "valid" if report.valid else f"not valid: {report.reason.name}"
-    temperature = report.fuel_temperature
-    fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
-    return (
-        f"injection {report.number} at index {report.start_index}: {report.mass / MILLIGRAM:.2f} mg, "
-        f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, v_H {report.indicators[NOZZLE].value:+.3f}, "
-        f"phi {report.phi_version}, {fuel}{verdict}"
-        + (f", {report.commanded.as_text()}" if report.commanded else "")
-    )
-
-
-def _farewell(daemon: Daemon, console: Console) -> None:
+def _farewell(daemon: Daemon, log: ServiceLog) -> None:
     for timing in daemon.core.timing:
-        say(console, timing.as_text())
+        log.say(Topic.STOP, timing.as_text())
     if daemon.core.energizing is not None:
-        say(console, f"energizing: {daemon.core.energizing.as_text()}")
+        log.say(Topic.STOP, f"energizing: {daemon.core.energizing.as_text()}")
     counters = daemon.core.counters
-    say(
-        console,
+    lost = f", {log.lost} log lines lost" if log.lost else ""
+    log.say(
+        Topic.STOP,
         f"stopped after {counters.samples} samples, {counters.injections} injections; {counters.lost_samples} "
         f"samples lost, {daemon.dropped} frames dropped, {daemon.unsent} results unsent, "
-        f"{counters.adoptions} phi adopted, {counters.late_adoptions} late",
+        f"{daemon.arrivals.foreign_frames} frames of other senders, {counters.adoptions} phi adopted, "
+        f"{counters.late_adoptions} late{lost}",
     )

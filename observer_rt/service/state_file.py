@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,16 +17,13 @@ from observer_rt.estimation.phases import PhaseStatistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.parameters import InjectorParameters, Scaling
-from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.service.plausible_knowledge import problem_of
 
 VERSION = 3
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
 PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
-LARGEST_NOISE = NoiseLevels(  # beyond these the sensor is broken, or the needle would never count as open
-    rail_pressure=10 * MEGAPASCAL, line_pressure=10 * MEGAPASCAL, needle_lift=20 * MICROMETRE
-)
 
 
 class _UnusableError(Exception):
@@ -109,7 +105,7 @@ def save_knowledge(
     Raises:
         RunError: it cannot be written, or is nothing that could be restored; the old file is then unchanged.
     """
-    problem = _problem(knowledge, pressure_scale)
+    problem = problem_of(knowledge, pressure_scale)
     if problem is not None:
         raise RunError(f"{path}: what was learned is not saved, for {problem}")
     content = _Content.model_construct(
@@ -158,7 +154,7 @@ def load_knowledge(
         raise UserError(str(path), f"cannot be read: {error.strerror}", "check path and rights") from None
     try:
         knowledge = _knowledge_in(data, model)
-        problem = _problem(knowledge, pressure_scale)
+        problem = problem_of(knowledge, pressure_scale)
         if problem is not None:
             raise _UnusableError(problem)
     except _UnusableError as reason:
@@ -249,46 +245,3 @@ def _written_by(document: dict[str, Any]) -> str:
     content = document.get("content")
     version = content.get("package_version") if isinstance(content, dict) else None
     return f" (observer_rt {version} wrote it, this is {__version__})" if isinstance(version, str) else ""
-
-
-def _problem(knowledge: Knowledge, pressure_scale: float) -> str | None:
-    """What makes knowledge impossible or implausible; None if nothing does."""
-    prior = no_knowledge(knowledge.noise, pressure_scale)
-    for part, like in zip(_arrays(knowledge), _arrays(prior), strict=True):
-        if part.shape != like.shape:
-            return f"it holds parameters of another kind: shape {part.shape} instead of {like.shape}"
-    lowest, highest = SCALARS.bounds(pressure_scale)
-    for name, theta in (("the mean", knowledge.belief.mean), ("the parameters in force", knowledge.in_force)):
-        if not np.all(np.isfinite(theta)):
-            return f"{name} are not finite numbers"
-    if np.any(knowledge.in_force < lowest) or np.any(knowledge.in_force > highest):
-        return "the parameters in force lie beyond what an injector can do"
-    # the mean is free of the bounds' signs: it may say that a leak is slightly negative
-    if np.any(np.abs(knowledge.belief.mean) > np.maximum(-lowest, highest)):
-        return "the mean lies beyond what an injector can do"
-    for name, covariance in (
-        ("the covariance", knowledge.belief.covariance),
-        ("the error's covariance", knowledge.belief.error_covariance),
-    ):
-        if not np.all(np.isfinite(covariance)):
-            return f"{name} is not finite"
-        if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
-            return f"{name} is not symmetric and positive definite"
-    if not all(np.all(np.isfinite(sums) & (sums >= 0.0)) for sums in vars(knowledge.statistics).values()):
-        return "the statistics of the innovations are no sums of squares"
-    for signal, sigma in asdict(knowledge.noise).items():
-        if not (math.isfinite(sigma) and 0.0 < sigma <= getattr(LARGEST_NOISE, signal)):
-            return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"
-    return None
-
-
-def _arrays(knowledge: Knowledge) -> list[NDArray[np.float64]]:
-    return [knowledge.in_force, *vars(knowledge.belief).values(), *vars(knowledge.statistics).values()]
-
-
-def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        return False
-    return True

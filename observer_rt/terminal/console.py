@@ -8,6 +8,8 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from observer_rt.foundation.compilation import is_compiled
 
+COMPILING = "compiling for the first start of this version, which takes up to a minute"
+
 
 @contextlib.contextmanager
 def progress_bar(console: Console, text: str, total: float | None) -> Iterator[Callable[[float], None]]:
@@ -26,7 +28,7 @@ def say(console: Console, text: str) -> None:
 def say_if_compiling(console: Console) -> None:
     """Say why nothing happens for a while; to be called before the first compiled function."""
     if not is_compiled():
-        say(console, "compiling for the first start of this version, which takes up to a minute")
+        say(console, COMPILING)
 
 
 def results() -> Console:

@@ -10,7 +10,7 @@ import pytest
 from observer_rt import __version__
 from tests.cli.conftest import Command
 
-COMMANDS = ("demo", "run", "replay", "simulate", "evaluate", "check")
+COMMANDS = ("demo", "run", "journal", "replay", "simulate", "evaluate", "check")
 
 
 @pytest.mark.parametrize("name", COMMANDS)

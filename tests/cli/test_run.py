@@ -1,9 +1,12 @@
 """`observer-rt run` in this process: its signals, its learned state, its exit codes."""
 
+import contextlib
+import json
 import math
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -13,7 +16,7 @@ from typing import ClassVar
 
 import pytest
 
-from observer_rt.bus.links.link import Frame, LinkDownError
+from observer_rt.bus.links.link import Frame, Link, LinkDownError
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
@@ -21,11 +24,14 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.replay.player import play
-from observer_rt.service import run as service
+from observer_rt.service import opening
 from observer_rt.service.state_file import load_knowledge, model_hash
 from tests.cli.conftest import Command, Outcome
+from tests.links import FakeLink
 from tests.service.end_to_end import SUMMARY, Heard, decoded
 from tests.service.participants import ScriptedLink, listening, until
+
+BLOCK_ID = 0x100
 
 
 @pytest.fixture
@@ -64,6 +70,16 @@ def run_and_stop(
         thread.join()
         time.sleep(0.2)  # for the listener to hear the last frames
     return outcome, listener.heard
+
+
+def give_link(monkeypatch: pytest.MonkeyPatch, link: Link) -> None:
+    """What the service opens to observe; nobody else sends on it."""
+
+    def opened(_interface: str, _channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
+        is_input = (BLOCK_ID, False) in wanted
+        return link if is_input else FakeLink()
+
+    monkeypatch.setattr(opening, "open_link", opened)
 
 
 def valid_injections(heard: Heard) -> list[float]:
@@ -127,8 +143,7 @@ def test_link_that_fails_ends_with_the_state_saved(
     command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     state = tmp_path / "learned.json"
-    link = ScriptedLink(frames_of(bench, worn), RunError("vcan9 went away"))
-    monkeypatch.setattr(service, "open_link", lambda *_: link)
+    give_link(monkeypatch, ScriptedLink(frames_of(bench, worn), RunError("vcan9 went away")))
     outcome = command("run", "--bench", bench, "--state", state)
     assert outcome.code == 1
     assert "error: vcan9 went away" in outcome.err
@@ -150,11 +165,17 @@ def test_trouble_on_the_link_is_told(
                 raise self.failures.pop(0)
             return frame
 
-    monkeypatch.setattr(service, "open_link", lambda *_: TroubledLink(frames_of(bench, worn)))
+    give_link(monkeypatch, TroubledLink(frames_of(bench, worn)))
     outcome = command("run", "--bench", bench)
     assert outcome.code == 1
     channel = load_bench(bench).config.link.channel
-    told = ["warning: a small receive buffer", "ready", "vcan9 is down", f"{channel} is back", "for good"]
+    told = [
+        "WARNING link: a small receive buffer",
+        "ready",
+        "vcan9 is down",
+        f"{channel} is back",
+        "for good",
+    ]
     places = [outcome.err.index(text) for text in told]
     assert places == sorted(places)
 
@@ -163,7 +184,7 @@ def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench:
     outcome, _ = run_and_stop(command, bench, worn, signal.SIGINT, "--view")
     assert outcome.code == 0
     assert "no terminal for the view" in outcome.err
-    assert len(re.findall(r"^injection \d at index", outcome.err, re.MULTILINE)) == 4
+    assert len(re.findall(r"INFO injection: injection \d at index", outcome.err)) == 4
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -214,11 +235,98 @@ def test_state_that_could_not_be_saved_is_refused_at_the_start(
     assert str(tmp_path) in outcome.err
 
 
-def test_interface_that_is_not_there(command: Command, bench: Path) -> None:
-    bench.write_text(bench.read_text().replace('interface = "virtual"', 'interface = "socketcan"'))
+def test_an_interface_that_is_not_there_is_waited_for(
+    command: Command, bench: Path, worn: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At the start as later: what is awaited is told once, and the service begins as soon as it is there."""
+    link = ScriptedLink(frames_of(bench, worn), RunError("that was it"))
+    tries: list[str] = []
+
+    def opened(_interface: str, channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
+        tries.append(channel)
+        if len(tries) < 4:
+            raise LinkDownError(f"there is no interface {channel}\n  remedy: plug it in")
+        return link if (BLOCK_ID, False) in wanted else FakeLink()
+
+    monkeypatch.setattr(opening, "open_link", opened)
     outcome = command("run", "--bench", bench)
     assert outcome.code == 1
-    assert "remedy: " in outcome.err
+    channel = load_bench(bench).config.link.channel
+    assert outcome.err.count(f"waiting for the interface: there is no interface {channel}; remedy: plug") == 1
+    assert f"INFO link: {channel} is there" in outcome.err
+    assert "injection 4 at index" in outcome.err
+
+
+def test_it_can_be_stopped_while_it_waits_for_its_interface(bench: Path) -> None:
+    text = bench.read_text().replace('interface = "virtual"', 'interface = "serial"')
+    bench.write_text(text.replace(load_bench(bench).config.link.channel, "/dev/no-such-line"))
+    process = subprocess.Popen(command_line("run", "--bench", bench), stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    told = ""
+    while "waiting for the interface" not in told:
+        told = process.stderr.readline()
+        assert told, "ended by itself"
+    process.send_signal(signal.SIGTERM)
+    _, messages = process.communicate(timeout=60)
+    assert process.returncode == 0, messages
+    assert "stopped while it waited" in messages
+
+
+def test_another_sender_is_told_before_anything_is_sent(
+    command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = TimedFrame(0.0, 0x202, False, True, bytes(64))
+
+    def opened(_interface: str, _channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
+        is_input = (BLOCK_ID, False) in wanted
+        return ScriptedLink((), RunError("that was it")) if is_input else ScriptedLink([other])
+
+    monkeypatch.setattr(opening, "open_link", opened)
+    outcome = command("run", "--bench", bench)
+    assert "WARNING sender: another node sends ObserverStatus 0x202 already; remedy: stop" in outcome.err
+    assert outcome.err.index("sender:") < outcome.err.index("ready")
+
+
+def test_injections_as_lines_of_json_and_a_log(
+    command: Command, bench: Path, worn: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "run.log"
+    log.write_text("an earlier run\n")
+    outcome, _ = run_and_stop(command, bench, worn, signal.SIGTERM, "--json", "--log", log)
+    records = [json.loads(line) for line in outcome.out.splitlines()]
+    assert [record["number"] for record in records] == [1, 2, 3, 4]
+    assert [record["valid"] for record in records] == [False, False, True, True]
+    assert all(record["end_index"] > record["start_index"] > 0 for record in records)
+    lines = log.read_text().splitlines()
+    assert lines[0] == "an earlier run"
+    assert sum(" INFO injection: " in line for line in lines) == 4
+    assert "not valid: TOO_FEW_EVENTS: too few injections were judged since the start" in log.read_text()
+    assert lines[1:] == outcome.err.splitlines()
+
+
+def test_a_log_that_cannot_be_written_is_refused(command: Command, bench: Path, tmp_path: Path) -> None:
+    outcome = command("run", "--bench", bench, "--log", tmp_path / "no" / "run.log")
+    assert outcome.code == 2
+    assert "no such folder" in outcome.err
+
+
+def test_the_service_manager_hears_of_it(
+    command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """READY once it is compiled, the watchdog from the loop, STOPPING at the end."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        monkeypatch.setenv("WATCHDOG_USEC", "600000")
+        run_and_stop(command, bench, worn, signal.SIGTERM)
+        manager.setblocking(False)
+        heard = []
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                heard.append(manager.recv(1000).decode())
+    assert heard[0] == "READY=1"
+    assert heard[-1] == "STOPPING=1"
+    assert "WATCHDOG=1" in heard
 
 
 def command_line(*arguments: object) -> list[str]:

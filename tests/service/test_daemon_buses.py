@@ -166,7 +166,7 @@ def test_without_the_bus_of_the_results_the_observer_goes_on(four: Path) -> None
 
 def test_trouble_is_named_by_bus(four: Path) -> None:
     daemon, links, messages = on_links(four)
-    view = View("four buses", 50e3)
+    view = View("four buses", load_bench(four).injector)
     view.watch(daemon)
     with serving(daemon):
         until(lambda: bool(links[3].statuses()))
@@ -183,6 +183,6 @@ def test_trouble_is_named_by_bus(four: Path) -> None:
     with console.capture() as capture:
         console.print(view.render(0, 100, 30))
     shown = capture.get()
-    assert "can5 dropped 7, error-active" in shown
-    assert "line (can7) dropped 0, error-passive" in shown
-    assert "results (can8) dropped 0, error-active" in shown
+    assert "can5 error-active, stamps by arrival; lost here 7," in shown
+    assert "line (can7) error-passive, stamps by arrival; lost here 0," in shown
+    assert "results (can8) error-active, stamps by arrival; lost here 0," in shown

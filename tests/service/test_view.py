@@ -6,22 +6,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.service.view import Reference, View
-from tests.service.participants import SAMPLE_RATE, ScriptedLink, bench_file, serving, until, worn_recording
+from observer_rt.service.reports.news import Notes
+from observer_rt.service.screen.shown import NominalModel, Reference
+from observer_rt.service.view import View
+from tests.service.participants import ScriptedLink, bench_file, serving, until, worn_recording
 
 
-def drawn(view: View, width: int, height: int) -> list[str]:
+def drawn(view: View, width: int, height: int, now: int | None = None) -> list[str]:
     """Lines on a terminal of this size."""
     file = io.StringIO()
     console = Console(file=file, width=width, height=height, force_terminal=True, color_system=None)
-    console.print(view.render(time.monotonic_ns(), width, height))
+    console.print(view.render(now or time.monotonic_ns(), width, height))
     return file.getvalue().splitlines()
 
 
@@ -35,11 +39,11 @@ def view(path: Path) -> View:
     """After twelve injections, compared with a reference."""
     recording = worn_recording(injections=12)
 
-    def references(report: InjectionReport) -> list[Reference]:
-        return [Reference("nominal", np.full(report.end - report.start + 1, 50e-6), 123.45e-6)]
+    def references(report: InjectionReport, rows: NDArray[np.void]) -> list[Reference]:
+        return [Reference("bought", np.full(len(rows), 50e-6), 123.45e-6)]
 
     bench = load_bench(path)
-    view = View("title of the view", SAMPLE_RATE, references)
+    view = View("title of the view", bench.injector, references)
     link = ScriptedLink(Framer(map_bus(bench)).frames(recording, whole(recording)))
     daemon = Daemon(bench, map_bus(bench), [link], listeners=[view.hear])
     view.watch(daemon)
@@ -55,8 +59,9 @@ def test_fits_the_terminal_and_shows_it_all(view: View, width: int, height: int)
     assert max(map(len, lines)) <= width
     text = "\n".join(lines)
     for expected in (
-        *("title of the view", "ADAPTED", "adopted", "injection 12 at 120 MPa", "123.45", "v_H"),
-        *("error-active", "stamps by arrival", "unsent 0"),
+        *("title of the view", "ADAPTED", "observing with what was learned", "injection 12 at 120 MPa"),
+        *("123.45", "bought", "95 % band", "v_H", "learned 12 times in 12 events"),
+        *("error-active", "stamps by arrival", "unsent 0", "ms ago", time.strftime("%Y-%m-%d")),
     ):
         assert expected in text
     assert "…" not in text  # nothing was cut
@@ -64,8 +69,46 @@ def test_fits_the_terminal_and_shows_it_all(view: View, width: int, height: int)
 
 
 def test_more_injections_where_there_is_room(view: View) -> None:
-    shown = [sum("valid" in line for line in drawn(view, 80, height)) for height in (24, 50)]
-    assert 1 <= shown[0] < shown[1] == 8
+    shown = [sum(" valid " in line for line in drawn(view, 80, height)) for height in (24, 50)]
+    assert 1 <= shown[0] < shown[1]
+
+
+@pytest.mark.parametrize("height", [24, 40, 70])
+def test_the_height_there_is_is_used(view: View, height: int) -> None:
+    assert height - 3 <= len(drawn(view, 100, height)) <= height
+
+
+def test_the_line_pressure_where_there_is_room(view: View) -> None:
+    assert not any("line pressure, MPa" in line for line in drawn(view, 80, 24))
+    (tall,) = (line for line in drawn(view, 80, 60) if "line pressure, MPa" in line)
+    (wide,) = (line for line in drawn(view, 180, 30) if "line pressure, MPa" in line)
+    assert "sensor" in tall
+    assert "injection 12" in wide  # side by side
+
+
+def test_the_nominal_model_is_what_an_injector_that_learned_nothing_shows(path: Path) -> None:
+    """Without wear and learning both are the same; the view's runs on its own, from the inputs."""
+    bench = load_bench(path)
+    nominal = NominalModel(bench.injector)
+    found: list[tuple[float, float]] = []
+    recording = worn_recording(injections=4, v_h=0.0)
+    notes = Notes()
+    core = Core(bench.injector, map_bus(bench), learning=False, listeners=[notes])
+    for frame in Framer(map_bus(bench)).frames(recording, whole(recording)):
+        core.handle(frame.frame_id, frame.is_extended, frame.payload, 0)
+        for report in notes.injections[len(found) :]:
+            (reference,) = nominal(report, core.rows(report.start, report.end + 1))
+            found.append((reference.mass, report.mass))
+    assert len(found) == 4
+    for mass, published in found:
+        assert mass == pytest.approx(published, rel=2e-3)
+
+
+def test_an_input_that_stays_away_is_named(view: View, path: Path) -> None:
+    later = time.monotonic_ns() + 3_000_000_000
+    text = "\n".join(drawn(view, 100, 30, later))
+    assert "SampleBlock 0x100 (rail_pressure, needle_lift, line_pressure) 3." in text
+    assert "INPUT_TIMEOUT: no frame of any input comes" in text
 
 
 @pytest.mark.parametrize(("width", "height"), [(30, 8), (10, 3)])
@@ -75,7 +118,7 @@ def test_tiny_terminal_is_survived(view: View, width: int, height: int) -> None:
 
 def test_before_the_first_injection(path: Path) -> None:
     bench = load_bench(path)
-    view = View("title", SAMPLE_RATE)
+    view = View("title", bench.injector)
     assert "starting" in "\n".join(drawn(view, 80, 24))
     view.watch(Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear]))
     text = "\n".join(drawn(view, 80, 24))

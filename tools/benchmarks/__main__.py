@@ -28,6 +28,9 @@ from tools.benchmarks.figures import save_figures
 from tools.benchmarks.formats import formats_document, formats_table, measure_formats
 from tools.benchmarks.frame_time import frame_lines, measure_frame_times
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
+from tools.benchmarks.kills.campaign import Plan as KillPlan
+from tools.benchmarks.kills.campaign import run_campaign
+from tools.benchmarks.kills.tables import kills_document, kills_table
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.runs import Plan
 from tools.benchmarks.surgery import findings_table, operate, surgeries
@@ -142,6 +145,40 @@ def surgery() -> None:
             found.append(operate(each))
             advance(number)
     _console().print(findings_table(found))
+
+
+@app.command(
+    epilog="Example: tools/bench kills --kills 20; tools/vcan tools/bench kills --interface socketcan"
+)
+def kills(
+    kills: Annotated[int, typer.Option(min=1, help="How many daemons are killed.")] = 120,
+    seed: SeedOption = 1,
+    within: Annotated[float, typer.Option(min=0.1, max=3600, help="save_within_s of the bench file.")] = 1.0,
+    interface: Annotated[
+        str, typer.Option(help="virtual, or socketcan with a channel that is up.")
+    ] = "virtual",
+    channel: Annotated[str, typer.Option(help="Channel of the interface.")] = "vcan0",
+    small_disk: Annotated[
+        bool, typer.Option("--small-disk", help="--out is on a disk of few MB: fill it, instead of a limit.")
+    ] = False,
+    out: Annotated[Path, typer.Option(help="Folder for the daemons' files, which are removed first.")] = Path(
+        "build/kills"
+    ),
+    as_json: JsonOption = False,
+) -> None:
+    """Kill daemons that learn at random moments (kill -9): what is lost, and is the rest whole?"""
+    plan = KillPlan(kills, seed, out, within, interface, channel, small_disk=small_disk)
+    with progress_bar(messages, "killing", float(kills)) as progress:
+        found = list(run_campaign(plan, progress))
+    if as_json:
+        print(json.dumps(kills_document(found, plan), indent=2))
+    else:
+        _console().print(kills_table(found, plan))
+    problems = [problem for kill in found for problem in kill.problems]
+    for problem in problems:
+        messages.print(problem, highlight=False, markup=False)
+    if problems:
+        raise typer.Exit(1)
 
 
 @app.command(epilog="Example: tools/bench peer-tuning --peer ekf")

@@ -1,6 +1,5 @@
 """How regularly the input messages come, and how well the time of their samples is known."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from observer_rt.bus.alignment.clock import Jitter, jitter_of
@@ -26,6 +25,8 @@ class MessageTiming:
     jitter: Jitter
     drift: float
     unknown: float
+    lately: float
+    """Greatest delay in the last 0.2 s [s]."""
 
     @property
     def pressure_error(self) -> float:
@@ -54,18 +55,6 @@ class MessageTiming:
         return f"sent at {1.0 / (1.0 + self.drift):.3g} times its rate"
 
 
-def summary_of(timing: Sequence[MessageTiming]) -> str:
-    """The worst of all messages in less than 80 characters."""
-    known = [message.jitter.sigma for message in timing if message.jitter.frames > 0]
-    if len(known) < len(timing):
-        return "jitter not known yet"
-    jitter, unknown = max(known), max(message.unknown for message in timing)
-    text = f"jitter {jitter / MICROSECOND:.1f} us ({jitter * LINE_SLOPE / MEGAPASCAL:.2g} MPa)"
-    if unknown > 0.0:
-        text += f"  time unknown {unknown / MICROSECOND:.2g} us ({unknown * LINE_SLOPE / MEGAPASCAL:.2g} MPa)"
-    return text
-
-
 def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:
     """What the stamps have shown so far, message by message."""
     grid = keeping.clocks[int(keeping.memory[0]["leading"])]
@@ -75,5 +64,6 @@ def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:
         if timing["joining"] == Joining.CLOCK:
             unknown = float(grid["residual"] + clock["residual"]) / SECOND
         drift = float(clock["drift"]) / float(clock["interval"])
-        result.append(MessageTiming(bus.name_of(layout_of(bus, stream)), jitter_of(clock), drift, unknown))
+        name, lately = bus.name_of(layout_of(bus, stream)), float(clock["spread"]) / SECOND
+        result.append(MessageTiming(name, jitter_of(clock), drift, unknown, lately))
     return tuple(result)

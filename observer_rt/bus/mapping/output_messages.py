@@ -72,6 +72,10 @@ class StatusValues(NamedTuple):
     adoptions: int
     rejected_adoptions: int
     late_adoptions: int
+    foreign_frames: int
+    rail_pressure_age: float  # s, nan: none came yet
+    needle_lift_age: float
+    line_pressure_age: float
     # our layouts have no room for these; a status message of a user's own may have them
     missing_injections: int
     uncommanded_injections: int

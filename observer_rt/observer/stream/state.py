@@ -53,6 +53,7 @@ class Reason(IntEnum):
     INPUT_STALE = 18  # one of the inputs stays away while others come
     NOT_JUDGED = 19  # the event could not be tested; after two in a row nothing is known of what follows
     CONTRADICTED = 20  # the innovations have left the model: an input is wrong, or the injector changed
+    SECOND_SENDER = 21  # another node sends what only this service should
 
 
 _SAMPLE = [

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -88,7 +89,9 @@ def replay_onto(bench: Bench, path: Path, options: ReplayOptions, console: Conso
         }
         progress = stack.enter_context(progress_bar(console, f"replaying {path.name}", total))
         frames = remapped(source.frames, identifiers)
-        return play(frames, min(links.items())[1], options.speed or math.inf, progress, stop, links)
+        first = min(links.items())[1]
+        speed = options.speed or math.inf
+        return play(frames, first, speed, progress, stop, links, partial(say, console))
 
 
 def _log(

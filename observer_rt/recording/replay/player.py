@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from observer_rt.bus.links.link import FdFlags, Link
+from observer_rt.bus.links.link import FdFlags, Link, LinkDownError
+from observer_rt.bus.links.outage import RECONNECT_PERIOD
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.lateness import LATE, Lateness, LatenessCounter
@@ -20,22 +21,28 @@ PROGRESS_PERIOD = 100_000_000  # ns
 
 @dataclass(frozen=True)
 class PlayStatistics:
-    """What was sent: number of frames, duration [s], and how late they were (nan without a time grid)."""
+    """What was sent: number of frames, duration [s], and how late they were (nan without a time grid).
+
+    paused: for how long an interface was waited for [s].
+    """
 
     frames: int
     duration: float
     lateness: Lateness
+    paused: float = 0.0
 
     def as_text(self) -> str:
         """One line for the screen."""
         sent = f"{self.frames} frames in {self.duration:.3f} s"
+        if self.paused:
+            sent += f", {self.paused:.1f} s of which without the interface"
         late = self.lateness
         if math.isnan(late.median):
             return sent
         return (
             f"{sent}; late by {late.median / MICROSECOND:.0f} us (median), {late.p99 / MICROSECOND:.0f} us (99 %), "
             f"{late.maximum / MICROSECOND:.0f} us (most); "
-            f"{100 * late.late_share:.2g} % by more than {LATE / MILLISECOND:g} ms"
+            f"{100 * late.late_share:.3g} % by more than {LATE / MILLISECOND:g} ms"
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -47,6 +54,7 @@ class PlayStatistics:
         return {
             "frames": self.frames,
             "duration_s": self.duration,
+            "paused_s": self.paused,
             "lateness_median_s": known(self.lateness.median),
             "lateness_p99_s": known(self.lateness.p99),
             "lateness_max_s": known(self.lateness.maximum),
@@ -61,15 +69,17 @@ def play(
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
     by_bus: Mapping[int, Link] | None = None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> PlayStatistics:
     """Send each frame at start + its time / `speed` by the monotonic clock; late ones at once, so nothing drifts.
 
     speed: > 0; math.inf sends as fast as the link takes, and lateness is not measured. `progress` is told the
     time [s] reached in the recording, some ten times a second. `stop`: end early. `by_bus`: links for frames on
-    these buses, instead of `link`.
+    these buses, instead of `link`. While an interface is down or away all wait, which `tell` hears of, and go on as
+    much later; no frame is left out.
 
     Raises:
-        RunError: the link failed.
+        RunError: the link failed otherwise.
         UserError: from reading the frames.
     """
     stop = stop or threading.Event()
@@ -77,6 +87,7 @@ def play(
     report = _Progress(progress)
     lateness = LatenessCounter()
     sent = 0
+    paused = 0
     stream = iter(frames)
     frame = next(stream, None)  # before the clock starts: opening and encoding take their time
     start = time.monotonic_ns()
@@ -89,13 +100,36 @@ def play(
             continue
         flags = FdFlags(frame.bit_rate_switch, frame.error_state_indicator)
         to = links.get(frame.bus, link)
-        to.send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd, flags)
+        try:
+            to.send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd, flags)
+        except LinkDownError as error:
+            pause = _wait_until_back(to, error, stop, tell)
+            paused += pause
+            start += pause
+            continue
         sent += 1
         if math.isfinite(speed):
             lateness.add(now - due)
         report.reached(frame.time)
         frame = next(stream, None)
-    return PlayStatistics(sent, (time.monotonic_ns() - start) / NANOSECONDS, lateness.result())
+    duration = (time.monotonic_ns() - start + paused) / NANOSECONDS
+    return PlayStatistics(sent, duration, lateness.result(), paused / NANOSECONDS)
+
+
+def _wait_until_back(
+    link: Link, error: LinkDownError, stop: threading.Event, tell: Callable[[str], None]
+) -> int:
+    """Reconnect a link whose interface is down or away; ns it took. `stop` ends it early."""
+    since = time.monotonic_ns()
+    tell(f"waiting for the interface: {error}")
+    while not stop.wait(RECONNECT_PERIOD):
+        try:
+            link.reconnect()
+        except LinkDownError:
+            continue
+        tell("the interface is back, going on")
+        break
+    return time.monotonic_ns() - since
 
 
 def _sleep(nanoseconds: int, stop: threading.Event) -> None:

@@ -109,10 +109,7 @@ class Core:
 
     def furthest_behind(self, buses: Sequence[int]) -> int:
         """Of some buses the one whose samples are behind those of the others; one without any comes first."""
-        sent = {
-            layout_of(self._bus, stream).bus: index
-            for stream, index in enumerate(progress(self.compiled.pipeline.alignment))
-        }
+        sent = {layout_of(self._bus, stream).bus: index for stream, index in enumerate(self.progress)}
         return min(buses, key=lambda bus: sent.get(bus, -1))
 
     @property
@@ -126,6 +123,30 @@ class Core:
         Only the last `RING` samples are remembered.
         """
         return self.compiled.observer.ring[np.arange(max(start, end - RING), end) % RING]
+
+    def inputs(self, first: int, most: int) -> dict[Role, NDArray[np.float64]]:
+        """Processed samples from a position on [m; Pa above the chamber pressure], of those that are remembered.
+
+        Of more than `most` evenly spaced ones.
+        """
+        first = max(first, self.processed - RING)
+        places = np.arange(first, self.processed, 1 + (self.processed - first) // most) % RING
+        ring = self.compiled.observer.ring
+        return {
+            role: ring[role.value][places] * (1.0 if role is Role.NEEDLE_LIFT else self._pressure_scale)
+            for role in Role
+        }
+
+    @property
+    def newest(self) -> NDArray[np.float64]:
+        """Value [SI] of every role in the last frame that had one, in the order of `Role`; nan: not available."""
+        newest: NDArray[np.float64] = self.compiled.pipeline.receiver["sample"][0]
+        return newest
+
+    @property
+    def progress(self) -> list[int]:
+        """The sample index up to which each input stream came; -1: nothing yet."""
+        return progress(self.compiled.pipeline.alignment)
 
     @property
     def state(self) -> tuple[State, Reason]:

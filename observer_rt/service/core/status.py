@@ -11,12 +11,17 @@ from observer_rt.service.core.core import Core
 class LinkFigures(NamedTuple):
     """What the status says of the links: frames lost before the loop, how often they were in trouble, and which is.
 
-    troubled_bus: the first that is, counted from 1; 0: none.
+    troubled_bus: the first that is, counted from 1; 0: none. foreign_frames: of others under our identifiers; the
+    ages [s] of the last frames, nan: none came.
     """
 
-    dropped: int
-    troubles: int
+    dropped_frames: int
+    link_troubles: int
     troubled_bus: int
+    foreign_frames: int
+    rail_pressure_age: float
+    needle_lift_age: float
+    line_pressure_age: float
 
 
 def software_version() -> tuple[int, int, int]:
@@ -49,8 +54,6 @@ def status_values(
         model_hash=model_hash,
         database_hash=database_hash,
         samples_processed=counters.samples & 0xFFFFFFFF,
-        dropped_frames=link.dropped,
-        link_troubles=link.troubles,
-        troubled_bus=link.troubled_bus,
+        **link._asdict(),
         **{name: count for name, count in vars(counters).items() if name in StatusValues._fields},
     )

@@ -17,6 +17,8 @@ def injection_record(report: InjectionReport, c: Coefficients) -> dict[str, Any]
     return {
         "number": report.number,
         "event": report.event,
+        "start_index": report.start_index,
+        "end_index": report.end_index,
         "rail_pressure_MPa": report.rail_pressure / MEGAPASCAL,
         "mass_mg": known(report.mass / MILLIGRAM),
         "mass_ci95_mg": report.mass_ci95 and [bound / MILLIGRAM for bound in report.mass_ci95],

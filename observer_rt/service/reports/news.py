@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND
 from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.words import Topic
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,17 +48,19 @@ class Mismatch:
 
 
 @dataclass(frozen=True)
-class LinkNews:
-    """Something went wrong on a link of a daemon, or is well again."""
+class Notice:
+    """Something is the matter with a link or an input, or, `is_over`, is well again."""
 
+    topic: Topic
     text: str
+    is_over: bool = False
 
     def as_text(self) -> str:
         """One line and, where there is one, a remedy."""
         return self.text
 
 
-News = InjectionReport | MeasuredMass | Mismatch | LinkNews
+News = InjectionReport | MeasuredMass | Mismatch | Notice
 """A judged injection, whose samples are still remembered; its measured mass; one missing or without a command."""
 Listener = Callable[[News], None]
 """Is called from the loop, with all news."""
@@ -81,6 +84,7 @@ class Notes:
         self.measured: list[MeasuredMass] = []
         self.mismatches: list[Mismatch] = []
         self.messages: list[str] = []
+        self.notices: list[Notice] = []
 
     def __call__(self, news: News) -> None:
         """Keep it."""
@@ -91,5 +95,7 @@ class Notes:
                 self.measured.append(news)
             case Mismatch():
                 self.mismatches.append(news)
-            case LinkNews(text):
-                self.messages.append(text)
+            case Notice(text=text):
+                self.notices.append(news)
+                if news.topic is Topic.LINK:
+                    self.messages.append(text)

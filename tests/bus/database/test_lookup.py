@@ -119,7 +119,7 @@ def test_samples_are_interleaved_in_triples(ours: Database) -> None:
 def test_states_have_names(ours: Database) -> None:
     for name in ("InjectionRate", "InjectionSummary", "ObserverStatus"):
         choices = find_message(ours, name).get_signal_by_name("State").choices
-        assert {int(code): str(name) for code, name in choices.items()} == {
+        assert {int(code): str(text).partition(":")[0] for code, text in choices.items()} == {
             state: state.name for state in State
         }
 

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.links.link import Frame
+from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.bus.links.open import open_link
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.recording.replay.lateness import LatenessCounter
-from observer_rt.recording.replay.player import play
+from observer_rt.recording.replay.lateness import Lateness, LatenessCounter
+from observer_rt.recording.replay.player import PlayStatistics, play
 from tests.links import FakeLink
 
 
@@ -143,3 +143,53 @@ def test_lateness_in_little_memory_is_right_to_two_percent(delays: list[int]) ->
         assert found == pytest.approx(in_order[math.ceil(share * len(delays)) - 1] * 1e-9, rel=0.016)
     assert result.maximum == pytest.approx(max(delays) * 1e-9)
     assert result.late_share == pytest.approx(sum(delay > 1_000_000 for delay in delays) / len(delays))
+
+
+class LooseSink(Sink):
+    """Is away from the third frame on, until it was reconnected twice in vain."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tries = 0
+
+    def on_sent(self, frame: Frame) -> None:
+        if len(self.sent) == 2 and self.tries < 3:
+            raise LinkDownError("vcan9 is down\n  remedy: up")
+        super().on_sent(frame)
+
+    def reconnect(self) -> None:
+        self.tries += 1
+        if self.tries < 3:
+            raise LinkDownError("vcan9 is down")
+
+
+def test_an_interface_that_drops_is_waited_for_and_no_frame_is_left_out() -> None:
+    sink, told = LooseSink(), list[str]()
+    statistics = play(at(0.0, 0.01, 0.02, 0.03), sink, 1.0, tell=told.append)
+    assert [frame.frame_id for frame in sink.sent] == [0, 1, 2, 3]
+    assert told == [
+        "waiting for the interface: vcan9 is down\n  remedy: up",
+        "the interface is back, going on",
+    ]
+    assert 0.25 < statistics.paused < statistics.duration
+    assert sink.stamps[3] - sink.stamps[2] >= 0.009  # the grid goes on as much later
+    assert "without the interface" in statistics.as_text()
+    assert statistics.as_json()["paused_s"] == statistics.paused
+
+
+def test_waiting_can_be_stopped() -> None:
+    class Gone(Sink):
+        def on_sent(self, frame: Frame) -> None:
+            raise LinkDownError("vcan9 is down")
+
+        def reconnect(self) -> None:
+            raise LinkDownError("vcan9 is down")
+
+    stop = threading.Event()
+    threading.Timer(0.3, stop.set).start()
+    assert play(at(0.0, 0.01), Gone(), 1.0, stop=stop).frames == 0
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.0, "; 100 % by"), (0.996, "; 99.6 % by"), (0.0, "; 0 % by")])
+def test_shares_are_percentages_without_exponents(share: float, said: str) -> None:
+    assert said in PlayStatistics(10, 1.0, Lateness(1e-3, 2e-3, 3e-3, share)).as_text()

@@ -23,7 +23,6 @@ from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.view import View
 from tests.recording.canlog.log_cases import write_log
-from tests.service.core_frames import SAMPLE_RATE
 from tests.service.participants import ScriptedLink, assert_warm_up_takes_all, serving, until
 from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
 from tests.service.pulse_frames import EPOCH, Sent, commands, durations, injected, misfired, samples
@@ -182,7 +181,7 @@ def test_view_and_status(tmp_path: Path) -> None:
     """Of a daemon on a bench whose status message has the counts."""
     path = pulse_bench(tmp_path, Told.TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n')
     bench = load_bench(path)
-    view = View("title", SAMPLE_RATE)
+    view = View("title", bench.injector)
     notes = Notes()
     frames = [TimedFrame(s.time, s.frame.frame_id, False, True, s.frame.payload) for s in traffic()]
     link = ScriptedLink(frames)

@@ -256,7 +256,7 @@ def test_the_view_shows_it(tmp_path: Path) -> None:
     daemon = Daemon(path, map_bus(path), [ScriptedLink([])])
     for frame in [sensor(62.5), *frames_of(simulation(REFERENCE).recording)[:50]]:
         daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
-    view = View("bench", SAMPLE_RATE)
+    view = View("bench", path.injector)
     view.watch(daemon)
     text = io.StringIO()
     Console(file=text, width=100).print(view.render(0, 100, 30))

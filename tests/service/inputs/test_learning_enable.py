@@ -18,7 +18,6 @@ from observer_rt.service.view import View
 from tests.check.test_checkup import worst
 from tests.service.core_frames import (
     ONE_MESSAGE,
-    SAMPLE_RATE,
     Frame,
     Result,
     bench_text,
@@ -167,7 +166,7 @@ def test_unknown_key_of_an_optional_role(tmp_path: Path) -> None:
 def test_view_says_that_learning_is_off(tmp_path: Path) -> None:
     bench = load_bench(slow_bench(tmp_path, ENABLE))
     daemon = Daemon(bench, map_bus(bench), [ScriptedLink()])
-    view = View("title", SAMPLE_RATE)
+    view = View("title", bench.injector)
     view.watch(daemon)
 
     def drawn() -> str:
@@ -175,7 +174,7 @@ def test_view_says_that_learning_is_off(tmp_path: Path) -> None:
         Console(file=screen, width=80, color_system=None).print(view.render(time.monotonic_ns(), 80, 24))
         return screen.getvalue()
 
-    for value, expected in ((1, "learning: 0 adopted"), (0, "learning off: 0 adopted")):
+    for value, expected in ((1, "(0 refused, 0 too late)"), (0, "; learning is off")):
         frame = bed("LearnEnable", value)
         daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
         assert expected in drawn()

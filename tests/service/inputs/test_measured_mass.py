@@ -183,8 +183,8 @@ def in_log(number: int, frame: Frame) -> LogFrame:
 
 
 def test_view_shows_it_beside_the_estimate(path: Path, frames: list[Frame], usual: Result) -> None:
-    view = View("title", SAMPLE_RATE)
     bench = load_bench(path)
+    view = View("title", bench.injector)
     daemon = Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear])
     view.watch(daemon)
 
@@ -196,9 +196,9 @@ def test_view_shows_it_beside_the_estimate(path: Path, frames: list[Frame], usua
     sent = inserted(frames, [(after(usual, 2, LATE), bed("Mass", 7.77))])
     for frame in sent[: after(usual, 2, LATE)]:
         daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
-    assert "measured" not in drawn()
+    assert " measured " not in drawn()
     for frame in sent[after(usual, 2, LATE) :]:
         daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
     daemon.core.finish()
-    assert "measured" in drawn()
+    assert " measured " in drawn()
     assert drawn().count("7.77") == 1

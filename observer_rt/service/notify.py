@@ -1,0 +1,48 @@
+"""What systemd wants to hear of a service of `Type=notify`: sd_notify(3), over the socket it names."""
+
+import os
+import socket
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+
+_FEEDS = 3  # a watchdog's time-out that long
+
+
+class Notifier:
+    """Tells the service manager of this process; without one it does nothing."""
+
+    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
+        self._socket: socket.socket | None = None
+        address = environment.get("NOTIFY_SOCKET", "")
+        if address:
+            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+            self._address = f"\0{address[1:]}" if address.startswith("@") else address
+        for_us = environment.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
+        timeout = int(environment.get("WATCHDOG_USEC", 0)) if for_us else 0
+        self._period = timeout * 1e-6 / _FEEDS
+        self._due = 0.0
+
+    def ready(self) -> None:
+        """The service runs."""
+        self._tell("READY=1")
+
+    def status(self, text: str) -> None:
+        """One line for `systemctl status`."""
+        self._tell("STATUS=" + text.partition("\n")[0])
+
+    def alive(self) -> None:
+        """The loop went round; to be called often, feeds the watchdog when it is due."""
+        if self._period and time.monotonic() >= self._due:
+            self._due = time.monotonic() + self._period
+            self._tell("WATCHDOG=1")
+
+    def stopping(self) -> None:
+        """The service was told to stop."""
+        self._tell("STOPPING=1")
+
+    def _tell(self, message: str) -> None:
+        if self._socket is None:
+            return
+        with suppress(OSError):  # a manager that does not listen is no reason to stop observing
+            self._socket.sendto(message.encode(), self._address)

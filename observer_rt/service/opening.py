@@ -1,0 +1,99 @@
+"""The links of a daemon at its start: interfaces that are not there yet are waited for, other senders heard."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+
+from observer_rt.bus.links.link import Link, LinkDownError
+from observer_rt.bus.links.open import open_link
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.config.bench import Bench
+from observer_rt.config.links import NamedLink
+from observer_rt.recording.replay.traffic import first_heard
+from observer_rt.service.reports.news import Listener, Notice
+from observer_rt.service.watch.arrivals import message_text
+from observer_rt.service.watch.senders import REMEDY
+from observer_rt.service.words import Topic
+
+RETRY = 0.25  # s between two tries to open an interface
+
+
+class StoppedError(Exception):
+    """The service was told to stop while it waited for an interface."""
+
+
+def open_links(
+    bench: Bench, bus: BusMap, tell: Listener, stop: threading.Event, on_alive: Callable[[], None]
+) -> Iterator[Link]:
+    """The links of all buses in order, each as soon as it can be opened; own identifiers are listened to, too.
+
+    Raises `StoppedError` when `stop` is set meanwhile, `UserError` or `RunError` for what waiting does not mend.
+    """
+    links = bench.config.buses
+    for number, named in enumerate(links):
+        link = _when_there(named, _wanted(bus, number), len(links) > 1, tell, stop, on_alive)
+        yield link
+        on = f"{named.label}: " if len(links) > 1 else ""
+        tell(Notice(Topic.START, f"{on}time stamps: {link.stamp_source}", is_over=True))
+        for warning in link.warnings:
+            tell(Notice(Topic.LINK, warning))
+
+
+def tell_other_senders(
+    bench: Bench, bus: BusMap, tell: Listener, stop: threading.Event, on_alive: Callable[[], None]
+) -> None:
+    """Listen a moment, before anything is sent, for others that send what this service will.
+
+    Waits for the interfaces, and raises, as `open_links` does.
+    """
+    with ExitStack() as stack, suppress(LinkDownError):  # which the daemon waits for
+        links = {
+            number: stack.enter_context(
+                _when_there(bench.config.buses[number], _own(bus, number), False, tell, stop, on_alive)
+            )
+            for number in {layout.bus for layout in bus.sent}
+        }
+        heard = first_heard(links, stop)
+        if heard is not None:
+            on, frame = heard
+            name = next(
+                message_text(bus, layout)
+                for layout in bus.sent
+                if (layout.bus, layout.frame_id) == (on, frame.frame_id)
+            )
+            tell(Notice(Topic.SENDER, f"another node sends {name} already\n  remedy: {REMEDY}"))
+
+
+def _when_there(
+    named: NamedLink,
+    wanted: list[tuple[int, bool]],
+    computer_time: bool,
+    tell: Listener,
+    stop: threading.Event,
+    on_alive: Callable[[], None],
+) -> Link:
+    """The link, opened once its interface is there."""
+    config, told = named.config, ""
+    while True:
+        try:
+            link = open_link(config.interface, config.channel, config.fd, wanted, computer_time)
+        except LinkDownError as error:
+            if str(error) != told:
+                told = str(error)
+                tell(Notice(Topic.LINK, f"waiting for the interface: {told}"))
+        else:
+            if told:
+                tell(Notice(Topic.LINK, f"{named.label} is there", is_over=True))
+            return link
+        on_alive()
+        if stop.wait(RETRY):
+            raise StoppedError
+
+
+def _wanted(bus: BusMap, number: int) -> list[tuple[int, bool]]:
+    """(identifier, is extended) to be read from a bus: the inputs, and what nobody else should send."""
+    return list(dict.fromkeys([*bus.received_on(number), *_own(bus, number)]))
+
+
+def _own(bus: BusMap, number: int) -> list[tuple[int, bool]]:
+    return [(layout.frame_id, layout.is_extended) for layout in bus.sent if layout.bus == number]

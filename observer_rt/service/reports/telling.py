@@ -1,0 +1,57 @@
+"""News as lines of the log, records of the stream, and the service manager's status."""
+
+from typing import Any
+
+from observer_rt.estimation.scalars import NOZZLE
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, ZERO_CELSIUS
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.service.log import ServiceLog
+from observer_rt.service.notify import Notifier
+from observer_rt.service.reports.injection_record import energizing_record, injection_record
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import MeasuredMass, Mismatch, News, Notice
+from observer_rt.service.words import Topic, named
+
+
+class Teller:
+    """A listener that puts into words what it hears."""
+
+    def __init__(self, log: ServiceLog, notifier: Notifier, c: Coefficients) -> None:
+        """c: of the nominal model."""
+        self._log = log
+        self._notifier = notifier
+        self._c = c
+
+    def hear(self, news: News) -> None:
+        """Say it."""
+        match news:
+            case InjectionReport():
+                self._log.say(Topic.INJECTION, line(news))
+                self._log.record(self._record(news))
+            case MeasuredMass():
+                self._log.say(Topic.MEASURED, news.as_text())
+            case Mismatch():
+                self._log.say(Topic.ENERGIZING, news.as_text())
+            case Notice(topic, text, is_over):
+                self._log.say(topic, text, is_over)
+                if topic in (Topic.STATE, Topic.LINK):
+                    self._notifier.status(text)
+
+    def _record(self, report: InjectionReport) -> dict[str, Any]:
+        record = injection_record(report, self._c)
+        if report.commanded is not None:
+            record["energizing"] = energizing_record(report.commanded)
+        return record
+
+
+def line(report: InjectionReport) -> str:
+    """An injection on one line."""
+    verdict = "valid" if report.valid else f"not valid: {named(report.reason)}"
+    temperature = report.fuel_temperature
+    fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
+    return (
+        f"injection {report.number} at index {report.start_index}: {report.mass / MILLIGRAM:.2f} mg, "
+        f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, v_H {report.indicators[NOZZLE].value:+.3f}, "
+        f"phi {report.phi_version}, {fuel}{verdict}"
+        + (f", {report.commanded.as_text()}" if report.commanded else "")
+    )

@@ -1,0 +1,83 @@
+"""The recent injections as a table."""
+
+import math
+from collections.abc import Sequence
+
+from rich.table import Table
+from rich.text import Text
+
+from observer_rt.estimation.scalars import NOZZLE
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.screen.shown import Shown
+from observer_rt.service.words import REASONS
+
+WITH_WORDS = 110  # columns, from which reasons are put into words
+HEADING = 2  # lines
+
+
+def injections(shown: Sequence[Shown], width: int) -> Table:
+    """A row for each, the last one at the bottom."""
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
+    names = [f"{reference.name}\nmg" for reference in shown[-1].references or ()]
+    is_measured = any(item.measured for item in shown)
+    if is_measured:
+        names += ["measured\nmg", "error\n%"]
+    is_commanded = any(item.report.commanded for item in shown)
+    if is_commanded:
+        names += ["command\nno", "delay\nus"]
+    for heading in ("\nno", "rail\nMPa", "mass\nmg", "95 %\nmg", *names, "v_H\n-"):
+        table.add_column(Text(heading), justify="right", no_wrap=True)
+    table.add_column(Text("\nvalid?"), no_wrap=True)
+    for item in shown:
+        report = item.report
+        references = [f"{reference.mass / MILLIGRAM:.2f}" for reference in item.references or ()]
+        references += ["-"] * (len(shown[-1].references or ()) - len(references))
+        table.add_row(
+            str(report.number),
+            f"{report.rail_pressure / MEGAPASCAL:.1f}",
+            f"{report.mass / MILLIGRAM:.2f}",
+            _interval(report),
+            *references,
+            *(_measured(item) if is_measured else ()),
+            *(_commanded(report) if is_commanded else ()),
+            _wear(report),
+            _verdict(report, width),
+        )
+    return table
+
+
+def _interval(report: InjectionReport) -> str:
+    if report.mass_ci95 is None:
+        return "-"
+    low, high = (bound / MILLIGRAM for bound in report.mass_ci95)
+    return f"{low:.1f}-{high:.1f}"
+
+
+def _wear(report: InjectionReport) -> str:
+    wear = report.indicators[NOZZLE]
+    sigma = "" if wear.sigma is None else f" ±{1.96 * wear.sigma:.3f}"
+    return f"{wear.value:+.3f}{sigma}"
+
+
+def _verdict(report: InjectionReport, width: int) -> Text:
+    if report.valid:
+        return Text("valid", style="green")
+    words = f": {REASONS[report.reason].what}" if width >= WITH_WORDS else ""
+    return Text(report.reason.name + words, style="yellow", overflow="ellipsis")
+
+
+def _measured(shown: Shown) -> tuple[str, str]:
+    """Measured mass, and the error of the estimate."""
+    if shown.measured is None:
+        return "-", "-"
+    return f"{shown.measured.mass / MILLIGRAM:.2f}", f"{100 * shown.measured.error:+.2f}"
+
+
+def _commanded(report: InjectionReport) -> tuple[str, str]:
+    """Number of the command, and opening delay."""
+    commanded = report.commanded
+    if commanded is None:
+        return "-", "-"
+    delay = commanded.opening_delay
+    return str(commanded.command), "-" if math.isnan(delay) else f"{delay / MICROSECOND:.0f}"

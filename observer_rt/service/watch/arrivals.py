@@ -1,0 +1,154 @@
+"""Which frames came, how many, and when last: of every input message, and of our own identifiers from elsewhere."""
+
+import math
+from dataclasses import dataclass
+
+from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.mapping.bus_map import BusMap, layout_of
+from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.bus.mapping.slow_inputs import slow_timeout
+from observer_rt.config.signals import Role
+
+SECOND = 1e9  # ns
+STALE = 0.5  # s without a frame of a message that carries samples
+
+
+@dataclass(frozen=True)
+class Source:
+    """An input message: what it carries, and after which time without a frame it counts as stale [s]."""
+
+    layout: MessageLayout
+    text: str
+    """`NeedleLiftBlock 0x111 (needle_lift)`."""
+    roles: tuple[str, ...]
+    streams: tuple[int, ...]
+    """Of samples that it carries; none: optional inputs only."""
+    patience: float
+
+
+@dataclass
+class Heard:
+    """Frames of one identifier on one bus so far, and when the last one came [ns]."""
+
+    frames: int
+    last: int
+
+
+class Arrivals:
+    """Counts frames by their identifiers. Time [ns] is whatever clock the caller goes by."""
+
+    def __init__(self, bus: BusMap) -> None:
+        self.sources = sources_of(bus)
+        self._heard = {_key(layout): Heard(0, 0) for layout in (*bus.received, *bus.sent)}
+        inputs = {_key(layout) for layout in bus.received}  # one that is shared by mistake, `check` tells
+        self._own = tuple(
+            (layout, self._heard[_key(layout)]) for layout in bus.sent if _key(layout) not in inputs
+        )
+        self._inputs = tuple((source, self._heard[_key(source.layout)]) for source in self.sources)
+        self._begin = 0
+
+    def begin(self, now: int) -> None:
+        """What stays away does so from now on, at the earliest: before, nothing could come."""
+        self._begin = now
+
+    def note(self, bus: int, frame_id: int, is_extended: bool, now: int) -> None:
+        """A frame came."""
+        heard = self._heard.get((bus, frame_id, is_extended))
+        if heard is not None:
+            heard.frames += 1
+            heard.last = now
+
+    def heard_of(self, source: Source) -> Heard:
+        """What came of an input message."""
+        return self._heard[_key(source.layout)]
+
+    def age(self, source: Source, now: int) -> float:
+        """Time since its last frame [s]; nan: none came yet."""
+        heard = self.heard_of(source)
+        return (now - heard.last) / SECOND if heard.frames else math.nan
+
+    def silence(self, source: Source, now: int) -> float:
+        """Time since its last frame, or since the begin [s]."""
+        return (now - max(self.heard_of(source).last, self._begin)) / SECOND
+
+    def age_of(self, role: Role, now: int) -> float:
+        """Time since the last frame with a role [s]; nan: none came yet."""
+        return self.age(next(source for source in self.sources if role.value in source.roles), now)
+
+    def stale(self, now: int) -> list[Source]:
+        """Messages with samples that stay away."""
+        return [s for s in self.sources if s.streams and self.silence(s, now) > s.patience]
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every message with samples has come."""
+        return all(heard.frames for source, heard in self._inputs if source.streams)
+
+    @property
+    def foreign(self) -> tuple[tuple[MessageLayout, Heard], ...]:
+        """Messages that we send and that others sent, too, with what came of them."""
+        return tuple((layout, heard) for layout, heard in self._own if heard.frames)
+
+    @property
+    def foreign_frames(self) -> int:
+        """Frames that others sent under our identifiers."""
+        return sum(heard.frames for _, heard in self._own)
+
+    def is_contested(self, now: int) -> bool:
+        """Whether another node sends under our identifiers now."""
+        return any(heard.frames and now - heard.last < CONTESTED * SECOND for _, heard in self._own)
+
+    def as_text(self, now: int) -> str:
+        """All messages with their ages."""
+        return ", ".join(f"{source.text} {age_text(self.age(source, now))}" for source in self.sources)
+
+
+CONTESTED = 2.0  # s after a frame of another sender: it may send seldom
+
+
+def age_text(age: float) -> str:
+    """An age [s] in a few words."""
+    if math.isnan(age):
+        return "never came"
+    return f"{age * 1e3:.0f} ms ago" if age < 1.0 else f"{age:.1f} s ago"
+
+
+def sources_of(bus: BusMap) -> tuple[Source, ...]:
+    """All input messages of a bench with what they carry."""
+    carried: dict[MessageLayout, list[str]] = {layout: [] for layout in bus.received}
+    streams: dict[MessageLayout, list[int]] = {layout: [] for layout in bus.received}
+    for number, stream in enumerate(bus.inputs.streams):
+        layout = layout_of(bus, number)
+        carried[layout] += [
+            role.value for place, role in enumerate(ROLES) if int(stream["roles"]) >> place & 1
+        ]
+        streams[layout].append(number)
+    patience = {layout: STALE if streams[layout] else math.inf for layout in bus.received}
+    for message in bus.slow:
+        for signal in message.signals:
+            carried[message.layout].append(signal.role.value)
+            patience[message.layout] = min(patience[message.layout], signal.timeout)
+    if bus.energizing is not None:
+        layout = bus.energizing.layout
+        carried[layout].append("energizing")
+        if bus.energizing.cycle is not None:
+            patience[layout] = min(patience[layout], slow_timeout(None, round(bus.energizing.cycle * SECOND)))
+    return tuple(
+        Source(
+            layout,
+            f"{message_text(bus, layout)} ({', '.join(roles)})",
+            tuple(roles),
+            tuple(streams[layout]),
+            patience[layout],
+        )
+        for layout, roles in carried.items()
+    )
+
+
+def message_text(bus: BusMap, layout: MessageLayout) -> str:
+    """A message with its identifier."""
+    return f"{bus.name_of(layout)} 0x{layout.frame_id:X}"
+
+
+def _key(layout: MessageLayout) -> tuple[int, int, bool]:
+    return layout.bus, layout.frame_id, layout.is_extended

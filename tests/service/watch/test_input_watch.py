@@ -1,0 +1,120 @@
+"""Which cable is off: faults cut into the frames of a healthy bench are named by message and identifier."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.bus.links.link import Frame
+from observer_rt.config.bench import load_injector
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+from tests.service.bus_frames import block_bench, frames_of
+from tests.service.participants import SAMPLE_RATE
+from tests.service.watch.watched import LIFT, LINE, RAIL, received, told_of, with_channel
+
+Values = NDArray[np.float64]
+LIFT_ID = 0x111
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return block_bench(tmp_path_factory.mktemp("watch"), "virtual", ["watch"])
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """Four seconds."""
+    schedule = make_schedule([60e6, 120e6], 80, 0.05, [1.1e-3])
+    return simulate(load_injector(), schedule, SAMPLE_RATE, (), NoiseLevels(), seed=3).recording
+
+
+@pytest.fixture(scope="module")
+def frames(bench: Path, recording: Recording) -> list[Frame]:
+    return [received(frame) for frame in frames_of(bench, recording)]
+
+
+def frozen(values: Values) -> Values:
+    return np.full_like(values, values[0])
+
+
+def unplugged(values: Values) -> Values:
+    return np.where(np.arange(len(values)) > 60_000, np.nan, values)
+
+
+def overdriven(values: Values) -> Values:
+    return np.where(np.arange(len(values)) > 60_000, 1e9, values)
+
+
+def test_of_a_healthy_bench_nothing_is_told(bench: Path, frames: list[Frame]) -> None:
+    assert told_of(bench, frames, silence=1.9) == []
+
+
+def test_of_windows_filled_up_nothing_is_told(bench: Path, frames: list[Frame]) -> None:
+    """Frames come for 10 ms of every 100 ms only, as from a source that sends windows."""
+    assert told_of(bench, [frame for frame in frames if frame.stamp_ns % 100_000_000 < 10_000_000]) == []
+
+
+def test_a_message_that_never_comes(bench: Path, frames: list[Frame]) -> None:
+    (told,) = told_of(bench, [frame for frame in frames if frame.frame_id != LIFT_ID])
+    assert told.startswith(f"{LIFT}: no frame since the start 2.0 s ago\n  remedy: ")
+
+
+def test_a_message_that_stays_away_for_a_while(bench: Path, frames: list[Frame]) -> None:
+    def is_heard(frame: Frame) -> bool:
+        return frame.frame_id != LIFT_ID or not 1e9 < frame.stamp_ns < 3.5e9
+
+    told = told_of(bench, [frame for frame in frames if is_heard(frame)])
+    assert told[0].startswith(f"{LIFT}: no frame for 2.")
+    assert told[1:] == [f"{LIFT}: comes again after 2.5 s"]
+
+
+def test_all_stay_away(bench: Path, frames: list[Frame]) -> None:
+    (told,) = told_of(bench, frames, silence=10.0)
+    assert told.startswith(f"no frame of any input for 2.1 s: {RAIL}, {LIFT}, {LINE}")
+
+
+def test_frames_that_cannot_be_used(bench: Path, frames: list[Frame]) -> None:
+    """The CRC of one message is wrong, as with another E2EDataId."""
+    spoilt = [f._replace(payload=b"\0\0" + f.payload[2:]) if f.frame_id == LIFT_ID else f for f in frames]
+    (told,) = told_of(bench, spoilt)
+    assert told.startswith(f"{LIFT}: ")
+    assert "none could be used" in told
+    assert "E2EDataId" in told
+
+
+@pytest.mark.parametrize(
+    ("role", "name"), [("rail_pressure", RAIL), ("needle_lift", LIFT), ("line_pressure", LINE)]
+)
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        (frozen, "is frozen: the same value"),
+        (unplugged, "says `not available` or `error`"),
+        (overdriven, "is at the upper end of its range"),
+    ],
+)
+def test_a_bad_sensor(bench: Path, recording: Recording, role: str, name: str, fault, said: str) -> None:  # type: ignore[no-untyped-def]
+    spoilt = with_channel(recording, **{role: fault})
+    (told,) = told_of(bench, [received(frame) for frame in frames_of(bench, spoilt)])
+    assert told.startswith(f"{name}: {role} {said}")
+
+
+def test_a_sensor_that_is_mended(bench: Path, recording: Recording) -> None:
+    def for_a_second(values: Values) -> Values:
+        second = np.arange(len(values)) // round(SAMPLE_RATE)
+        return np.where(second == 1, values[0], values)
+
+    spoilt = with_channel(recording, line_pressure=for_a_second)
+    told = told_of(bench, [received(frame) for frame in frames_of(bench, spoilt)])
+    assert len(told) == 2
+    assert told[1] == f"{LINE}: line_pressure moves again"
+
+
+def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(bench: Path, recording: Recording) -> None:
+    """Its noise does not show while the needle is shut, and the line still swings then."""
+    spoilt = with_channel(recording, needle_lift=lambda lift: np.where(lift < 20e-6, 0.0, lift))
+    assert told_of(bench, [received(frame) for frame in frames_of(bench, spoilt)]) == []

@@ -1,0 +1,1 @@
+"""Daemons that learn are killed at random moments: what is on disk afterwards?"""

@@ -186,24 +186,13 @@ def in_force(observer: Observer) -> NDArray[np.float64]:
 
 
 def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome | None) -> None:
-    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if it was.
-
-    An event with samples that were not to be trusted, or that could not be tested, makes nothing after it valid; of
-    those that could not be tested a second in a row ends what was known.
-    """
+    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if it was."""
     memory = observer.memory[0]
     event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS]
     memory["events_taken"] += 1
     memory["events_judged"] += 1
     memory["waiting"] = False
-    judgement = objections[0].reason if objections else Reason.NONE
-    is_untested = judgement is Reason.NOT_JUDGED
-    memory["doubtful_events"] += event["doubtful"] or is_untested
-    memory["untested"] = memory["untested"] + 1 if is_untested else 0
-    if memory["untested"] != 1:
-        memory["judgement"] = judgement
-    if not objections and event["number"] >= memory["contradicted_in"]:
-        memory["contradicted"] = False
+    _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
     if outcome is None:
         return
     memory["innovation_sigma"] = outcome.schedule.innovation_sigma
@@ -212,6 +201,25 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
     put_into(observer.phi, outcome.phi)
     if outcome.adoption is Adoption.ADOPTED:
         memory["phi_version"] += 1
+
+
+def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:
+    """What an event's judgement makes of the samples after it.
+
+    An event with samples that were not to be trusted, or that could not be tested, makes nothing valid; a second in a
+    row that could not be tested, though its samples were to be trusted, ends what was known.
+    """
+    is_untested = judgement is Reason.NOT_JUDGED
+    memory["doubtful_events"] += event["doubtful"] or is_untested
+    if not is_untested:
+        memory["untested"] = 0
+        memory["judgement"] = judgement
+    elif not event["doubtful"]:
+        memory["untested"] += 1
+        if memory["untested"] > 1:
+            memory["judgement"] = judgement
+    if judgement is Reason.NONE and event["number"] >= memory["contradicted_in"]:
+        memory["contradicted"] = False
 
 
 def _put_in_force(observer: Observer, knowledge: Knowledge) -> None:

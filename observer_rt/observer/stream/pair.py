@@ -108,7 +108,7 @@ def step_pair(observer: Observer, position: int) -> bool:
     if _is_measured(observer, position):
         y = observer.ring[(position + constants.sensor.late) & _MASK].line_pressure
         row.innovation = y - memory.offset - shown
-        watch(observer, row.innovation)
+        watch(observer, row.innovation, row.doubt)
     gain = observer.gains[min(memory.since_start, observer.gains.shape[0] - 1)]
     row.indicated = correct(row.x_tilde, indicated, row.innovation, gain, None)
     memory.since_start += 1

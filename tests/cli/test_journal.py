@@ -16,9 +16,8 @@ from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.service.keeping.lock import sole_writer
 from observer_rt.service.keeping.notebook import Notebook
 from tests.cli.conftest import Command
-from tests.cli.test_run import give_link
 from tests.service.keeping.report_samples import some_report
-from tests.service.participants import ScriptedLink
+from tests.service.participants import ScriptedLink, give_link
 
 
 @pytest.fixture

@@ -29,9 +29,7 @@ from observer_rt.service.state_file import load_knowledge, model_hash
 from tests.cli.conftest import Command, Outcome
 from tests.links import FakeLink
 from tests.service.end_to_end import SUMMARY, Heard, decoded
-from tests.service.participants import ScriptedLink, listening, until
-
-BLOCK_ID = 0x100
+from tests.service.participants import BLOCK_ID, ScriptedLink, give_link, listening, until
 
 
 @pytest.fixture
@@ -70,16 +68,6 @@ def run_and_stop(
         thread.join()
         time.sleep(0.2)  # for the listener to hear the last frames
     return outcome, listener.heard
-
-
-def give_link(monkeypatch: pytest.MonkeyPatch, link: Link) -> None:
-    """What the service opens to observe; nobody else sends on it."""
-
-    def opened(_interface: str, _channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
-        is_input = (BLOCK_ID, False) in wanted
-        return link if is_input else FakeLink()
-
-    monkeypatch.setattr(opening, "open_link", opened)
 
 
 def valid_injections(heard: Heard) -> list[float]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from observer_rt.bus.links.link import Frame
+from observer_rt.bus.links.link import Frame, Link
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench, load_injector
@@ -20,6 +20,7 @@ from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.service import opening
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
@@ -31,6 +32,7 @@ from tests.links import FakeLink
 from tests.service.end_to_end import STATUS, Heard, Listener, decoded, output_bus, write_bench
 
 SAMPLE_RATE = 50e3
+BLOCK_ID = 0x100  # of the message with samples
 PATIENCE = 60.0  # s, after which the test fails: the machine is too slow, or the daemon stuck
 
 
@@ -105,6 +107,16 @@ def listening(interface: str, channel: str) -> Iterator[Listener]:
             yield listener
         finally:
             listener.stop()
+
+
+def give_link(monkeypatch: pytest.MonkeyPatch, link: Link) -> None:
+    """What the service opens to observe; nobody else sends on it."""
+
+    def opened(_interface: str, _channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
+        is_input = (BLOCK_ID, False) in wanted
+        return link if is_input else FakeLink()
+
+    monkeypatch.setattr(opening, "open_link", opened)
 
 
 def bench_file(folder: Path, channel: str, interface: str = "virtual") -> Path:

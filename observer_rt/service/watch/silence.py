@@ -25,6 +25,8 @@ class SilenceWatch:
     def __init__(self, arrivals: Arrivals) -> None:
         self._arrivals = arrivals
         self._silent: dict[Source, int] = {}  # told, and when their last frame came
+        self._together: set[Source] = set()  # told as all inputs, of these
+        self._back_at = 0  # when the first of these came again
         self._uses = {source: _Use((), 0, 0) for source in arrivals.sources if source.streams}
 
     def look(self, now: int, progress: list[int]) -> list[Finding]:
@@ -38,12 +40,17 @@ class SilenceWatch:
             for source in arrivals.sources
             if source not in self._silent and arrivals.silence(source, now) > max(TOLD, source.patience)
         ]
+        if self._back_at and now - self._back_at > TOLD * SECOND:  # what is still away is so by itself
+            new += [source for source in arrivals.sources if source in self._together]
+            self._together.clear()
+            self._back_at = 0
         if not new:
             return []
         for source in new:
             self._silent[source] = arrivals.heard_of(source).last
         sampled = [source for source in arrivals.sources if source.streams]
         if all(source in self._silent for source in sampled):
+            self._together = {source for source in sampled if source in new}
             names = ", ".join(source.text for source in new)
             shortest = min(arrivals.silence(source, now) for source in new)
             return [
@@ -71,8 +78,12 @@ class SilenceWatch:
         for source, last in list(self._silent.items()):
             if self._arrivals.heard_of(source).last > last:
                 gone = (self._arrivals.heard_of(source).last - last) / SECOND
-                over.append(Finding(f"{source.text}: comes again after {gone:.1f} s", is_over=True))
+                text = f"comes again after {gone:.1f} s" if last else "comes now"
+                over.append(Finding(f"{source.text}: {text}", is_over=True))
                 del self._silent[source]
+                if source in self._together:
+                    self._together.discard(source)
+                    self._back_at = self._back_at or now
         return over
 
     def _useless(self, now: int, progress: list[int]) -> list[Finding]:

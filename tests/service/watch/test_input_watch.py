@@ -77,6 +77,22 @@ def test_all_stay_away(bench: Path, frames: list[Frame]) -> None:
     assert told.startswith(f"no frame of any input for 2.1 s: {RAIL}, {LIFT}, {LINE}")
 
 
+def test_one_that_stays_away_when_the_others_come_again(bench: Path, frames: list[Frame]) -> None:
+    """All were silent; that one still is, is news."""
+    pause = 3_000_000_000
+    before = [frame for frame in frames if frame.stamp_ns < 1e9]
+    after = [
+        f._replace(stamp_ns=f.stamp_ns + pause) for f in frames if f.stamp_ns >= 1e9 and f.frame_id != LIFT_ID
+    ]
+    told = told_of(bench, [*before, *after])
+    assert told[0].startswith("no frame of any input for 2.")
+    assert [text.rpartition(" after ")[0] for text in told[1:3]] == [
+        f"{n}: comes again" for n in (RAIL, LINE)
+    ]
+    assert told[3].startswith(f"{LIFT}: no frame for 5.")
+    assert len(told) == 4
+
+
 def test_frames_that_cannot_be_used(bench: Path, frames: list[Frame]) -> None:
     """The CRC of one message is wrong, as with another E2EDataId."""
     spoilt = [f._replace(payload=b"\0\0" + f.payload[2:]) if f.frame_id == LIFT_ID else f for f in frames]

@@ -26,7 +26,10 @@ def received(frame: TimedFrame) -> Frame:
 
 
 def told_of(bench: Path, frames: Sequence[Frame], silence: float = 0.0) -> list[str]:
-    """What the watch says of frames, by their stamps, and of so many seconds [s] without any after them."""
+    """What the watch says of frames, by their stamps, and of so many seconds [s] without any after them.
+
+    It looks while no frame comes, too.
+    """
     loaded = load_bench(bench)
     bus = map_bus(loaded)
     core = Core(loaded.injector, bus, learning=False)
@@ -35,6 +38,9 @@ def told_of(bench: Path, frames: Sequence[Frame], silence: float = 0.0) -> list[
     told: list[str] = []
     due = frames[0].stamp_ns
     for frame in frames:
+        while due < frame.stamp_ns - PERIOD:
+            due += PERIOD
+            told += [notice.text for notice in watch.look(due)]
         core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
         watch.arrivals.note(0, frame.frame_id, frame.is_extended, frame.stamp_ns)
         if frame.stamp_ns >= due:

@@ -186,7 +186,7 @@ def in_force(observer: Observer) -> NDArray[np.float64]:
 
 
 def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome | None) -> None:
-    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if it was."""
+    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if any."""
     memory = observer.memory[0]
     event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS]
     memory["events_taken"] += 1

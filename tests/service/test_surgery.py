@@ -6,7 +6,7 @@ from observer_rt.foundation.units import MILLISECOND
 from observer_rt.observer.stream.state import Reason
 from tools.benchmarks.surgery import FAULTS, SAMPLE_RATE, Finding, Learning, Onset, Surgery, operate
 
-UNDETECTED = 0.3 * MILLISECOND  # for which wrong samples may be valid, until the innovations show the fault
+UNDETECTED = 0.5 * MILLISECOND  # for which wrong samples may be valid, until the innovations show the fault
 CONSISTENT = "both pressures in bar"  # a small injector at a tenth of the pressure looks much the same
 
 

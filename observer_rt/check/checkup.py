@@ -15,6 +15,7 @@ from observer_rt.check.model import plausibility_findings
 from observer_rt.check.observer import observer_findings
 from observer_rt.check.time import time_findings
 from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.discovery.search.fit_store import file_hash
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import EffectValue
 from observer_rt.service.core.learners import refuse_state
@@ -72,8 +73,17 @@ def _files(bench: Bench) -> list[Finding]:
 def _injector(fitted: BenchInjector, state: Path | None) -> list[Finding]:
     """The injector's own files, and whether an injector can be like that."""
     parameters = fitted.parameters
-    text = f"injector {fitted.parameters_path}, SHA-256 {model_hash(parameters)}"
-    findings = [Finding("files", Level.OK, text), *_effects(fitted)]
+    path = fitted.parameters_path
+    values = model_hash(parameters)
+    findings = [
+        Finding("files", Level.OK, f"injector {path}, SHA-256 {file_hash(path)}"),
+        Finding(
+            "files",
+            Level.OK,
+            f"its values, however they are written, SHA-256 {values}; ModelHash on the bus is {values[:8].upper()}",
+        ),
+        *_effects(fitted),
+    ]
     if state is not None:
         findings.append(_state(fitted, state))
     return findings + plausibility_findings(parameters)

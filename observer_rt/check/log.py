@@ -8,7 +8,7 @@ from observer_rt.bus.alignment.message_timing import MessageTiming
 from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.check.findings import Finding, Level, failed, graded
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.logged import LoggedRecording, read_logged
+from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.observer.stream.standstill import Standstill
@@ -20,7 +20,7 @@ _TOPIC = "log"
 def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) -> list[Finding]:
     """Findings about a log of the bench's buses; from_channels: texts of `--from-channel`."""
     try:
-        logged = read_logged(bench, path, from_channels)
+        logged = LoggedSignals(bench, path, from_channels)
     except UserError as error:
         return [failed(_TOPIC, error)]
     return [
@@ -32,10 +32,10 @@ def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) ->
     ]
 
 
-def _samples(logged: LoggedRecording) -> Finding:
-    recording, counters = logged.recording, logged.counters
+def _samples(logged: LoggedSignals) -> Finding:
+    counters = logged.counters
     text = (
-        f"{recording.path}: {counters.frames} input frames, {counters.samples} samples, "
+        f"{logged.path}: {counters.frames} input frames, {counters.samples} samples, "
         f"{counters.lost_samples} lost, {counters.interpolated_samples} interpolated, "
         f"{counters.jumps} pauses of the source"
     )

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from observer_rt import __version__
+from observer_rt.cli.compare import compare
 from observer_rt.cli.discover import discover
 from observer_rt.cli.effects import effects
 from observer_rt.cli.journal import journal
@@ -86,13 +87,14 @@ for _command, _example in (
         "--output worn.csv",
     ),
     (evaluate, "worn.csv --output trace.csv --plot worn.png"),
-    (check, "--bench bench.toml --state learned.json"),
+    (check, "--bench bench.toml --recording mine.csv"),
     (replay, "recording.csv --bench bench.toml --speed 0.1"),
     (journal, "injections.sqlite --csv > injections.csv"),
     (record, "--bench bench.toml --out bus.blf --rotate-size 500"),
     (convert, "bus.blf recording.csv --bench bench.toml"),
     (discover, "--model injector.toml --out found worn_1.csv worn_2.csv"),
-    (effects, "--effects my_effects.py"),
+    (compare, "found_spring found_autumn"),
+    (effects, "channel_skew seat_area"),
     (reproduce, "--out reproduced"),
 ):
     app.command(epilog=f"Example: observer-rt {_command.__name__} {_example}")(_command)

@@ -5,7 +5,7 @@ import math
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,8 +23,10 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import RateMessage
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.links import LinkConfig
+from observer_rt.evaluation.curves import RateCurves
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.evaluation.figures import MassRow, RateCurves, plot_injections
+from observer_rt.evaluation.event_axes import MassRow, Picture
+from observer_rt.evaluation.figures import plot_injections
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effects import effective_model, sized
@@ -56,7 +58,7 @@ _QUIET = 1.0  # s without a frame after which the bus has nothing more to say
 class DemoResult:
     """What went over the bus: rates decoded from its frames [m3/s], masses of every injection."""
 
-    curves: tuple[RateCurves, ...]
+    curves: Mapping[int, RateCurves]
     masses: tuple[MassRow, ...]
     link: str
 
@@ -186,7 +188,7 @@ class Demo:
             return self._result(listener.rate)
 
     def _result(self, published: NDArray[np.float64]) -> DemoResult:
-        curves, masses = [], []
+        curves, masses = {}, []
         for report in self._notes.injections:
             window = slice(report.start_index, report.end_index + 1)
             true, nominal = self.references(report)
@@ -194,16 +196,14 @@ class Demo:
                 MassRow(report.number, self._mass(published[window]), nominal.mass, true.mass, report.valid)
             )
             if report.number in (1, 3, len(self._notes.injections)):
-                curves.append(
-                    RateCurves(
-                        f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
-                        np.arange(window.stop - window.start) / self.recording.sample_rate,
-                        published[window],
-                        nominal.rate,
-                        true.rate,
-                    )
+                curves[report.number] = RateCurves(
+                    f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
+                    np.arange(window.stop - window.start) / self.recording.sample_rate,
+                    published[window],
+                    nominal.rate,
+                    true.rate,
                 )
-        return DemoResult(tuple(curves), tuple(masses), f"{self.link.interface} {self.link.channel}")
+        return DemoResult(curves, tuple(masses), f"{self.link.interface} {self.link.channel}")
 
     def _mass(self, rate: NDArray[np.float64]) -> float:
         return float(np.trapezoid(rate)) / self.recording.sample_rate * self._density
@@ -211,13 +211,10 @@ class Demo:
 
 def write_figure(result: DemoResult, wear: float, path: Path) -> None:
     """The demonstration's picture."""
-    plot_injections(
-        path,
-        f"Injection rate over CAN of an injector with worn nozzle (v_H = {wear:+.2f}): model, observer, truth",
-        result.curves,
-        result.masses,
-        "true",
+    title = (
+        f"Injection rate over CAN of an injector with worn nozzle (v_H = {wear:+.2f}): model, observer, truth"
     )
+    plot_injections(path, [Picture(title, result.curves, result.masses)], "true")
 
 
 class _Listener:

@@ -39,6 +39,21 @@ def discover(
             metavar="RECORDING",
         ),
     ] = None,
+    choose: Annotated[
+        str,
+        typer.Option(
+            "--choose",
+            help="Effect to put into the amended model where several explain the recordings as well; two as ID+ID.",
+            metavar="ID",
+            show_default=False,
+        ),
+    ] = "",
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the report and the amended model that stand in DIR.")
+    ] = False,
+    data: Annotated[
+        bool, typer.Option("--data", help="Also write the figures (SVG) and the numbers behind them (CSV).")
+    ] = False,
     bench: DecoderOption = None,
     from_channel: FromChannelOption = None,
     lenient: LenientOption = False,
@@ -49,15 +64,15 @@ def discover(
     from observer_rt.config.bench import load_bench
     from observer_rt.discovery.command import DiscoverOptions, discover_files
     from observer_rt.evaluation.second_opinion import second_opinion
-    from observer_rt.evaluation.sources import read_source, signals_of
+    from observer_rt.evaluation.sources import open_source, without_truths
     from observer_rt.recording.signals.recording import Recording
 
     decoder = None if bench is None else load_bench(bench, model, lenient)
     messages = Console(stderr=True)
 
     def read(path: Path) -> Recording:
-        return signals_of(read_source(path, decoder, from_channel or (), messages))
+        return open_source(path, decoder, from_channel or (), messages).collected()
 
     injector = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
-    options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json)
-    discover_files(recordings, options, second_opinion, messages, read)
+    options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json, choose, force, data)
+    discover_files(without_truths(recordings, messages), options, second_opinion, messages, read)

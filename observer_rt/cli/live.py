@@ -93,6 +93,9 @@ def check(
     state: StateOption = None,
     log: Annotated[Path | None, file_option("--log", "CAN log of the bench: losses, jitter, noise.")] = None,
     from_channel: FromChannelOption = None,
+    recording: Annotated[
+        Path | None, file_option("--recording", "Recording: columns, units, rate, gaps, ranges.")
+    ] = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
     effects: EffectsOption = None,
@@ -100,11 +103,14 @@ def check(
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.check.checkup import Level, as_json_document, as_table, checkup
     from observer_rt.check.log import log_findings
+    from observer_rt.check.recording import recording_findings
 
     chosen = load_bench(bench, model, lenient)
     findings = checkup(chosen, state)
     if log is not None:
         findings += log_findings(chosen, log, from_channel or ())
+    if recording is not None:
+        findings += recording_findings(chosen, recording)
     if as_json:
         print(json.dumps(as_json_document(findings), indent=2))
     else:

@@ -10,6 +10,7 @@ from observer_rt.cli.options import (
     SIGNALS,
     BenchOption,
     EffectsOption,
+    ForceOption,
     FromChannelOption,
     FuelTemperatureOption,
     JsonOption,
@@ -41,7 +42,12 @@ def simulate(
     ] = None,
     effect: Annotated[
         list[str] | None,
-        typer.Option("--effect", help="Deviation of the plant, id[:parameter]=value; repeatable."),
+        typer.Option(
+            "--effect",
+            help="Deviation of the plant, ID[:PARAMETER]=VALUE, in the unit that `observer-rt effects` states; "
+            "repeatable.",
+            metavar="EFFECT",
+        ),
     ] = None,
     noise: Annotated[
         str, typer.Option("--noise", help="on: noise and 16-bit quantisation; off: none.")
@@ -54,6 +60,7 @@ def simulate(
     model: Annotated[
         Path, file_option("--model", "Injector file (default: the nominal injector).", show_default=False)
     ] = NOMINAL_INJECTOR,
+    force: ForceOption = False,
     effects: EffectsOption = None,
 ) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
@@ -74,6 +81,7 @@ def simulate(
             measured_rate=measured_rate,
             seed=seed,
             fuel_temperature=fuel_temperature,
+            force=force,
         ),
         messages,
     )
@@ -92,19 +100,42 @@ def evaluate(
         bool, typer.Option("--chain", help="The recordings are one history: learning goes on.")
     ] = False,
     output: Annotated[
-        Path | None, file_option("--output", "Trace, one row per sample; a folder for several.", "FILE|DIR")
+        Path | None,
+        file_option(
+            "--output", "Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR"
+        ),
     ] = None,
-    plot: Annotated[Path | None, file_option("--plot", "Figure (png, svg, pdf).")] = None,
+    plot: Annotated[
+        Path | None, file_option("--plot", "Figure (png, svg, pdf): curves, masses, wear.")
+    ] = None,
+    injections: Annotated[
+        str | None,
+        typer.Option(
+            "--injections", help="Numbers of those drawn as curves, as 1,5-8 (default: first, middle, last)."
+        ),
+    ] = None,
     from_channel: FromChannelOption = None,
     fuel_temperature: FuelTemperatureOption = None,
     lenient: LenientOption = False,
+    force: ForceOption = False,
     as_json: JsonOption = False,
     effects: EffectsOption = None,
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
+    from observer_rt.evaluation.curves import chosen_numbers
 
     options = EvaluateOptions(
-        state, save_state, not no_learning, chain, output, plot, as_json, from_channel or (), fuel_temperature
+        state=state,
+        save_state=save_state,
+        learning=not no_learning,
+        chain=chain,
+        output=output,
+        plot=plot,
+        json=as_json,
+        from_channel=from_channel or (),
+        force=force,
+        fuel_temperature=fuel_temperature,
+        injections=chosen_numbers(injections) if injections is not None else (),
     )
     evaluate_files(load_bench(bench, model, lenient), recordings, options, messages)

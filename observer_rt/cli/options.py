@@ -77,7 +77,10 @@ LenientOption = Annotated[
     bool, typer.Option("--lenient", help="Read bus databases although signals overlap or do not fit.")
 ]
 ModelOption = Annotated[Path | None, file_option("--model", "Injector file, instead of the bench's.")]
-DecoderOption = Annotated[Path | None, file_option("--bench", "Bench file by which CAN logs are decoded.")]
+DecoderOption = Annotated[
+    Path | None,
+    file_option("--bench", "Bench file by which CAN logs, and files of your own layout, are read."),
+]
 StateOption = Annotated[Path | None, file_option("--state", "Learned state to start from.")]
 FromChannelOption = Annotated[
     list[str] | None,
@@ -86,4 +89,5 @@ FromChannelOption = Annotated[
         "Channel of a CAN log, where the inputs are on several; of a bus of [links] as LINK=CHANNEL.",
     ),
 ]
+ForceOption = Annotated[bool, typer.Option("--force", help="Replace files that are there already.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Results as JSON on stdout.")]

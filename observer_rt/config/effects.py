@@ -71,4 +71,5 @@ def check_effects(place: str, effects: Sequence[EffectInForce]) -> None:
 
 
 def _described(effect: Effect) -> str:
-    return ":".join([effect.id, *(parameter.name for parameter in effect.parameters)])
+    units = [p.name if p.unit == "-" else f"{p.name} [{p.unit}]" for p in effect.parameters]
+    return ":".join([effect.id, *units])

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from observer_rt.config.links import Positive
+from observer_rt.config.recording import RecordingConfig
 from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.config.toml_file import Section
 
@@ -79,6 +80,7 @@ class InjectorConfig(Section):
     outputs: OutputsConfig = OutputsConfig()
     learning: LearningConfig = LearningConfig()
     state: StateConfig = StateConfig()
+    recording: RecordingConfig | None = None  # of files in a layout of the user's own
 
     @property
     def stated_links(self) -> list[tuple[str, str | None]]:

@@ -20,6 +20,7 @@ from observer_rt.foundation.misspelt import hint
 from observer_rt.model.effect import Effect, EffectParameter, Place, Relation
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import BUILT_IN, add_to_vocabulary, effective_model
+from observer_rt.model.own_bounds import differs_in_bounds_only
 from observer_rt.model.parameters import InjectorParameters
 
 GROUP = "observer_rt.effects"
@@ -39,13 +40,18 @@ class _Defined:
 def use_effects(paths: Sequence[Path]) -> None:
     """Have the effects of these files and of installed packages, and no others, beside the vocabulary's own.
 
+    One of the vocabulary's own may be there within other bounds.
+
     Raises `UserError` naming file, what is wrong with it and how to mend it.
     """
     sources = [_from_file(path) for path in paths] + [_installed(one) for one in entry_points(group=GROUP)]
     known = dict(BUILT_IN)
     for source in sources:
         for effect in source.effects:
-            if effect.id in known:
+            before = known.get(effect.id)
+            if before is not None and not (
+                before is BUILT_IN.get(effect.id) and differs_in_bounds_only(effect, before)
+            ):
                 problem = f"'{effect.id}' is an effect already"
                 raise UserError(source.place, problem, "give it another id, and every file once")
             known[effect.id] = effect

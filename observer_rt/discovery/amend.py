@@ -12,7 +12,12 @@ from observer_rt.discovery.report.printed_units import printed
 from observer_rt.discovery.search.bounded_fit import NORMAL_975
 from observer_rt.discovery.search.hypothesis import Sizing, minimum_from
 from observer_rt.discovery.search.likelihood import evidence_of
-from observer_rt.discovery.search.result import Discovery, FittedEffect, FittedParameter
+from observer_rt.discovery.search.result import (
+    Discovery,
+    FittedEffect,
+    FittedParameter,
+    Verdict,
+)
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.effects import effective_model, sized_in_force
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
@@ -87,6 +92,8 @@ def _reason(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str
     files = ", ".join(f"{name} sha256 {digest[:_SHOWN_HASH]}" for name, digest in recordings.items())
     or_else = ", ".join(effect.indistinguishable_from)
     doubt = f"; cannot be told from {or_else}" if or_else else ""
+    if found.verdict is Verdict.AMBIGUOUS:
+        doubt += ", chosen by --choose"
     return (
         f"verdict {found.verdict.value}, confidence {found.confidence:.2f}{doubt}; "
         f"-2 log L falls by {effect.gain:.0f} (threshold {found.threshold:.0f}); {files}"

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from observer_rt.discovery.amend import amended_effects
+from observer_rt.discovery.caveats import is_like_inertance
 from observer_rt.discovery.comparison.disagreement import disagreements
 from observer_rt.discovery.comparison.gaps import gaps_of
 from observer_rt.discovery.comparison.overlays import typical_overlays
@@ -23,10 +24,21 @@ from observer_rt.discovery.search.verdict import SearchOptions, healthy_baseline
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
-from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.parameters import EffectInForce, InjectorParameters
 from observer_rt.recording.signals.recording import Recording
 
 _HEALTHY, _NAMED, _SHOWN = 0.4, 0.85, 0.9  # shares of the work done after these steps
+
+_AMEND_FIRST = (
+    "First run `observer-rt discover --out healthy` on the healthy recordings alone; then give healthy/amended.toml "
+    "here as --model."
+)
+_FIRST = {
+    Verdict.NAMED: _AMEND_FIRST,
+    Verdict.AMBIGUOUS: f"{_AMEND_FIRST} There, --choose says which of the tied effects it takes.",
+    Verdict.UNKNOWN: "First correct the injector file by drawing and data sheet: no effect explains its error.",
+}
+"""What to do when discovery finds this on healthy recordings."""
 
 AskObserver = Callable[[InjectorParameters, Sequence[Recording]], Opinion | None]
 """What the learning observer says of recordings; raises `ObserverError` where it cannot take them."""
@@ -34,12 +46,17 @@ AskObserver = Callable[[InjectorParameters, Sequence[Recording]], Opinion | None
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What is asked. healthy: recordings the model is judged against; hashes: SHA-256 of the recordings by name."""
+    """What is asked.
+
+    healthy: recordings the model is judged against; hashes: SHA-256 of the recordings by name; chosen: effects the
+    user prefers among those that explain the recordings as well as each other, empty: none.
+    """
 
     parameters: InjectorParameters
     measured: tuple[Measurement, ...]
     healthy: tuple[Measurement, ...]
     hashes: Mapping[str, str]
+    chosen: tuple[str, ...] = ()
 
 
 def answer(
@@ -51,7 +68,7 @@ def answer(
 ) -> Findings:
     """Everything but the time it took; progress is told the share done, amended_model is the name of its file.
 
-    Raises `RunError` when the model has no solution on the recordings.
+    Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
     """
     nominal = effective_model(question.parameters)
     points = by_operating_point(question.measured)
@@ -61,7 +78,11 @@ def answer(
     begin = _HEALTHY if question.healthy else 0.0
     progress(begin)
     options = SearchOptions(
-        workers, memory, lambda share: progress(begin + (_NAMED - begin) * share), baseline
+        workers,
+        memory,
+        lambda share: progress(begin + (_NAMED - begin) * share),
+        baseline,
+        question.chosen,
     )
     found = name_effects(nominal, measured, options)
     gaps = gaps_of(found, measured, nominal)
@@ -73,14 +94,19 @@ def answer(
         files[point.file] if several[point.file] == 1 else f"{files[point.file]}, {point.name}"
         for point in points
     )
-    in_force = amended_effects(question.parameters, found, measured, question.hashes)
+    amended = found.named.model(nominal)
+    in_force: tuple[EffectInForce, ...] = ()
+    if found.verdict is not Verdict.AMBIGUOUS or question.chosen:
+        in_force = amended_effects(question.parameters, found, measured, question.hashes)
     return Findings(
         discovery=found,
         where=disagreements(found, evidence, nominal),
         gaps=gaps,
-        checks=standstill_checks(question.measured, evidence, nominal, found.named.model(nominal)),
+        checks=standstill_checks(question.measured, evidence, nominal, amended),
         opinion=_opinion(ask_observer, question),
         healthy_warning=warning,
+        like_inertance=is_like_inertance(nominal, amended),
+        chosen=question.chosen,
         amended_model=amended_model if in_force else None,
         in_force=in_force,
         overlays=typical_overlays(found, gaps, measured, nominal),
@@ -103,7 +129,7 @@ def _judged_by_healthy(
         return baseline, ""
     return baseline, (
         f"On the healthy recordings discovery says '{headline(found)}': the model itself is not that of this "
-        "injector, and what is named here may be its error. `observer-rt fit` adapts it to healthy recordings."
+        f"injector, and what is named here may be its error. {_FIRST[found.verdict]}"
     )
 
 

@@ -11,38 +11,45 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config.bench import load_injector
+from observer_rt.config.effects import effect_named
 from observer_rt.discovery.answer import AskObserver, Question, answer
 from observer_rt.discovery.evidence.coverage import coverage
 from observer_rt.discovery.evidence.measurement import Measurement, measurements
-from observer_rt.discovery.evidence.plausible import (
-    refuse_implausible,
-    refuse_rates_missing,
-    refuse_sample_rates,
-)
-from observer_rt.discovery.findings import Findings
+from observer_rt.discovery.evidence.plausible import refuse_rates_missing, refuse_sample_rates
+from observer_rt.discovery.findings import Findings, Sources
 from observer_rt.discovery.injector_text import InjectorText, write_amended
+from observer_rt.discovery.report.data import remove_data, write_data
 from observer_rt.discovery.report.document import as_json
-from observer_rt.discovery.report.report import Sources, report
+from observer_rt.discovery.report.report import report
 from observer_rt.discovery.report.text import as_text
 from observer_rt.discovery.search.fit_store import FitStore, file_hash, problem_key
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.formats import read_recording
+from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import check_folder
 
 FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
+DATA = "data"
 
 
 @dataclass(frozen=True)
 class DiscoverOptions:
-    """Options of the command. healthy: recordings the model is judged against."""
+    """Options of the command. healthy: recordings the model is judged against; chosen: `id` or `id+id` of effects
+    that are to lead where several explain the recordings; force: what stands in the folder may be replaced; data:
+    the figures and the numbers behind the report are wanted as files, too.
+    """
 
     model: Path
     out: Path
     healthy: tuple[Path, ...]
     json: bool
+    chosen: str = ""
+    force: bool = False
+    data: bool = False
 
 
 def discover_files(
@@ -60,11 +67,13 @@ def discover_files(
     """
     begin = time.monotonic()
     parameters = load_injector(options.model)
+    chosen = _chosen(options.chosen)
+    _refuse_replacing(options)
     source = InjectorText(options.model)
     measured = _measured([*paths, *options.healthy], read)
     refuse_rates_missing([one.recording for one in measured[: len(paths)]])
-    question = Question(parameters, measured[: len(paths)], measured[len(paths) :], _hashes(paths))
-    _make_folder(options)
+    question = Question(parameters, measured[: len(paths)], measured[len(paths) :], _hashes(paths), chosen)
+    _make_folder(options.out)
     for one in measured:
         say(console, coverage(one))
     say_if_compiling(console)
@@ -81,12 +90,15 @@ def discover_files(
                 "  remedy: give the same command again to go on"
             ) from None
     found = replace(found, seconds=time.monotonic() - begin)
-    _write(options, found, question, source)
+    document = _write(options, found, _sources(options, question), source)
     if options.json:
-        print(json.dumps(as_json(found), indent=2))
+        print(document)
     else:
         say(results(), as_text(found))
-        say(console, f"{options.out}: {REPORT}, {FINDINGS}" + (f", {AMENDED}" if found.in_force else ""))
+        more = [
+            name for name, is_there in ((AMENDED, bool(found.in_force)), (DATA, options.data)) if is_there
+        ]
+        say(console, f"{options.out}: {', '.join([REPORT, FINDINGS, *more])}")
 
 
 def _measured(paths: Sequence[Path], read: Callable[[Path], Recording]) -> tuple[Measurement, ...]:
@@ -96,10 +108,9 @@ def _measured(paths: Sequence[Path], read: Callable[[Path], Recording]) -> tuple
             raise UserError(str(path), "is given twice", "give every recording once")
     recordings = [read(path) for path in paths]
     refuse_sample_rates(recordings)
-    found = measurements(recordings)
-    for one in found:
-        refuse_implausible(one)
-    return found
+    for recording in recordings:
+        refuse_implausible(recording.path, HeldSignals(recording).survey)
+    return measurements(recordings)
 
 
 def _hashes(paths: Sequence[Path]) -> dict[str, str]:
@@ -108,14 +119,30 @@ def _hashes(paths: Sequence[Path]) -> dict[str, str]:
     return {path.name if names[path.name] == 1 else str(path): file_hash(path) for path in paths}
 
 
-def _make_folder(options: DiscoverOptions) -> None:
+def _chosen(text: str) -> tuple[str, ...]:
+    """Ids of the effects chosen. Raises `UserError` for one that is none."""
+    return tuple(effect_named("--choose", name.strip()).id for name in text.split("+")) if text else ()
+
+
+def _refuse_replacing(options: DiscoverOptions) -> None:
+    """Refuse to replace an answer, or a model that somebody may be using, unless that is wanted."""
     folder = options.out
+    there = [name for name in (REPORT, FINDINGS, AMENDED, DATA) if (folder / name).exists()]
     if (folder / AMENDED).resolve() == options.model.resolve():
         raise UserError(
             f"--out {folder}",
             f"holds the model to be amended as {AMENDED}",
             "name another folder, or copy the model",
         )
+    if there and not options.force:
+        raise UserError(
+            f"--out {folder}",
+            f"holds {', '.join(there)} already",
+            "name another folder, or add --force to replace what is there",
+        )
+
+
+def _make_folder(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise UserError(f"--out {folder}", "is a file", "name a folder")
     with file_errors(folder):
@@ -123,23 +150,32 @@ def _make_folder(options: DiscoverOptions) -> None:
     check_folder("--out", folder)
 
 
-def _write(options: DiscoverOptions, found: Findings, question: Question, source: InjectorText) -> None:
-    """Everything into the folder; a model that an earlier run left there and this one does not make is removed."""
-    folder = options.out
-    healthy = tuple(path.name for path in options.healthy)
-    sources = Sources(
+def _sources(options: DiscoverOptions, question: Question) -> Sources:
+    return Sources(
         model=options.model.name,
         model_hash=file_hash(options.model),
         in_force=tuple(effect.id for effect in question.parameters.effects),
         recordings=question.hashes,
-        healthy=healthy,
+        healthy=tuple(path.name for path in options.healthy),
         made=datetime.now(),
     )
+
+
+def _write(options: DiscoverOptions, found: Findings, sources: Sources, injector: InjectorText) -> str:
+    """Everything into the folder, and back what findings.json says.
+
+    What an earlier run left there and this one does not make is removed.
+    """
+    folder = options.out
+    document = json.dumps(as_json(found, sources), indent=2)
     with file_errors(folder):
-        document = json.dumps(as_json(found), indent=2)
         (folder / FINDINGS).write_text(document + "\n", encoding="utf-8")
         (folder / REPORT).write_text(report(found, sources), encoding="utf-8")
+        remove_data(folder / DATA)
+        if options.data:
+            write_data(folder / DATA, found)
         if found.in_force:
-            write_amended(folder / AMENDED, source, found.in_force)
+            write_amended(folder / AMENDED, injector, found.in_force)
         else:
             (folder / AMENDED).unlink(missing_ok=True)
+    return document

@@ -1,34 +1,44 @@
 """`observer-rt evaluate`: files in, table, JSON, trace and figure out."""
 
-import json
+import sys
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 
+from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.evaluate import Evaluation, History, Progress, evaluate, evaluate_logs
-from observer_rt.evaluation.logged import LoggedRecording
-from observer_rt.evaluation.results import SCHEMA, injection_results, recording_json
-from observer_rt.evaluation.sources import Source, in_runs, read_source, signals_of
+from observer_rt.evaluation.curves import numbers_shown
+from observer_rt.evaluation.document import write_document
+from observer_rt.evaluation.logged import LoggedSignals
+from observer_rt.evaluation.replacing import replacing
+from observer_rt.evaluation.sources import in_runs, open_source, without_truths
+from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
 from observer_rt.evaluation.table import print_evaluation
-from observer_rt.evaluation.trace_file import SUFFIX, write_trace
+from observer_rt.evaluation.trace_file import SUFFIXES, TRACE_SUFFIX
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
-from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.fuel import temperature_of
 from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.recording.replay.clamped import clamped_in
 from observer_rt.recording.replay.framing import bench_for
+from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.compiled.constants import injector_at
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.keeping.lock import sole_writer
 from observer_rt.service.run import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
-from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination, check_folder
+from observer_rt.terminal.destinations import (
+    FIGURE_SUFFIXES,
+    check_destination,
+    check_folder,
+    refuse_existing,
+)
 
 
 @dataclass(frozen=True)
@@ -44,56 +54,57 @@ class EvaluateOptions:
     json: bool
     from_channel: Sequence[str] = ()
     """Channels of a CAN log, of buses."""
+    force: bool = False
+    """Replace files that are there."""
     fuel_temperature: float | None = None
     """degC of recordings, which know none; None: as in the injector file."""
+    injections: Sequence[int] = ()
+    """Numbers of those to be drawn as curves, empty: some."""
 
 
-def evaluate_files(bench: Bench, paths: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
+def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
+    if options.injections and options.plot is None:
+        raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
+    paths = without_truths(given, console)
     _refuse_ambiguous(paths, options)
     for option, path in (("--state", options.state), ("--save-state", options.save_state)):
         if path is not None:
             refuse_state(bench.injector, option)
     _check_destinations(paths, options)
-    recordings = [read_source(path, bench, options.from_channel, console) for path in paths]
+    sources = [open_source(path, bench, options.from_channel, console) for path in paths]
     say_if_compiling(console)
     model = model_hash(bench.injector.parameters)
-    bench = _with_fuel(bench, recordings, options)
+    bench = _with_fuel(bench, sources, options)
     pressure_scale = bench.injector.parameters.scaling.pressure
     if options.state is not None and not options.state.exists():
         raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
     knowledge = restored_knowledge(
         options.state, model, pressure_scale, partial(say, console), set_aside=False
     )
-    histories = _histories(bench, recordings, knowledge, options, console)
-    evaluations = [evaluation for history in histories for evaluation in history.evaluations]
+    with ExitStack() as stack:
+        traces = [stack.enter_context(replacing(path)) for path in _traces(options.output, paths)]
+        evaluations, knowledge = _evaluated(bench, sources, traces, knowledge, options, console)
     c = effective_model(bench.injector.parameters).coefficients
     if options.save_state is not None:
         with sole_writer(options.save_state):
-            save_knowledge(options.save_state, histories[-1].knowledge, model, pressure_scale)
-    if options.output is not None:
-        _write_traces(options.output, paths, evaluations)
-    if options.plot is not None:
-        _plot(options.plot, evaluations, c)
+            save_knowledge(options.save_state, knowledge, model, pressure_scale)
     if options.json:
-        document = {
-            "schema": SCHEMA,
-            "model_sha256": model,
-            "recordings": [recording_json(evaluation, c) for evaluation in evaluations],
-        }
-        print(json.dumps(document, indent=2))
+        write_document(evaluations, model, c, sys.stdout)
     else:
         results_console = results()
         for evaluation in evaluations:
             print_evaluation(evaluation, c, results_console)
+    if options.plot is not None:
+        _plot(options.plot, evaluations, options.injections)
 
 
-def _with_fuel(bench: Bench, sources: Sequence[Source], options: EvaluateOptions) -> Bench:
+def _with_fuel(bench: Bench, sources: Sequence[SignalStream], options: EvaluateOptions) -> Bench:
     """The bench with its fuel as warm as the options say."""
     if options.fuel_temperature is None:
         return bench
     is_told = bench.injector.config.signals.fuel_temperature is not None
-    if is_told and any(isinstance(source, LoggedRecording) for source in sources):
+    if is_told and any(isinstance(source, LoggedSignals) for source in sources):
         raise UserError(
             "--fuel-temperature",
             "is for recordings; a log tells it by signals.fuel_temperature of the bench file",
@@ -119,10 +130,6 @@ def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
             raise UserError(
                 f"--output {options.output}", f"{twice.name} would be written twice", "rename the recordings"
             )
-    if options.plot is not None:
-        raise UserError(
-            "--plot", "makes one figure, but there are several recordings", "evaluate one of them"
-        )
     if options.save_state is not None and not options.chain:
         raise UserError(
             "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
@@ -130,13 +137,13 @@ def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
 
 
 def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None:
-    """Refuse, before the long work, what could not be written after it."""
+    """Refuse, before the long work, what could not be written after it, or would replace a file nobody named."""
     if options.output is not None and _is_folder(options.output):
         with file_errors(options.output):
             options.output.mkdir(parents=True, exist_ok=True)
         check_folder("--output", options.output)
     elif options.output is not None:
-        check_destination("--output", options.output)
+        check_destination("--output", options.output, SUFFIXES)
     if options.plot is not None:
         check_destination("--plot", options.plot, FIGURE_SUFFIXES)
     if options.save_state is not None:
@@ -152,6 +159,17 @@ def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None
     ):
         if path is not None and path.resolve() in inputs:
             raise UserError(f"{option} {path}", "is a recording to be evaluated", "name another file")
+    refuse_existing("--output", _traces(options.output, paths), options.force)
+    refuse_existing("--plot", [options.plot] if options.plot else [], options.force)
+    if options.save_state is not None and options.save_state != options.state:
+        refuse_existing("--save-state", [options.save_state], options.force)
+
+
+def _traces(output: Path | None, paths: Sequence[Path]) -> list[Path]:
+    """The traces to be written, one a recording, or none."""
+    if output is None:
+        return []
+    return [_trace_in(output, path) for path in paths] if _is_folder(output) else [output]
 
 
 def _is_folder(output: Path) -> bool:
@@ -159,67 +177,65 @@ def _is_folder(output: Path) -> bool:
 
 
 def _trace_in(folder: Path, recording: Path) -> Path:
-    return folder / (recording.name + SUFFIX)
+    return folder / (recording.name + TRACE_SUFFIX)
 
 
-def _histories(
+def _evaluated(
     bench: Bench,
-    sources: Sequence[Source],
+    sources: Sequence[SignalStream],
+    traces: Sequence[Path],
     knowledge: Knowledge | None,
     options: EvaluateOptions,
     console: Console,
-) -> list[History]:
-    """Every source by itself, or all of them as one history, in which knowledge goes on from run to run."""
-    recordings = [signals_of(source) for source in sources]
-    for recording in recordings:
-        bench_for(bench, recording)  # refuse before the first one is evaluated
-    learning = options.learning and bench.injector.config.learning.enabled
+) -> tuple[list[StreamedEvaluation], Knowledge]:
+    """Every source by itself, or all of them as one history, in which knowledge goes on from run to run.
+
+    Gives the knowledge at the end of the last one, too.
+    """
+    benches = [bench_for(bench, source) for source in sources]  # refuse before the first one is evaluated
+    for source in sources:
+        if not isinstance(source, LoggedSignals):
+            for warning in clamped_in(source.survey, map_bus(bench)):
+                say(console, f"warning: {source.path}, {warning}")
     runs = in_runs(sources) if options.chain else [[source] for source in sources]
-    done = 0
-    histories: list[History] = []
-    with progress_bar(console, "evaluating", sum(recording.samples for recording in recordings)) as progress:
+    if options.chain:
+        _refuse_several_rates(sources, benches)
+    learning = options.learning and bench.injector.config.learning.enabled
+    curves = None if options.plot is None else effective_model(bench.injector.parameters).coefficients
+    evaluations: list[StreamedEvaluation] = []
+    known, done = knowledge, 0
+    with progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress:
         for run in runs:
-            if options.chain and histories:
-                knowledge = histories[-1].knowledge
-            histories.append(
-                _history(bench, run, knowledge, learning, partial(_report_progress, progress, done))
+            known = known if options.chain else knowledge
+            mine = traces[len(evaluations) :][: len(run)]
+            report = partial(_report_progress, progress, done)
+            found, known = evaluate_stream(bench, run, mine, known, learning, report, curves)
+            evaluations += found
+            done += sum(source.samples for source in run)
+    assert known is not None  # there is a run
+    return evaluations, known
+
+
+def _refuse_several_rates(sources: Sequence[SignalStream], benches: Sequence[Bench]) -> None:
+    for source, own in zip(sources, benches, strict=True):
+        if own.injector.config.sampling != benches[0].injector.config.sampling:
+            raise UserError(
+                str(source.path),
+                f"is sampled at {source.sample_rate:g} Hz, {sources[0].path} before it at "
+                f"{sources[0].sample_rate:g} Hz",
+                "recordings of one history must have one sample rate",
             )
-            done += sum(signals_of(source).samples for source in run)
-    return histories
-
-
-def _history(
-    bench: Bench,
-    run: Sequence[Source],
-    knowledge: Knowledge | None,
-    learning: bool,
-    report: Progress,
-) -> History:
-    logs = [source for source in run if isinstance(source, LoggedRecording)]
-    if logs:
-        return evaluate_logs(bench, logs, knowledge, learning, report)
-    return evaluate(bench, [signals_of(source) for source in run], knowledge, learning, report)
 
 
 def _report_progress(progress: Callable[[float], None], before: int, samples: int) -> None:
     progress(before + samples)
 
 
-def _write_traces(output: Path, paths: Sequence[Path], evaluations: Sequence[Evaluation]) -> None:
-    for path, evaluation in zip(paths, evaluations, strict=True):
-        write_trace(_trace_in(output, path) if _is_folder(output) else output, evaluation)
+def _plot(path: Path, evaluations: Sequence[StreamedEvaluation], chosen: Sequence[int]) -> None:
+    from observer_rt.evaluation.figures import plot_injections
+    from observer_rt.evaluation.pictures import picture_of
 
-
-def _plot(path: Path, evaluations: Sequence[Evaluation], c: Coefficients) -> None:
-    from observer_rt.evaluation.figures import evaluation_curves, evaluation_masses, plot_injections
-
-    evaluation = evaluations[0]
-    injections = injection_results(evaluation)
+    there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
+    shown = numbers_shown(chosen, there)
     with file_errors(path):
-        plot_injections(
-            path,
-            f"{evaluation.recording.path}",
-            evaluation_curves(evaluation, injections),
-            evaluation_masses(injections),
-            "measured",
-        )
+        plot_injections(path, [picture_of(evaluation, shown) for evaluation in evaluations], "measured")

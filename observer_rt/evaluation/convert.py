@@ -1,31 +1,36 @@
 """`observer-rt convert`: recordings and CAN logs from format to format, nothing lost without a word."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from itertools import chain, islice
+from collections.abc import Sequence
+from itertools import chain, groupby, islice
 from pathlib import Path
 
 from rich.console import Console
 
+from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.logged import read_logged
+from observer_rt.evaluation.logged import LoggedSignals
+from observer_rt.evaluation.replacing import replacing
+from observer_rt.evaluation.sources import open_source
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
+from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.formats import (
     formats,
     is_log,
     log_format,
     log_formats,
     open_log,
+    open_parts,
     open_writer,
-    read_recording,
     signal_formats,
     suffixes_of,
-    write_recording,
     written,
 )
+from observer_rt.recording.replay.device import Device
+from observer_rt.recording.replay.framing import bench_for
+from observer_rt.recording.replay.recording_frames import refuse_long_frames
 from observer_rt.terminal.console import progress_bar, say, say_if_compiling
-from observer_rt.terminal.destinations import check_destination
+from observer_rt.terminal.destinations import check_destination, refuse_existing
 
 FIRST_FRAMES = (
     1000  # among which the earliest is looked for: drivers swap frames, channels have their own time
@@ -52,47 +57,94 @@ def convert(
     suffix = target.suffix.lower()
     takes_signals = suffix in suffixes_of(written(signal_formats()))
     takes_frames = suffix in suffixes_of(written(log_formats()))
-    if target.exists() and not force:
-        raise UserError(str(target), "exists already", "name another file, or add --force")
     if target.exists() and target.samefile(source):
         raise UserError(str(target), "is the file to be converted", "name another file")
+    refuse_existing("OUT", [target], force)
     if not holds_frames:
-        if not takes_signals:
-            raise UserError(
-                f"{source} -> {target}",
-                "a recording of signals has no frames",
-                "replay it onto a bus and record that",
-            )
-        return _recording(source, target)
+        if takes_signals:
+            return _signals(source, target, bench, from_channels, force, console)
+        return _encoded(source, target, bench, console)
     if takes_signals and (bench is not None or not takes_frames):
         if bench is None:
             raise UserError(
                 "--bench", "is missing: it says which signals the frames carry", "name a bench file"
             )
-        return _decoded(source, target, bench, from_channels, console)
+        return _signals(source, target, bench, from_channels, force, console)
     return _frames(source, target, from_channels, console)
 
 
-def _recording(source: Path, target: Path) -> str:
-    recording = read_recording(source)
-    with _replacing(target) as part:
-        write_recording(part, recording)
-    return f"{target}: {recording.samples} samples at {recording.sample_rate:g} Hz"
-
-
-def _decoded(source: Path, target: Path, bench: Bench, from_channels: Sequence[str], console: Console) -> str:
-    say_if_compiling(console)
-    with progress_bar(console, f"decoding {source.name}", 1.0) as progress:
-        logged = read_logged(bench, source, from_channels, progress)
-    for note in logged.notes:
-        say(console, note)
-    with _replacing(target) as part:
-        write_recording(part, logged.recording)
-    recording = logged.recording
-    return (
-        f"{target}: {recording.samples} samples at {recording.sample_rate:g} Hz, from sample index "
-        f"{logged.first_index} on"
+def _signals(
+    source: Path,
+    target: Path,
+    bench: Bench | None,
+    from_channels: Sequence[str],
+    force: bool,
+    console: Console,
+) -> str:
+    """Signals of whatever holds them; every stretch of a file that was split becomes a file of its own."""
+    stream = open_source(source, bench, from_channels, console)
+    targets = _numbered(target, len(stream.stretches), force)
+    with progress_bar(console, f"converting {source.name}", stream.samples) as progress:
+        done = 0
+        chunks = stream.chunks()
+        for number, part_of in groupby(chunks, key=lambda chunk: chunk.stretch):
+            with (
+                replacing(targets[number]) as part,
+                file_errors(targets[number]),
+                open_parts(part, stream.has_rate) as writer,
+            ):
+                for chunk in part_of:
+                    writer.write(chunk)
+                    done += chunk.samples
+                    progress(done)
+    origin = (
+        f", from sample index {stream.logged[0].first_index} on" if isinstance(stream, LoggedSignals) else ""
     )
+    names = f"{targets[0]}" + (f" to {targets[-1].name}" if len(targets) > 1 else "")
+    return f"{names}: {stream.samples} samples at {stream.sample_rate:g} Hz{origin}"
+
+
+def _numbered(target: Path, stretches: int, force: bool) -> list[Path]:
+    if stretches == 1:
+        return [target]
+    targets = [
+        target.with_name(f"{target.stem}_{number:04d}{target.suffix}") for number in range(1, stretches + 1)
+    ]
+    refuse_existing("OUT", targets, force)
+    return targets
+
+
+def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) -> str:
+    """A recording as the frames of a measuring device, by the bench file."""
+    if bench is None:
+        raise UserError(
+            f"{source} -> {target}",
+            "a recording of signals has no frames",
+            "name a bench file by --bench, which says how they are sent",
+        )
+    say_if_compiling(console)
+    stream = open_source(source, bench, (), console)
+    bench = bench_for(bench, stream)
+    names = [link.config.channel for link in bench.config.buses]
+    bus = map_bus(bench)
+    refuse_long_frames(bus)
+    device = Device(bus)
+    count = done = 0
+    with (
+        progress_bar(console, f"converting {source.name}", stream.samples) as progress,
+        replacing(target) as part,
+        file_errors(target),
+        open_writer(part, 0) as writer,
+    ):
+        for chunk in device.chunks(stream.chunks()):
+            if chunk.first == 0:
+                device.begin(stream.sample_rate)
+            for number, frame in device.frames(chunk):
+                writer.write(LogFrame(frame._replace(bit_rate_switch=frame.is_fd), names[number]))
+                count += 1
+            done += chunk.samples
+            progress(done)
+    return f"{target}: {count} frames"
 
 
 def _frames(source: Path, target: Path, channels: Sequence[str], console: Console) -> str:
@@ -108,7 +160,7 @@ def _frames(source: Path, target: Path, channels: Sequence[str], console: Consol
     start_ns = min(entry.frame.stamp_ns for entry in first)
     with (
         progress_bar(console, f"converting {source.name}", 1.0) as progress,
-        _replacing(target) as part,
+        replacing(target) as part,
         file_errors(target),
         open_writer(part, start_ns) as writer,
     ):
@@ -123,14 +175,3 @@ def _frames(source: Path, target: Path, channels: Sequence[str], console: Consol
     if rounded:
         say(console, f"{target}: {rounded} stamps are rounded to multiples of {step} ns")
     return f"{target}: {count} frames"
-
-
-@contextmanager
-def _replacing(target: Path) -> Iterator[Path]:
-    """A file beside the target that takes its place if all goes well, and else is gone."""
-    part = target.with_name(f".{target.stem}.part{target.suffix}")
-    try:
-        yield part
-        part.replace(target)
-    finally:
-        part.unlink(missing_ok=True)

@@ -1,62 +1,29 @@
-"""Recordings through the same core as the daemon, as fast as the machine allows."""
+"""Recordings in memory through the same core as the daemon, as fast as the machine allows."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from functools import cached_property
+from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from observer_rt.bus.database.frame_key import frame_key
-from observer_rt.bus.links.link import BusFrame, Frame
-from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.evaluation.injections import InjectionResult, injection_result
 from observer_rt.evaluation.logged import LoggedRecording
+from observer_rt.evaluation.passage import Passage
+from observer_rt.evaluation.run import ObserverRun, Progress
+from observer_rt.evaluation.trace import Signal, Trace, joined
 from observer_rt.foundation.errors import UserError
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.standstill import Standstill
-from observer_rt.observer.stream.state import State
-from observer_rt.recording.replay.framing import Framer, TimedFrame, bench_for, message_timing, whole
+from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.core import Core
+from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.service.core.counters import Counters
 from observer_rt.service.core.learners import LearnerFactory, make_learner
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.service.reports.news import MeasuredMass, Notes
+from observer_rt.service.reports.news import MeasuredMass
 
-Signal = NDArray[np.float64]
-Progress = Callable[[int], None]  # samples done
-NANOSECONDS = 1e9  # in a second
-PAUSE = 1.0  # s, between two recordings of a history
-_READ_EVERY = 64  # frames between two looks at the observer's memory
-
-
-@dataclass(frozen=True)
-class Trace:
-    """The observer at every sample of a recording (n samples); nan where not available.
-
-    injection_rate [m3/s]; injection_rate_sigma [m3/s]: its standard deviation over the windows of injections that
-    were learned from; state: `State`; x normalised (n, 3); phi [1/s] (n, 3); nominal_rate [m3/s]: the model
-    with phi = 0 on the same frames.
-    """
-
-    injection_rate: Signal
-    injection_rate_sigma: Signal
-    valid: NDArray[np.bool_]
-    state: NDArray[np.int8]
-    x: Signal
-    phi: Signal
-    nominal_rate: Signal
-
-    @classmethod
-    def unavailable(cls, samples: int, state: State) -> Self:
-        """The observer in one state, nothing available."""
-        rate, sigma, nominal = np.full((3, samples), np.nan)
-        x, phi = np.full((2, samples, 3), np.nan)
-        return cls(
-            rate, sigma, np.zeros(samples, np.bool_), np.full(samples, state, np.int8), x, phi, nominal
-        )
+__all__ = ["Evaluation", "History", "Trace", "evaluate", "evaluate_logs"]
 
 
 @dataclass(frozen=True)
@@ -75,6 +42,40 @@ class Evaluation:
     standstill: Standstill
     measured: tuple[MeasuredMass, ...] = ()
     has_energizing: bool = False
+
+    @property
+    def path(self) -> Path | None:
+        """Of the recording; the next are its, too."""
+        return self.recording.path
+
+    @property
+    def samples(self) -> int:
+        return self.recording.samples
+
+    @property
+    def sample_rate(self) -> float:
+        return self.recording.sample_rate
+
+    @property
+    def has_rate(self) -> bool:
+        return self.recording.injection_rate is not None
+
+    @cached_property
+    def injections(self) -> list[InjectionResult]:
+        """Results of every injection, each over the window it was detected in."""
+        online = {measured.report.number: measured.mass for measured in self.measured}
+        return [
+            injection_result(
+                report,
+                self.first_index,
+                self.recording.time,
+                self.trace,
+                self.recording.injection_rate,
+                self.recording.sample_rate,
+                online.get(report.number),
+            )
+            for report in self.reports
+        ]
 
 
 @dataclass(frozen=True)
@@ -110,11 +111,13 @@ def evaluate(
                 "recordings of one history must have one sample rate",
             )
     fuel_temperature = bench.injector.parameters.fluid.reference_temperature  # a recording knows none
-    run = _Run(bench, map_bus(bench), knowledge, learning, progress, learner_of, fuel_temperature)
+    run = ObserverRun(bench, knowledge, learning, progress, learner_of, fuel_temperature, keeps_frames=True)
+    heard = []
     for recording in recordings:
-        run.take(recording)
-    run.finish()
-    return run.history()
+        heard.append(_Heard(recording))
+        passages = run.take(HeldSignals(recording), heard[-1])
+        heard[-1].end(run, passages[0].first_index)
+    return _history(run, heard)
 
 
 def evaluate_logs(
@@ -128,157 +131,58 @@ def evaluate_logs(
 
     The sample index of every log must go on beyond that of the one before.
     """
-    run = _Run(bench, map_bus(bench), knowledge, learning, progress, make_learner)
+    run = ObserverRun(bench, knowledge, learning, progress, keeps_frames=True)
+    heard = []
     for log in logs:
-        run.take_frames(log.recording, log.first_index, log.frames)
-    run.finish()
-    return run.history()
+        heard.append(_Heard(log.recording))
+        samples, rate = log.recording.samples, log.recording.sample_rate
+        run.take_frames(log.frames, [Passage(heard[-1], log.first_index, samples, rate)])
+        heard[-1].end(run, log.first_index)
+    return _history(run, heard)
 
 
-class _Part:
-    """What is seen of one recording while it is evaluated."""
+class _Heard:
+    """What is heard of one recording."""
 
-    def __init__(self, recording: Recording, first_index: int) -> None:
-        self.recording = recording
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._traces: list[Trace] = []
+        self._reports: list[InjectionReport] = []
+        self._measured: list[MeasuredMass] = []
+
+    def take_report(self, passage: Passage, report: InjectionReport) -> None:
+        self._reports.append(report)
+
+    def take_measured(self, measured: MeasuredMass) -> None:
+        self._measured.append(measured)
+
+    def take_passed(self, time: Signal, trace: Trace) -> None:
+        self._traces.append(trace)
+
+    def end(self, run: ObserverRun, first_index: int) -> None:
+        """All its frames were taken."""
         self.first_index = first_index
-        self.trace = Trace.unavailable(recording.samples, State.STARTING)
+        self.counters, self.standstill = run.counters, run.standstill
 
-    def places(self, rows: NDArray[np.void]) -> tuple[NDArray[np.void], NDArray[np.int64]]:
-        """The rows that belong to this recording, and their places in it."""
-        place = rows["index"] - self.first_index
-        mine = (place >= 0) & (place < self.recording.samples)
-        return rows[mine], place[mine]
-
-    def note(self, rows: NDArray[np.void]) -> None:
-        rows, place = self.places(rows)
-        trace = self.trace
-        available = ~np.isnan(rows["injection_rate"])
-        trace.injection_rate[place] = rows["injection_rate"]
-        trace.valid[place] = rows["valid"]
-        trace.state[place] = rows["state"]
-        trace.x[place[available]] = rows["x_hat"][available, :3]
-        trace.phi[place[available]] = rows["phi"][available]
-
-    def note_report(self, report: InjectionReport) -> None:
-        if report.rate_sigma is not None:
-            start = report.start_index - self.first_index
-            sigma = self.trace.injection_rate_sigma[start : start + len(report.rate_sigma)]
-            sigma[:] = report.rate_sigma[: len(sigma)]
-
-    def note_nominal(self, rows: NDArray[np.void]) -> None:
-        rows, place = self.places(rows)
-        self.trace.nominal_rate[place] = rows["injection_rate"]
-
-
-class _Run:
-    """The observer and, beside it, the nominal model on the same frames."""
-
-    def __init__(
-        self,
-        bench: Bench,
-        bus: BusMap,
-        knowledge: Knowledge | None,
-        learning: bool,
-        progress: Progress | None,
-        learner_of: LearnerFactory,
-        fuel_temperature: float | None = None,
-    ) -> None:
-        self._notes = Notes()
-        self._frames: list[OutputFrame] = []
-        self._core = Core(
-            bench.injector,
-            bus,
-            knowledge,
-            learning=learning,
-            listeners=[self._notes],
-            learner_of=learner_of,
-            fuel_temperature=fuel_temperature,
-        )
-        self._nominal = Core(bench.injector, bus, learning=False, fuel_temperature=fuel_temperature)
-        self._framer = Framer(bus)
-        self._delays = {
-            frame_key(layout.frame_id, layout.is_extended, layout.bus): round(
-                float(message_timing(bus, number)["delay"]) * NANOSECONDS
-            )
-            for number, layout in enumerate(bus.input_layouts)
-        }
-        self._progress = progress or (lambda _: None)
-        self._seen = 0
-        self._nominal_seen = 0
-        self._parts: list[_Part] = []
-        self._ends: list[tuple[Counters, Standstill]] = []
-
-    def take(self, recording: Recording) -> None:
-        if self._parts:
-            self._framer.pause(round(PAUSE * recording.sample_rate))
-        first_index = self._framer.next_index
-        start = round(first_index / recording.sample_rate * NANOSECONDS)
-        frames = self._framer.frames(recording, whole(recording))
-        self.take_frames(recording, first_index, (self._received(frame, start) for frame in frames))
-
-    def take_frames(self, recording: Recording, first_index: int, frames: Iterable[BusFrame]) -> None:
-        """Observe frames, which carry the samples of a recording from an index on."""
-        self._parts.append(_Part(recording, first_index))
-        for count, (bus, frame) in enumerate(frames):
-            frame_id, is_extended, payload, stamp = (
-                frame.frame_id,
-                frame.is_extended,
-                frame.payload,
-                frame.stamp_ns,
-            )
-            self._frames += self._core.handle(frame_id, is_extended, payload, stamp, bus)
-            self._nominal.handle(frame_id, is_extended, payload, stamp, bus)
-            if count % _READ_EVERY == 0:
-                self._read()
-        self._read()
-        self._ends.append((self._core.counters, self._core.standstill))
-
-    def _received(self, frame: TimedFrame, start: int) -> BusFrame:
-        delay = self._delays[frame_key(frame.frame_id, frame.is_extended, frame.bus)]
-        stamp = start + frame.stamp_ns + delay
-        return BusFrame(
-            frame.bus, Frame(frame.frame_id, frame.payload, stamp, frame.is_extended, frame.is_fd)
+    def evaluation(self, before: Counters, has_energizing: bool) -> Evaluation:
+        """All that was heard; before: what was counted of the recordings before it."""
+        return Evaluation(
+            self._recording,
+            self.first_index,
+            joined(self._traces),
+            tuple(self._reports),
+            self.counters.since(before),
+            self.standstill,
+            tuple(self._measured),
+            has_energizing,
         )
 
-    def finish(self) -> None:
-        self._frames += self._core.finish()
-        self._nominal.finish()
-        self._read()
-        self._ends[-1] = (self._core.counters, self._core.standstill)
 
-    def history(self) -> History:
-        evaluations = []
-        before = self._ends[0][0].since(self._ends[0][0])
-        for part, (counters, standstill) in zip(self._parts, self._ends, strict=True):
-            end = part.first_index + part.recording.samples
-            reports = tuple(r for r in self._notes.injections if part.first_index <= r.start_index < end)
-            measured = tuple(
-                m for m in self._notes.measured if part.first_index <= m.report.start_index < end
-            )
-            for report in reports:
-                part.note_report(report)
-            evaluations.append(
-                Evaluation(
-                    part.recording,
-                    part.first_index,
-                    part.trace,
-                    reports,
-                    counters.since(before),
-                    standstill,
-                    measured,
-                    self._core.energizing is not None,
-                )
-            )
-            before = counters
-        return History(tuple(evaluations), self._core.knowledge, tuple(self._frames))
-
-    def _read(self) -> None:
-        """Note what was processed since the last look; the end of one recording shows with the next one's start."""
-        rows = self._core.rows(self._seen, self._core.processed)
-        nominal_rows = self._nominal.rows(self._nominal_seen, self._nominal.processed)
-        self._seen = self._core.processed
-        self._nominal_seen = self._nominal.processed
-        for part in self._parts[-2:]:
-            part.note(rows)
-            part.note_nominal(nominal_rows)
-        self._progress(self._seen)
+def _history(run: ObserverRun, heard: Sequence[_Heard]) -> History:
+    run.finish()
+    heard[-1].end(run, heard[-1].first_index)
+    before = [heard[0].counters.since(heard[0].counters), *(each.counters for each in heard)]
+    evaluations = (
+        each.evaluation(counters, run.has_energizing) for each, counters in zip(heard, before, strict=False)
+    )
+    return History(tuple(evaluations), run.knowledge, tuple(run.frames))

@@ -1,113 +1,112 @@
-"""Figures of evaluated recordings."""
+"""Figures of evaluated recordings: curves of some injections, masses and wear of all."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from observer_rt.evaluation.evaluate import Evaluation
-from observer_rt.evaluation.results import InjectionResult
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.evaluation.curves import RateCurves
+from observer_rt.evaluation.event_axes import (
+    ESTIMATED,
+    NOMINAL,
+    RECORDINGS,
+    REFERENCE,
+    Picture,
+    draw_masses,
+    draw_wear,
+)
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, MM3_PER_MS
 
-ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
-CURVES = 3  # injections drawn as curves
-ANNOTATED = 24  # injections whose masses are also written as numbers
+COLUMNS = 4  # of curves side by side
 
 
-@dataclass(frozen=True)
-class RateCurves:
-    """Rates of one injection [m3/s] over time [s].
+def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -> None:
+    """Write a figure (format by suffix): curves above, masses and wear of all injections below.
 
-    reference: what it is compared with, if anything; sigma: standard deviation of the estimated rate, where known.
+    Several recordings share all axes, each in a colour of its own. reference: what the estimates are compared with
+    ("true", "measured").
     """
-
-    title: str
-    time: NDArray[np.float64]
-    estimated: NDArray[np.float64]
-    nominal: NDArray[np.float64]
-    reference: NDArray[np.float64] | None
-    sigma: NDArray[np.float64] | None = None
-
-
-@dataclass(frozen=True)
-class MassRow:
-    """Masses of one injection [kg]."""
-
-    number: int
-    estimated: float
-    nominal: float
-    reference: float | None
-    valid: bool
-
-
-def plot_injections(
-    path: Path, title: str, curves: Sequence[RateCurves], masses: Sequence[MassRow], reference: str
-) -> None:
-    """Write a figure (format by suffix): rate curves above, masses or mass errors of all injections below.
-
-    `reference` names what the estimates are compared with ("true", "measured").
-    """
-    figure = plt.figure(figsize=(max(8.4, 4.2 * len(curves)), 6.4), layout="constrained")
-    grid = figure.add_gridspec(2, max(1, len(curves)), height_ratios=(3, 2))
-    for column, curve in enumerate(curves):
-        axes = figure.add_subplot(grid[0, column])
-        _draw_curves(axes, curve, reference)
-        if column == 0:
-            axes.set_ylabel("injection rate [mm³/ms]")
-            figure.legend(
-                *axes.get_legend_handles_labels(), loc="outside upper right", ncols=4, frameon=False
-            )
-    _draw_masses(figure.add_subplot(grid[1, :] if curves else grid[:, :]), masses, reference)
-    figure.suptitle(title, x=0.01, ha="left")
+    numbers = sorted({number for one in recordings for number in one.curves})
+    has_line = any(curve.line is not None for one in recordings for curve in one.curves.values())
+    has_wear = any(row.wear for one in recordings for row in one.masses)
+    rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))
+    figure = plt.figure(
+        figsize=(max(8.8, 4.1 * columns), rows * (3.4 + 2.2 * has_line) + 2.9 + 2.6 * has_wear + 0.8),
+        layout="constrained",
+    )
+    parts = figure.add_gridspec(
+        rows + 1, 1, height_ratios=[3.4 + 2.2 * has_line] * rows + [2.9 + 2.6 * has_wear]
+    )
+    for row in range(rows):
+        grid = parts[row].subgridspec(1 + has_line, columns, height_ratios=(3.4, 2.2)[: 1 + has_line])
+        for column, number in enumerate(numbers[row * COLUMNS : (row + 1) * COLUMNS]):
+            axes = [figure.add_subplot(grid[k, column]) for k in range(1 + has_line)]
+            _draw_injection(axes, recordings, number, reference, labelled=column == 0)
+            if row == column == 0:
+                _legend(figure, axes, recordings)
+    below = parts[rows].subgridspec(1 + has_wear, 1, height_ratios=(2.9, 2.6)[: 1 + has_wear])
+    masses = figure.add_subplot(below[0])
+    draw_masses(masses, recordings, reference)
+    if has_wear:
+        wear = figure.add_subplot(below[1], sharex=masses)
+        draw_wear(wear, recordings)
+        masses.set_xlabel("")
+    several = f"{len(recordings)} recordings; pale: {reference}, dashed: nominal model"
+    figure.suptitle(recordings[0].title if len(recordings) == 1 else several, x=0.01, ha="left")
     figure.savefig(path, dpi=130)
     plt.close(figure)
 
 
-def evaluation_curves(evaluation: Evaluation, results: Sequence[InjectionResult]) -> list[RateCurves]:
-    """Curves of the first, a middle and the last injection of a recording."""
-    if not results:
-        return []
-    chosen = sorted({0, len(results) // 2, len(results) - 1})[:CURVES]
-    curves = []
-    for number in chosen:
-        report = results[number].report
-        first = report.start_index - evaluation.first_index
-        window = slice(first, report.end_index - evaluation.first_index + 1)
-        time = evaluation.recording.time[window]
-        measured = evaluation.recording.injection_rate
-        curves.append(
-            RateCurves(
-                f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
-                time - time[0],
-                evaluation.trace.injection_rate[window],
-                evaluation.trace.nominal_rate[window],
-                None if measured is None else measured[window],
-                evaluation.trace.injection_rate_sigma[window],
-            )
+def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture]) -> None:
+    """Of the recordings where there are several, else of the first injection's lines, the same in all."""
+    handles: Sequence[Artist] = axes[0].get_legend_handles_labels()[0]
+    if len(recordings) > 1:
+        handles = [
+            Line2D([], [], color=RECORDINGS[i % len(RECORDINGS)], label=one.title)
+            for i, one in enumerate(recordings)
+        ]
+    figure.legend(handles=handles, loc="outside upper right", ncols=4, frameon=False)
+    if len(axes) > 1 and len(recordings) == 1:
+        axes[1].legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, frameon=False, ncols=2, borderpad=0.0
         )
-    return curves
 
 
-def evaluation_masses(results: Sequence[InjectionResult]) -> list[MassRow]:
-    """Masses of all injections of a recording."""
-    return [
-        MassRow(
-            result.report.number,
-            result.report.mass,
-            result.nominal_mass,
-            None if np.isnan(result.measured_mass) else result.measured_mass,
-            result.report.valid,
-        )
-        for result in results
-    ]
+def _draw_injection(
+    axes: Sequence[Axes], recordings: Sequence[Picture], number: int, reference: str, labelled: bool
+) -> None:
+    """One injection of every recording that has it: rates, and line pressure below."""
+    there = [(i, one.curves[number]) for i, one in enumerate(recordings) if number in one.curves]
+    for i, curve in there:
+        if len(recordings) == 1:
+            _draw_rates(axes[0], curve, reference)
+        else:
+            _draw_rates_of_several(axes[0], curve, RECORDINGS[i % len(RECORDINGS)])
+        if len(axes) > 1 and curve.line is not None:
+            time, colour = curve.time / MILLISECOND, RECORDINGS[i % len(RECORDINGS)]
+            measured = REFERENCE if len(recordings) == 1 else colour
+            alpha = 0.55 if len(recordings) == 1 else 0.35
+            pressures = [values / MEGAPASCAL for values in (curve.line.measured, curve.line.modelled)]
+            axes[1].plot(time, pressures[0], color=measured, lw=2.2, alpha=alpha, label="measured")
+            axes[1].plot(time, pressures[1], color=colour, lw=1.1, label="observer, from the opening on")
+    axes[0].set_title(there[0][1].title if len(recordings) == 1 else f"injection {number}")
+    for one in axes:
+        one.grid(alpha=0.3)
+    axes[-1].set_xlabel("time [ms]")
+    if len(axes) > 1:
+        axes[0].sharex(axes[1])
+        axes[0].tick_params(labelbottom=False)
+    if labelled:
+        axes[0].set_ylabel("injection rate\n[mm³/ms]")
+        if len(axes) > 1:
+            axes[1].set_ylabel("line pressure\n[MPa]")
 
 
-def _draw_curves(axes: Axes, curve: RateCurves, reference: str) -> None:
+def _draw_rates(axes: Axes, curve: RateCurves, reference: str) -> None:
     time = curve.time / MILLISECOND
     if curve.reference is not None:
         axes.plot(time, curve.reference / MM3_PER_MS, color=REFERENCE, lw=2.4, label=reference)
@@ -116,36 +115,11 @@ def _draw_curves(axes: Axes, curve: RateCurves, reference: str) -> None:
         axes.fill_between(time, low, high, color=ESTIMATED, alpha=0.2, lw=0, label="its 95 % interval")
     axes.plot(time, curve.estimated / MM3_PER_MS, color=ESTIMATED, lw=1.4, label="observer")
     axes.plot(time, curve.nominal / MM3_PER_MS, color=NOMINAL, ls="--", lw=1.4, label="nominal model")
-    axes.set(title=curve.title, xlabel="time [ms]")
-    axes.grid(alpha=0.3)
 
 
-def _draw_masses(axes: Axes, masses: Sequence[MassRow], reference: str) -> None:
-    numbers = np.array([row.number for row in masses])
-    estimated = np.array([row.estimated for row in masses])
-    nominal = np.array([row.nominal for row in masses])
-    if masses and all(row.reference for row in masses):
-        truth = np.array([row.reference for row in masses], float)
-        series = [100 * (nominal / truth - 1), 100 * (estimated / truth - 1)]
-        label = f"mass error against {reference} [%]"
-        axes.axhline(0, color=REFERENCE, lw=0.8)
-    else:
-        series = [nominal / MILLIGRAM, estimated / MILLIGRAM]
-        label = "injected mass [mg]"
-    axes.bar(numbers - 0.2, series[0], 0.38, color=NOMINAL)
-    bars = axes.bar(numbers + 0.2, series[1], 0.38, color=ESTIMATED)
-    for bar, row in zip(bars, masses, strict=True):
-        if not row.valid:
-            bar.set(alpha=0.35, hatch="//")
-    if len(masses) <= ANNOTATED:
-        for number, value in zip(numbers, series[1], strict=True):
-            if np.isfinite(value):
-                axes.annotate(
-                    f"{value:.2f}", (number + 0.2, max(value, 0)), ha="center", va="bottom", fontsize=7
-                )
-    axes.set(xlabel="injection (hatched: observer not valid)", ylabel=label)
-    axes.margins(y=0.12)
-    axes.xaxis.set_major_locator(MaxNLocator(ANNOTATED, integer=True, min_n_ticks=1))
-    axes.grid(axis="y", alpha=0.3)
-    if not masses:
-        axes.text(0.5, 0.5, "no injection found", ha="center", transform=axes.transAxes)
+def _draw_rates_of_several(axes: Axes, curve: RateCurves, colour: str) -> None:
+    time = curve.time / MILLISECOND
+    if curve.reference is not None:
+        axes.plot(time, curve.reference / MM3_PER_MS, color=colour, lw=3.0, alpha=0.3)
+    axes.plot(time, curve.estimated / MM3_PER_MS, color=colour, lw=1.4)
+    axes.plot(time, curve.nominal / MM3_PER_MS, color=colour, ls="--", lw=0.9)

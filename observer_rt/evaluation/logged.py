@@ -1,7 +1,8 @@
 """A CAN log as a recording: its frames through the daemon's own path, and what the observer was given of them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,14 @@ from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
+from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.observer.stream.state import RING
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.channels import chosen_channels
 from observer_rt.recording.input_frames import InputFrames
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.recording import Chunk, Recording
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.counters import Counters
@@ -25,12 +29,36 @@ from observer_rt.service.watch.log_watch import LogWatch
 READ_EVERY = 64  # frames between two looks at the observer's memory, which forgets
 RATE_TOLERANCE = 0.02  # of the sample rate by stamps, beyond which a log is odd
 FEWEST_FOR_RATE = 100  # frames
-LARGEST_SPAN = 1 << 28  # samples: 8 GiB in memory
+LARGEST_HOLE = 1 << 28  # samples between two that came
+_SHOWN = 5  # places where a log is split
+
+
+@dataclass(frozen=True)
+class LoggedStretch:
+    """Samples of a log whose index rises: [first_index, last_index], where the device was not restarted.
+
+    resumed: first indices after holes that are longer than an observer remembers.
+    """
+
+    first_index: int
+    last_index: int
+    resumed: tuple[int, ...] = ()
+
+    @property
+    def samples(self) -> int:
+        """With those that did not come."""
+        return self.last_index - self.first_index + 1
+
+    def gone_on(self, index: NDArray[np.int64]) -> "LoggedStretch":
+        """With further indices (n,), rising."""
+        holes = np.diff(index, prepend=self.last_index) > RING
+        resumed = (*self.resumed, *index[holes].tolist()) if holes.any() else self.resumed
+        return LoggedStretch(self.first_index, int(index[-1]), resumed)
 
 
 @dataclass(frozen=True)
 class LoggedRecording:
-    """A log, decoded by a bench file.
+    """A log, decoded by a bench file, in memory.
 
     recording: what the observer was given, NaN where no sample came; it begins with sample index `first_index`.
     frames: the frames as they are in the log. notes: what the user should know of the log. counters, standstill,
@@ -52,88 +80,180 @@ def read_logged(
     from_channels: Sequence[str] = (),
     progress: Callable[[float], None] = lambda _: None,
 ) -> LoggedRecording:
-    """Decode a log; from_channels: texts of `--from-channel`; progress: share done, 0 to 1.
-
-    Raises `UserError` for a log that is malformed, holds no input of the bench, or in which the sample index begins
-    anew.
-    """
-    bus = map_bus(bench)
-    needed = {layout.bus for layout in bus.input_layouts}
-    channels = chosen_channels(path, bench.config.buses, needed, from_channels)
-    frames = InputFrames(path, bus, channels)
-    core = Core(bench.injector, bus, learning=False)
-    pieces: list[NDArray[np.void]] = []
-    seen = 0
-    stamps = _Stamps()
-    watch = LogWatch(bench.injector, bus, core)
-    for count, (on, frame) in enumerate(frames):
-        core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, on)
-        watch.note(on, frame)
-        if core.processed > 0:  # before, clocks may have to be learned
-            stamps.note(frame)
-        if count % READ_EVERY == 0:
-            pieces.append(core.rows(seen, core.processed))
-            seen = core.processed
-            progress(frames.share_read)
-    core.finish()
-    rows = np.concatenate([*pieces, core.rows(seen, core.processed)])
-    if len(rows) < 2:
-        counted = core.counters
-        absent = watch.absent()
-        odd = "; ".join(absent) or f"{counted.crc_errors} CRC errors, {counted.length_errors} of wrong length"
+    """Decode a log into memory, as `LoggedSignals`. Raises `UserError` where the sample index begins anew, too."""
+    logged = LoggedSignals(bench, path, from_channels, progress)
+    if len(logged.logged) > 1:
         raise UserError(
             str(path),
-            f"its {counted.frames} input frames give {len(rows)} samples: {odd}",
-            "record all inputs: was the device on, its channel recorded?"
-            if absent
-            else "give --bench with the file the log was recorded by",
-        )
-    rate = bench.injector.config.sampling.rate_hz
-    recording = _recording(bench, rows, path)
-    notes = [
-        *frames.notes(),
-        *watch.notes(path),
-        *stamps.notes(path, rate, int(rows["index"][-1] - rows["index"][0])),
-    ]
-    found = core.counters, core.standstill, core.timing
-    return LoggedRecording(recording, int(rows["index"][0]), frames, tuple(notes), *found)
-
-
-def _recording(bench: Bench, rows: NDArray[np.void], path: Path) -> Recording:
-    index = rows["index"]
-    back = np.flatnonzero(np.diff(index) <= 0)
-    if back.size:
-        raise UserError(
-            str(path),
-            f"the sample index begins anew after {index[back[0]]}: a device was restarted",
+            f"the sample index begins anew after {logged.logged[0].last_index}: a device was restarted",
             "split the log there",
         )
-    samples = int(index[-1] - index[0]) + 1
-    if samples > LARGEST_SPAN:
-        raise UserError(
-            str(path),
-            f"its sample index spans {samples} samples, {len(rows)} of them in the log",
-            "split the log where the index jumps",
-        )
-    c = bench_constants(bench.injector).coefficients
-    received = ~rows["interpolated"]
-    place = (index - index[0])[received]
-
-    def signal(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        placed = np.full(samples, np.nan)
-        placed[place] = values[received]
-        return placed
-
-    def pressure(name: str) -> NDArray[np.float64]:
-        return signal(rows[name] * c.pressure_scale + c.chamber_pressure)
-
-    return Recording(
-        time=np.arange(samples) / bench.injector.config.sampling.rate_hz,
-        rail_pressure=pressure("rail_pressure"),
-        needle_lift=signal(np.interp(index, index + rows["lift_after"], rows["needle_lift"])),
-        line_pressure=pressure("line_pressure"),
-        path=path,
+    return LoggedRecording(
+        logged.collected(),
+        logged.logged[0].first_index,
+        logged.frames,
+        logged.notes,
+        logged.counters,
+        logged.standstill,
+        logged.timing,
     )
+
+
+class LoggedSignals(SignalStream):
+    """A log, decoded by a bench file: what the observer was given of it, in parts. A restart splits it.
+
+    Raises `UserError` for a log that is malformed or holds no input of the bench.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        path: Path,
+        from_channels: Sequence[str] = (),
+        progress: Callable[[float], None] = lambda _: None,
+    ) -> None:
+        """from_channels: texts of `--from-channel`; progress: share done, 0 to 1."""
+        super().__init__(path)
+        self._bench = bench
+        self._bus = map_bus(bench)
+        needed = {layout.bus for layout in self._bus.input_layouts}
+        channels = chosen_channels(path, bench.config.buses, needed, from_channels)
+        self.frames = InputFrames(path, self._bus, channels)
+        """As they are in the log."""
+        self.rate = bench.injector.config.sampling.rate_hz
+        self.logged = self._look_through(path, progress)
+        """Apart where the sample index begins anew."""
+        self.stretches = tuple(Stretch(0.0, each.samples) for each in self.logged)
+
+    def _look_through(self, path: Path, progress: Callable[[float], None]) -> tuple[LoggedStretch, ...]:
+        core = Core(self._bench.injector, self._bus, learning=False)
+        stamps = _Stamps()
+        watch = LogWatch(self._bench.injector, self._bus, core)
+        found = 0
+        stretches: list[LoggedStretch] = []
+        for rows in self._rows(core, stamps, watch):
+            found += len(rows)
+            for index in _apart(rows["index"].astype(np.int64)):
+                _refuse_hole(index, stretches, path)
+                if not stretches or index[0] <= stretches[-1].last_index:
+                    stretches.append(LoggedStretch(int(index[0]), int(index[0])))
+                stretches[-1] = stretches[-1].gone_on(index)
+            self._survey(rows)
+            progress(self.frames.share_read)
+        if found < 2:
+            counted = core.counters
+            absent = watch.absent()
+            odd = "; ".join(absent) or (
+                f"{counted.crc_errors} CRC errors, {counted.length_errors} of wrong length"
+            )
+            raise UserError(
+                str(path),
+                f"its {counted.frames} input frames give {found} samples: {odd}",
+                "record all inputs: was the device on, its channel recorded?"
+                if absent
+                else "give --bench with the file the log was recorded by",
+            )
+        intervals = sum(stretch.samples - 1 for stretch in stretches)
+        self.notes = (
+            *self.frames.notes(),
+            *watch.notes(path),
+            *stamps.notes(path, self.rate, intervals),
+            *_restarts(path, stretches),
+        )
+        self.counters, self.standstill, self.timing = core.counters, core.standstill, core.timing
+        return tuple(stretches)
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Decode it anew."""
+        number, first = 0, 0
+        held = np.empty(0, np.dtype([]))
+        core = Core(self._bench.injector, self._bus, learning=False)
+        for rows in self._rows(core, _Stamps()):
+            held = rows if not len(held) else np.concatenate((held, rows))
+            back = np.flatnonzero(np.diff(held["index"].astype(np.int64)) <= 0)
+            while back.size:
+                yield from self._placed(held[: back[0] + 1], number, first, self.logged[number].samples)
+                held, number, first = held[back[0] + 1 :], number + 1, 0
+                back = np.flatnonzero(np.diff(held["index"].astype(np.int64)) <= 0)
+            if len(held) > SAMPLES_AT_ONCE:
+                end = int(held["index"][-2]) - self.logged[number].first_index
+                yield from self._placed(held, number, first, end)
+                first, held = end, held[-3:]  # the lift at a sample needs that before it
+        yield from self._placed(held, number, first, self.logged[number].samples)
+
+    def _rows(
+        self, core: Core, stamps: "_Stamps", watch: LogWatch | None = None
+    ) -> Iterator[NDArray[np.void]]:
+        """What the observer was given, some samples at a time."""
+        seen = 0
+        for count, (on, frame) in enumerate(self.frames):
+            core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, on)
+            if watch is not None:
+                watch.note(on, frame)
+            if core.processed > 0:  # before, clocks may have to be learned
+                stamps.note(frame)
+            if count % READ_EVERY == 0 and core.processed > seen:
+                yield core.rows(seen, core.processed)
+                seen = core.processed
+        core.finish()
+        yield core.rows(seen, core.processed)
+
+    def _placed(self, rows: NDArray[np.void], number: int, first: int, end: int) -> Iterator[Chunk]:
+        """Samples [first, end) of a stretch, among them the rows; NaN where none came."""
+        index = rows["index"].astype(np.int64)
+        lift = np.interp(index, index + rows["lift_after"], rows["needle_lift"])
+        place = index - self.logged[number].first_index
+        received = ~rows["interpolated"]
+        for start in range(first, end, SAMPLES_AT_ONCE):
+            stop = min(end, start + SAMPLES_AT_ONCE)
+            here = received & (place >= start) & (place < stop)
+
+            def signal(values: NDArray[np.float64]) -> NDArray[np.float64]:
+                placed = np.full(stop - start, np.nan)  # noqa: B023 - called at once
+                placed[place[here] - start] = values[here]  # noqa: B023
+                return placed
+
+            time = np.arange(start, stop) / self.rate
+            rail, line = (signal(self._pressure(rows, name)) for name in ("rail_pressure", "line_pressure"))
+            yield Chunk(time, rail, signal(lift), line, None, self.path, self.rate, number, start)
+
+    def _survey(self, rows: NDArray[np.void]) -> None:
+        """Ranges of what came; the lift as it came."""
+        came = rows[~rows["interpolated"]]
+        for name in ("rail_pressure", "line_pressure"):
+            self.survey.take(name, self._pressure(came, name))
+        self.survey.take("needle_lift", came["needle_lift"])
+
+    def _pressure(self, rows: NDArray[np.void], name: str) -> NDArray[np.float64]:
+        c = self._coefficients
+        pressure: NDArray[np.float64] = rows[name] * c.pressure_scale + c.chamber_pressure
+        return pressure
+
+    @cached_property
+    def _coefficients(self) -> Coefficients:
+        return bench_constants(self._bench.injector).coefficients
+
+
+def _restarts(path: Path, stretches: Sequence[LoggedStretch]) -> Iterator[str]:
+    if len(stretches) > 1:
+        places = [f"after sample {before.last_index}" for before in stretches[:-1]]
+        more = f" and {len(places) - _SHOWN} more" if len(places) > _SHOWN else ""
+        shown = ", ".join(places[:_SHOWN])
+        yield f"{path}: a device was restarted, its sample index begins anew: split {shown}{more}"
+
+
+def _apart(index: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Indices apart where they do not rise."""
+    return [part for part in np.split(index, np.flatnonzero(np.diff(index) <= 0) + 1) if part.size]
+
+
+def _refuse_hole(index: NDArray[np.int64], stretches: Sequence[LoggedStretch], path: Path) -> None:
+    last = stretches[-1].last_index if stretches else int(index[0])
+    hole = int(np.diff(index, prepend=min(last, int(index[0]))).max())
+    if hole > LARGEST_HOLE:
+        raise UserError(
+            str(path), f"its sample index jumps by {hole} samples", "split the log where the index jumps"
+        )
 
 
 class _Stamps:

@@ -1,13 +1,14 @@
 """What is said of an evaluated recording: injection by injection, as data for tables and JSON."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from observer_rt.evaluation.evaluate import Evaluation
+from observer_rt.evaluation.injections import InjectionResult
 from observer_rt.foundation.units import (
     MEGAPASCAL,
     MICROMETRE,
@@ -16,25 +17,48 @@ from observer_rt.foundation.units import (
     MM3_PER_MS,
 )
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.service.core.counters import Counters
 from observer_rt.service.reports.injection_record import energizing_record, injection_record, known
-from observer_rt.service.reports.injection_report import InjectionReport
 
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
 
 
-@dataclass(frozen=True)
-class InjectionResult:
-    """One injection against the nominal model and, where measured, against the measurement (SI; nan: not known)."""
+class Evaluated(Protocol):
+    """What is said of an evaluated recording, in memory or not."""
 
-    report: InjectionReport
-    start: float  # s
-    end: float  # s
-    nominal_mass: float  # kg
-    measured_mass: float  # kg
-    rate_rmse: float  # m3/s
-    nominal_rate_rmse: float  # m3/s
-    rate_ci95_halfwidth: float  # m3/s, of the published rate, mean while it flows
+    @property
+    def path(self) -> Path | None:
+        """Of the file."""
+
+    @property
+    def samples(self) -> int:
+        """How many there are."""
+
+    @property
+    def sample_rate(self) -> float:
+        """Of the recording [Hz]."""
+
+    @property
+    def has_rate(self) -> bool:
+        """Whether an injection rate was measured."""
+
+    @property
+    def counters(self) -> Counters:
+        """What was counted of it."""
+
+    @property
+    def standstill(self) -> Standstill:
+        """Statistics of the closed needle."""
+
+    @property
+    def has_energizing(self) -> bool:
+        """Whether the bench has this input."""
+
+    @property
+    def injections(self) -> Sequence[InjectionResult]:
+        """In their order."""
 
 
 @dataclass(frozen=True)
@@ -47,46 +71,12 @@ class Check:
     passed: bool
 
 
-def injection_results(evaluation: Evaluation) -> list[InjectionResult]:
+def injection_results(evaluation: Evaluated) -> list[InjectionResult]:
     """Results of every injection, each over the window it was detected in."""
-    online = {measured.report.number: measured.mass for measured in evaluation.measured}
-    return [
-        _injection_result(evaluation, report, online.get(report.number, math.nan))
-        for report in evaluation.reports
-    ]
+    return list(evaluation.injections)
 
 
-def _injection_result(evaluation: Evaluation, report: InjectionReport, online_mass: float) -> InjectionResult:
-    """online_mass [kg]: as measured online, nan: it was not; a measured rate goes before it."""
-    recording = evaluation.recording
-    first = report.start_index - evaluation.first_index
-    last = min(report.end_index - evaluation.first_index, recording.samples - 1)
-    window = slice(first, last + 1)
-    interval = 1.0 / recording.sample_rate
-    measured = recording.injection_rate[window] if recording.injection_rate is not None else None
-    nominal = evaluation.trace.nominal_rate[window]
-    rate = evaluation.trace.injection_rate[window]
-    sigma = evaluation.trace.injection_rate_sigma[window][rate != 0.0]
-
-    def mass(rate: NDArray[np.float64]) -> float:
-        return float(np.trapezoid(rate)) * interval * report.density
-
-    def rmse(rate: NDArray[np.float64]) -> float:
-        return math.nan if measured is None else float(np.sqrt(np.mean((rate - measured) ** 2)))
-
-    return InjectionResult(
-        report=report,
-        start=float(recording.time[first]),
-        end=float(recording.time[last]),
-        nominal_mass=mass(nominal),
-        measured_mass=online_mass if measured is None else mass(measured),
-        rate_rmse=rmse(rate),
-        nominal_rate_rmse=rmse(nominal),
-        rate_ci95_halfwidth=1.96 * float(np.mean(sigma)) if sigma.size else math.nan,
-    )
-
-
-def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
+def checks(evaluation: Evaluated, c: Coefficients) -> list[Check]:
     """Standstill checks: offset between line and rail pressure, noise levels."""
     standstill = evaluation.standstill
     offset = standstill.offset * c.pressure_scale
@@ -103,19 +93,24 @@ def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
     return result
 
 
-def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
+def recording_json(evaluation: Evaluated, c: Coefficients) -> dict[str, Any]:
     """One recording of the JSON document."""
-    results = injection_results(evaluation)
-    valid = sum(result.report.valid for result in results)
+    injections = [injection_json(result, evaluation.has_energizing, c) for result in evaluation.injections]
+    return {**recording_json_without(evaluation, c), "injections": injections}
+
+
+def recording_json_without(evaluation: Evaluated, c: Coefficients) -> dict[str, Any]:
+    """The same without its injections: an empty list in their place."""
+    valid = sum(result.report.valid for result in evaluation.injections)
     return {
-        "file": str(evaluation.recording.path),
-        "samples": evaluation.recording.samples,
-        "sample_rate_hz": evaluation.recording.sample_rate,
+        "file": str(evaluation.path),
+        "samples": evaluation.samples,
+        "sample_rate_hz": evaluation.sample_rate,
         "lost_samples": evaluation.counters.lost_samples,
         "checks": [vars(check) for check in checks(evaluation, c)],
-        "injections": [_injection_json(result, evaluation, c) for result in results],
+        "injections": [],
         "summary": {
-            "valid_share": valid / len(results) if results else 0.0,
+            "valid_share": valid / len(evaluation.injections) if len(evaluation.injections) else 0.0,
             "adoptions": evaluation.counters.adoptions,
             "rejected_adoptions": evaluation.counters.rejected_adoptions,
             **_energizing_json(evaluation),
@@ -123,11 +118,13 @@ def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
     }
 
 
-def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
+def _energizing_json(evaluation: Evaluated) -> dict[str, Any]:
     """Of the recording as a whole."""
     if not evaluation.has_energizing:
         return {}
-    delays = [report.commanded.opening_delay for report in evaluation.reports if report.commanded]
+    delays = [
+        result.report.commanded.opening_delay for result in evaluation.injections if result.report.commanded
+    ]
     known = [delay / MICROSECOND for delay in delays if not math.isnan(delay)]
     return {
         "energizing": {
@@ -140,7 +137,8 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
     }
 
 
-def _injection_json(result: InjectionResult, evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
+def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficients) -> dict[str, Any]:
+    """One injection of the JSON document."""
     commanded = result.report.commanded
     return {
         **injection_record(result.report, c),
@@ -151,5 +149,5 @@ def _injection_json(result: InjectionResult, evaluation: Evaluation, c: Coeffici
         "rate_rmse_mm3_per_ms": known(result.rate_rmse / MM3_PER_MS),
         "nominal_rate_rmse_mm3_per_ms": known(result.nominal_rate_rmse / MM3_PER_MS),
         "rate_ci95_halfwidth_mm3_per_ms": known(result.rate_ci95_halfwidth / MM3_PER_MS),
-        **({"energizing": energizing_record(commanded)} if evaluation.has_energizing else {}),
+        **({"energizing": energizing_record(commanded)} if has_energizing else {}),
     }

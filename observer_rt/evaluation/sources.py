@@ -7,40 +7,52 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.logged import LoggedRecording, read_logged
+from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.formats import is_log, read_recording
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.formats import is_log, open_recording
+from observer_rt.recording.signals.csv_file import TRUTH_SUFFIX
+from observer_rt.recording.signals.plausible import refuse_implausible
+from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.terminal.console import progress_bar, say, say_if_compiling
 
-Source = Recording | LoggedRecording
 
+def open_source(
+    path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console
+) -> SignalStream:
+    """Look through a file; what is odd about it is said. from_channels: of a log, as `--from-channel` names them.
 
-def read_source(path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console) -> Source:
-    """Read a file; what is odd about a log is said. from_channels: of the log, as `--from-channel` names them.
-
-    Raises `UserError` for an unknown suffix, a file that will not do, and a log without a bench file.
+    Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
+    without a bench file.
     """
     if not is_log(path):
-        return read_recording(path)
-    if bench is None:
+        with progress_bar(console, f"looking through {path.name}", None):
+            source = open_recording(path, None if bench is None else bench.injector)
+    elif bench is None:
         raise UserError(
             "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"
         )
-    say_if_compiling(console)
-    with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
-        logged = read_logged(bench, path, from_channels, progress)
-    for note in logged.notes:
+    else:
+        say_if_compiling(console)
+        with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
+            source = LoggedSignals(bench, path, from_channels, progress)
+    refuse_implausible(path, source.survey, source.names)
+    for note in source.notes:
         say(console, note)
-    return logged
+    return source
 
 
-def signals_of(source: Source) -> Recording:
-    """The signals, whatever they were read from."""
-    return source.recording if isinstance(source, LoggedRecording) else source
+def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
+    """The files without the truths beside simulated recordings, which `*.csv` catches, too."""
+    kept = [path for path in paths if not path.name.endswith(TRUTH_SUFFIX)]
+    if kept and len(kept) < len(paths):
+        say(
+            console,
+            f"left out: {len(paths) - len(kept)} files {TRUTH_SUFFIX[1:]}, which are not for the observer",
+        )
+    return kept or list(paths)
 
 
-def in_runs(sources: Sequence[Source]) -> list[Sequence[Source]]:
+def in_runs(sources: Sequence[SignalStream]) -> list[Sequence[SignalStream]]:
     """Sources of one history, apart where one observer could not go on: an observer is a run.
 
     Recordings are sent by a device of our own, one after another. A log goes on from that before it where its first
@@ -55,7 +67,7 @@ def in_runs(sources: Sequence[Source]) -> list[Sequence[Source]]:
     return [[source for _, source in pairs] for _, pairs in numbered]
 
 
-def _goes_on(before: Source, after: Source) -> bool:
-    if isinstance(before, LoggedRecording) and isinstance(after, LoggedRecording):
-        return after.first_index >= before.first_index + before.recording.samples
-    return isinstance(before, Recording) and isinstance(after, Recording)
+def _goes_on(before: SignalStream, after: SignalStream) -> bool:
+    if isinstance(before, LoggedSignals) and isinstance(after, LoggedSignals):
+        return after.logged[0].first_index > before.logged[-1].last_index
+    return not isinstance(before, LoggedSignals) and not isinstance(after, LoggedSignals)

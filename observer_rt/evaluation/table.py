@@ -1,4 +1,4 @@
-"""Evaluated recordings on the screen: a table of at most 80 columns each."""
+"""Evaluated recordings on the screen: a table of at most 80 columns and 50 rows each."""
 
 import math
 from collections.abc import Sequence
@@ -8,35 +8,39 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT
-from observer_rt.evaluation.evaluate import Evaluation
-from observer_rt.evaluation.results import InjectionResult, checks, injection_results
+from observer_rt.evaluation.injections import InjectionResult
+from observer_rt.evaluation.results import Evaluated, checks
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.stream.state import Reason
 from observer_rt.terminal.console import say
 
+MOST_ROWS = 50  # injections beyond which only means of several are shown
+SUMMARY_ROWS = 20
 NOTEWORTHY = 4.0  # standard deviations from nothing
 
 
-def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) -> None:
-    """One recording: what it is, injection by injection, and what is wrong with it."""
-    recording, counters = evaluation.recording, evaluation.counters
-    injections = injection_results(evaluation)
-    unfit = sum(result.report.reason is Reason.MODEL_INADEQUATE for result in injections)
-    if unfit:
+def print_evaluation(evaluation: Evaluated, c: Coefficients, console: Console) -> None:
+    """One recording: what it is, injection by injection or, where there are many, some at a time, what is wrong."""
+    counters, count = evaluation.counters, len(evaluation.injections)
+    not_valid = _not_valid(evaluation.injections)
+    if unfit := not_valid.get(Reason.MODEL_INADEQUATE):
         say(
             console,
-            f"MODEL_INADEQUATE: the measured line pressure contradicts the model in {unfit} of {len(injections)} "
+            f"MODEL_INADEQUATE: the measured line pressure contradicts the model in {len(unfit)} of {count} "
             "injections; their rates and masses are not to be believed",
         )
     say(
         console,
-        f"{recording.path}: {recording.samples} samples at {recording.sample_rate:g} Hz, "
+        f"{evaluation.path}: {evaluation.samples} samples at {evaluation.sample_rate:g} Hz, "
         f"{counters.lost_samples} lost; {counters.adoptions} phi adopted, {counters.rejected_adoptions} rejected",
     )
-    if injections:
+    if count > MOST_ROWS:
+        console.print(summary_table(evaluation.injections, evaluation.has_rate))
+    elif count:
+        injections = list(evaluation.injections)
         measured = any(not math.isnan(result.measured_mass) for result in injections)
-        console.print(_table(injections, measured or recording.injection_rate is not None))
+        console.print(_table(injections, measured or evaluation.has_rate))
     else:
         say(console, "no injection found")
     if evaluation.has_energizing:
@@ -45,10 +49,11 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) 
             f"{counters.commands} commands, {counters.missing_injections} injections missing, "
             f"{counters.uncommanded_injections} without a command",
         )
-    for reason, numbers in _not_valid(injections).items():
+    for reason, numbers in not_valid.items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
-    for line in _line_side(injections, c):
-        say(console, line)
+    if count:
+        for line in _line_side(evaluation.injections[-1], c):
+            say(console, line)
     for check in checks(evaluation, c):
         if not check.passed:
             say(console, f"check failed: {check.id} is {check.value:.3g} {check.unit}")
@@ -86,6 +91,39 @@ def _table(injections: Sequence[InjectionResult], measured: bool) -> Table:
     return table
 
 
+def summary_table(injections: Sequence[InjectionResult], measured: bool) -> Table:
+    """Means of runs of injections, in order; of masses their standard deviation, too."""
+    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    headings = ["\nno", "start\ns", "rail\nMPa", "mass\nmg", "+-\nmg", "nominal\nmg"]
+    headings += ["measured\nmg"] if measured else []
+    for heading in [*headings, "v_H\n-", "v_S\n-", "\nvalid"]:
+        table.add_column(Text(heading), justify="right", no_wrap=True)
+    size = -(-len(injections) // SUMMARY_ROWS)
+    for first in range(0, len(injections), size):
+        run = injections[first : first + size]
+        reports = [result.report for result in run]
+        masses = [report.mass / MILLIGRAM for report in reports]
+        table.add_row(
+            f"{reports[0].number}-{reports[-1].number}" if len(run) > 1 else str(reports[0].number),
+            f"{run[0].start:.3f}",
+            f"{_mean([report.rail_pressure / MEGAPASCAL for report in reports]):.1f}",
+            _number(_mean(masses)),
+            _number(_mean([(mass - _mean(masses)) ** 2 for mass in masses]) ** 0.5),
+            _number(_mean([result.nominal_mass / MILLIGRAM for result in run])),
+            *([_number(_mean([result.measured_mass / MILLIGRAM for result in run]))] if measured else []),
+            f"{_mean([report.indicators[NOZZLE].value for report in reports]):+.3f}",
+            f"{_mean([report.indicators[SEAT].value for report in reports]):+.3f}",
+            f"{100 * sum(report.valid for report in reports) / len(run):.0f} %",
+        )
+    return table
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Of those that are known; nan of none."""
+    known = [value for value in values if not math.isnan(value)]
+    return sum(known) / len(known) if known else math.nan
+
+
 def _not_valid(injections: Sequence[InjectionResult]) -> dict[Reason, list[int]]:
     """Numbers of the injections that are not valid, by reason."""
     numbers: dict[Reason, list[int]] = {}
@@ -114,11 +152,9 @@ def _number(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.2f}"
 
 
-def _line_side(injections: Sequence[InjectionResult], c: Coefficients) -> list[str]:
+def _line_side(last: InjectionResult, c: Coefficients) -> list[str]:
     """What was found beside the nozzle and the seat at the last injection, none of it part of the rate."""
-    if not injections:
-        return []
-    found = injections[-1].report.indicators
+    found = last.report.indicators
     result = []
     for _, shown in SCALARS.shown():
         estimate, unit = found[shown.effect], shown.screen_unit or shown.unit

@@ -10,6 +10,9 @@ FUEL_DENSITY = "the density of a fuel sample, or the injected mass on a balance"
 LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
 LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
 BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
+BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
 PRESSURE_GAUGE = (
     "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
 )
+WITH_A_MEASURED_RATE = {LIFT_GAUGE_OR_RATE: LIFT_GAUGE, BALLISTIC_RATE: BALLISTIC}
+"""What is left to measure of these where the injection rate was measured."""

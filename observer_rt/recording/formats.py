@@ -11,6 +11,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TypeVar
 
+from observer_rt.config.bench import BenchInjector
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.canlog.asc_writer import ASC
@@ -19,14 +20,17 @@ from observer_rt.recording.canlog.can_log import LogReader, LogRecorder, LogWrit
 from observer_rt.recording.canlog.candump import CANDUMP
 from observer_rt.recording.canlog.log_format import LogFormat
 from observer_rt.recording.canlog.trc import TRC
-from observer_rt.recording.mdf4 import MDF4_LOG, MDF4_SIGNALS
-from observer_rt.recording.signals.csv_file import CSV
+from observer_rt.recording.mdf4 import MDF4_LOG
+from observer_rt.recording.signals.formats import CSV, MDF4_SIGNALS, PARQUET
+from observer_rt.recording.signals.mapped.signals import MappedSignals
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.signal_format import SignalFormat
+from observer_rt.recording.signals.stream import HeldSignals, SignalStream
+from observer_rt.recording.signals.writers import CollectingWriter, PartsWriter, RecordingWriter
 from observer_rt.terminal.destinations import check_suffix
 
 Format = LogFormat | SignalFormat
-BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, CANDUMP, BLF, ASC, TRC, MDF4_LOG)
+BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, PARQUET, CANDUMP, BLF, ASC, TRC, MDF4_LOG)
 GROUP = "observer_rt.formats"
 F = TypeVar("F", bound=Format)
 
@@ -100,14 +104,26 @@ def recorded() -> list[LogFormat]:
     return [each for each in log_formats() if each.recorder is not None]
 
 
-def read_recording(path: Path) -> Recording:
-    """Read a recording.
+def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalStream:
+    """Look through a recording, which is then read in parts; one in a layout of the user's own by `[recording]`.
 
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
-    reader = _of(path, signal_formats()).reader
+    found = _of(path, signal_formats())
+    layouts = found.layouts
+    mapping = injector.config.recording if injector is not None else None
     with file_errors(path):
-        return reader(path)
+        if layouts is None:
+            return HeldSignals(found.reader(path))
+        if injector is None or mapping is None or layouts.is_own(path, mapping):
+            return layouts.stream(path)
+        return MappedSignals(layouts.table(path, mapping), injector.config.sampling.rate_hz)
+
+
+def read_recording(path: Path, injector: BenchInjector | None = None) -> Recording:
+    """Read a recording into memory, else as `open_recording`."""
+    with file_errors(path):
+        return open_recording(path, injector).collected()
 
 
 def write_recording(path: Path, recording: Recording) -> None:
@@ -119,6 +135,13 @@ def write_recording(path: Path, recording: Recording) -> None:
     assert writer is not None
     with file_errors(path):
         writer(path, recording)
+
+
+def open_parts(path: Path, has_rate: bool) -> PartsWriter:
+    """A recording to be written part by part. Raises `UserError` for a suffix that cannot be written."""
+    found = _of(path, written(signal_formats()))
+    assert found.writer is not None
+    return CollectingWriter(path, found.writer) if found.layouts is None else RecordingWriter(path, has_rate)
 
 
 def _of(path: Path, known: Sequence[F]) -> F:

@@ -11,7 +11,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.fuel import at_temperature, temperature_of
 from observer_rt.recording.formats import signal_formats, suffixes_of, write_recording, written
-from observer_rt.simulation.effects import parse_effects
+from observer_rt.simulation.effects import parse_effects, sizes_of
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import (
     make_schedule,
@@ -21,7 +21,7 @@ from observer_rt.simulation.schedule import (
 )
 from observer_rt.simulation.simulate import simulate, truth_path, write_truth
 from observer_rt.terminal.console import progress_bar, say, say_if_compiling
-from observer_rt.terminal.destinations import check_destination
+from observer_rt.terminal.destinations import check_destination, refuse_existing
 
 MAX_SAMPLES = 20_000_000  # that a machine of 4 GiB can hold with their truth
 
@@ -45,6 +45,8 @@ class SimulateOptions:
     seed: int
     fuel_temperature: float | None
     """degC; None: as in the injector file."""
+    force: bool = False
+    """Replace files that are there."""
 
 
 def simulate_to_file(output: Path, options: SimulateOptions, console: Console) -> None:
@@ -52,6 +54,7 @@ def simulate_to_file(output: Path, options: SimulateOptions, console: Console) -
     if options.noise not in ("on", "off"):
         raise UserError("--noise", f"is {options.noise!r}", "give on or off")
     check_destination("--output", output, suffixes_of(written(signal_formats())))
+    refuse_existing("--output", [output, truth_path(output)], options.force)
     period, sample_rate = options.period_ms * MILLISECOND, options.sample_rate
     samples = options.injections * period * sample_rate
     if samples > MAX_SAMPLES:
@@ -71,13 +74,14 @@ def simulate_to_file(output: Path, options: SimulateOptions, console: Console) -
     injector = load_injector(options.model)
     if options.fuel_temperature is not None:
         injector = at_temperature(injector, temperature_of("--fuel-temperature", options.fuel_temperature))
+    effects = parse_effects(options.effects)
     say_if_compiling(console)
     with progress_bar(console, "simulating", 1.0) as progress:
         simulation = simulate(
             injector,
             schedule,
             sample_rate,
-            parse_effects(options.effects),
+            effects,
             NoiseLevels() if options.noise == "on" else None,
             options.measured_rate,
             options.seed,
@@ -87,6 +91,7 @@ def simulate_to_file(output: Path, options: SimulateOptions, console: Console) -
     write_truth(truth_path(output), simulation.truth)
     say(
         console,
-        f"{output}: {simulation.recording.samples} samples at {sample_rate:g} Hz, {options.injections} events; "
+        f"{output}: {simulation.recording.samples} samples at {sample_rate:g} Hz, {options.injections} events, "
+        f"{'; '.join(map(sizes_of, effects)) or 'no effect'}; "
         f"truth in {truth_path(output).name}",
     )

@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from observer_rt.foundation.errors import UserError
@@ -24,6 +24,13 @@ def check_destination(option: str, path: Path, suffixes: Collection[str] = ()) -
         raise UserError(place, "must not be written", "check its rights, or name another file")
     if not path.exists():
         check_folder(option, path.parent)
+
+
+def refuse_existing(option: str, paths: Iterable[Path], force: bool) -> None:
+    """Raise `UserError` for a file that would be replaced although nobody said --force."""
+    for path in paths:
+        if path.exists() and not force:
+            raise UserError(f"{option} {path}", "exists already", "name another file, or add --force")
 
 
 def check_suffix(place: str, path: Path, suffixes: Collection[str]) -> None:

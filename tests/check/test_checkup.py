@@ -1,5 +1,6 @@
 """What `check` says: each finding against a bench made to cause it."""
 
+import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -239,3 +240,23 @@ def test_for_programs_and_for_the_screen() -> None:
         console.print(as_table(findings))
     assert "[red]x[/red]" in capture.get()
     assert "error" in capture.get()
+
+
+def test_the_injector_file_is_known_by_its_bytes_and_by_its_values(
+    findings_of: Callable[..., list[Finding]], tmp_path: Path
+) -> None:
+    """`sha256sum` says the first; a comment changes it, and not the hash of the values that is on the bus."""
+
+    def hashes(injector: Edits) -> tuple[str, str]:
+        texts = [finding.text for finding in of(findings_of(injector=injector), "files")]
+        of_file = next(text for text in texts if "injector.toml, SHA-256 " in text)
+        of_values = next(text for text in texts if "ModelHash" in text)
+        digest = hashlib.sha256((tmp_path / "injector.toml").read_bytes()).hexdigest()
+        assert of_file.endswith(digest)
+        return of_file, of_values
+
+    file, values = hashes(NO_EDITS)
+    commented_file, commented_values = hashes({"[line]": "[line]  # of our bench"})
+    assert commented_file != file
+    assert commented_values == values
+    assert hashes({"length = 0.15 ": "length = 0.16 "})[1] != values

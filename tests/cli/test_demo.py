@@ -35,7 +35,7 @@ def test_every_demonstration_with_one_seed_is_the_same_and_that_of_evaluate() ->
     scene = Demo(-0.2, 3, seed=5)
     result = scene.run(SPEED, wait)
     (expected,) = evaluate(scene.bench, [scene.recording]).evaluations
-    for curve, report in zip(result.curves, (expected.reports[0], expected.reports[2]), strict=True):
+    for curve, report in zip(result.curves.values(), (expected.reports[0], expected.reports[2]), strict=True):
         window = slice(report.start_index, report.end_index + 1)
         # the bus carries steps of 0.01 mm3/ms
         np.testing.assert_allclose(curve.estimated, expected.trace.injection_rate[window], atol=0.0051e-6)

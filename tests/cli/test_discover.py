@@ -1,6 +1,7 @@
 """`observer-rt discover`: what it writes and prints; mistakes it names; an interruption it survives."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,7 +41,14 @@ def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
     assert len(findings["held_out"]) == 1  # two rail pressures in one recording
     amended = tmp_path / "in_force.toml"
     amended.write_bytes((found / "amended.toml").read_bytes())
-    again = command("discover", "--model", amended, "--out", found, "--json", worn)
+    for name in ("findings.json", "report.html"):
+        kept = (found / name).read_bytes()
+        refused = command("discover", "--model", amended, "--out", found, worn)
+        assert refused.code == 2
+        assert name in refused.err
+        assert "--force" in refused.err
+        assert (found / name).read_bytes() == kept
+    again = command("discover", "--model", amended, "--out", found, "--json", "--force", worn)
     assert again.code == 0
     assert json.loads(again.out)["verdict"] == "none"
     assert json.loads(again.out) == json.loads((found / "findings.json").read_text())
@@ -54,6 +62,37 @@ def test_the_model_given_is_never_overwritten(command: Command, worn: Path, tmp_
     assert done.code == 2
     assert "name another folder" in done.err
     assert model.read_bytes() == NOMINAL_INJECTOR.read_bytes()
+
+
+def test_of_two_that_are_tied_the_one_chosen_is_amended(command: Command, tmp_path: Path) -> None:
+    recording, found = tmp_path / "seat.csv", tmp_path / "found"
+    command(
+        *("simulate", "--measured-rate", "--rail-pressure", "60,140", "--injections", "4"),
+        *("--effect", "seat_area:v_S=-0.2", "--output", recording),
+    )
+    done = command("discover", "--out", found, recording)
+    assert done.code == 0
+    headline, *rest = done.out.splitlines()
+    assert re.match(r"ambiguous: (lift_gain, or seat_area|seat_area, or lift_gain) \(", headline)
+    assert not (found / "amended.toml").exists()
+    assert "--choose seat_area" in "".join(rest)
+    advice = next(line for line in rest if line.strip().startswith("to tell"))
+    assert "rate" not in advice  # which was measured
+    wrong = command("discover", "--out", found, "--force", "--choose", "orifice_area", recording)
+    assert wrong.code == 2
+    assert "which leave open: " in wrong.err
+    chosen = command("discover", "--out", found, "--force", "--choose", "seat_area", recording)
+    assert chosen.out.startswith("ambiguous: seat_area, or lift_gain")
+    (effect,) = load_injector(found / "amended.toml").effects
+    assert effect.id == "seat_area"
+    assert "chosen" in effect.evidence
+
+
+def test_a_choice_that_is_no_effect_is_refused_first(command: Command, worn: Path, tmp_path: Path) -> None:
+    done = command("discover", "--out", tmp_path / "found", "--choose", "seat_rea", worn)
+    assert done.code == 2
+    assert "nearest is 'seat_area'" in done.err
+    assert not (tmp_path / "found").exists()
 
 
 def test_healthy_recordings_are_looked_at_first(

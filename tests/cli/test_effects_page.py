@@ -32,7 +32,8 @@ def test_the_example_is_found_and_works_in_every_command(command: Command, examp
     assert len(lines) == 4
     done = {line.split()[0]: command(*shlex.split(line)) for line in lines}
     assert [outcome.code for outcome in done.values()] == [0] * 4
-    assert "sac_volume: The sac holds more fuel" in done["effects"].out
+    assert re.search(r"sac_volume +The sac holds more fuel", done["effects"].out)
+    assert ":r = -0.5 to 4" in done["effects"].out
     assert done["discover"].out.startswith("named: sac_volume")
     assert "sac_volume" in (example.parent / "found" / "report.html").read_text()
     checked = command("check", "--effects", example, "--model", "found/amended.toml")

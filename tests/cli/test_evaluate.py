@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -128,6 +129,47 @@ def test_figure(command: Command, worn: Path, tmp_path: Path, suffix: str) -> No
     assert figure.read_bytes().startswith(start)
 
 
+def _words(figure: Path) -> str:
+    """What is written in an SVG, where every text stands as a comment beside its outlines."""
+    return " ".join(re.findall("<!-- (.*?) -->", figure.read_text(), re.DOTALL))
+
+
+def test_chosen_injections_are_drawn_with_units(command: Command, worn: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "worn.svg"
+    assert command("evaluate", worn, "--plot", figure, "--injections", "2,4").code == 0
+    words = _words(figure)
+    assert re.findall(r"injection (\d), ", words) == ["2", "4"]
+    for name, unit in (
+        ("injection rate", "mm³/ms"),
+        ("line pressure", "MPa"),
+        ("mass error against measured", "%"),
+        ("95 % interval", "%"),
+        ("time", "ms"),
+    ):
+        assert re.search(rf"{name} \[{unit}\]", words), name
+
+
+def test_an_injection_that_is_not_there_costs_no_result(command: Command, worn: Path, tmp_path: Path) -> None:
+    outcome = command("evaluate", worn, "--plot", tmp_path / "x.png", "--injections", "2,9")
+    assert outcome.code == 2
+    assert "--injections: there is no injection 9" in outcome.err
+    assert "there are 1 to 4" in outcome.err
+    assert "mass" in outcome.out
+
+
+def test_several_recordings_share_their_axes(
+    command: Command, worn: Path, resting: Path, tmp_path: Path
+) -> None:
+    figure, again = tmp_path / "both.svg", tmp_path / "again.csv"
+    again.write_bytes(worn.read_bytes())
+    assert command("evaluate", worn, again, resting, "--plot", figure).code == 0
+    words = _words(figure)
+    assert "3 recordings" in words
+    assert re.findall(r"injection (\d)", words)[:3] == ["1", "3", "4"]
+    for path in (worn, again):
+        assert str(path) in words
+
+
 def test_traces_of_several_recordings_go_to_a_folder(
     command: Command, worn: Path, resting: Path, tmp_path: Path
 ) -> None:
@@ -187,7 +229,8 @@ def test_model_replaces_that_of_the_bench(command: Command, worn: Path, bench: P
     [
         (("{worn}", "{resting}", "--output", "{here}/x.csv"), "--output {here}/x.csv: names a file"),
         (("{worn}", "{worn}", "--output", "{here}/traces"), "worn.csv.trace.csv would be written twice"),
-        (("{worn}", "{resting}", "--plot", "x.png"), "--plot: makes one figure"),
+        (("{worn}", "--injections", "1"), "no --plot is given"),
+        (("{worn}", "--plot", "{here}/x.png", "--injections", "1,0"), "--injections: '0' is no number"),
         (("{worn}", "{resting}", "--save-state", "x.json"), "--save-state: needs one history"),
         (("{worn}", "--output", "{worn}"), "is a recording to be evaluated"),
         (("{worn}", "--output", "{here}/no/x.csv"), "--output: {here}/no: no such folder"),
@@ -199,7 +242,7 @@ def test_model_replaces_that_of_the_bench(command: Command, worn: Path, bench: P
         (("{worn}", "--bench", "{here}/no.toml"), "{here}/no.toml: no such file"),
         (("{here}/no.csv",), "{here}/no.csv: no such file"),
         (("{here}/a.log",), "{here}/a.log: no such file"),
-        (("{here}/a.db",), "known suffixes: .csv, .mf4, .log, .blf, .asc, .trc"),
+        (("{here}/a.db",), "known suffixes: .csv, .mf4, .parquet, .log, .blf, .asc, .trc"),
         (("{here}",), "known suffixes: .csv, .mf4"),
     ],
 )

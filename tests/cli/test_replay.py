@@ -178,7 +178,7 @@ def test_signal_ends_an_endless_replay(command: Command, worn: Path, number: sig
         (("{here}/no.csv",), "no.csv: no such file"),
         (("{here}/no.log",), "no.log: no such file"),
         (("{here}/no.blf",), "no.blf: no such file"),
-        (("{here}/no.xyz",), "known suffixes: .csv, .mf4, .log, .blf, .asc, .trc"),
+        (("{here}/no.xyz",), "known suffixes: .csv, .mf4, .parquet, .log, .blf, .asc, .trc"),
         (("{log}", "--map-id", "0x123"), "--map-id: '0x123' is not of the form FROM=TO"),
         (("{log}", "--map-id", "0x124=0x200"), "--map-id: no frame with identifier 0x124"),
         (("{log}", "--map-id", "0x123=0x800"), "--map-id: 0x800 is too long for the standard frame 0x123"),

@@ -157,5 +157,49 @@ def test_an_installed_package_brings_its_effects(tmp_path: Path, value: str, lis
         [sys.executable, "-c", code, "effects"], capture_output=True, text=True, check=False
     )
     assert done.returncode == listed, done.stderr
-    assert ("sac_volume: The sac is larger." in done.stdout) == (listed == 0)
+    assert ("The sac is larger." in done.stdout) == (listed == 0)
     assert ("installed effects 'sacs'" in done.stderr) == (listed != 0)
+
+
+BOUNDED = """from observer_rt.model.effects.line_volume import EFFECT as VOLUME
+from observer_rt.model.own_bounds import bounded
+
+"""
+
+
+def test_an_effect_of_the_vocabulary_within_other_bounds(own: Path) -> None:
+    order, key = list(VOCABULARY), problem_key(NOMINAL, [])
+    own.write_text(BOUNDED + "LESS = bounded(VOLUME, r=(-0.2, 0.1))\n")
+    use_effects([own])
+    (parameter,) = VOCABULARY["line_volume"].parameters
+    assert (parameter.lowest, parameter.highest) == (-0.2, 0.1)
+    assert parameter.starts == (-0.2, -0.13, 0.0, 0.1)
+    assert list(VOCABULARY) == order
+    assert problem_key(NOMINAL, []) != key  # what was fitted within the other bounds is not taken over
+    assert indistinguishable(VOCABULARY["bulk_modulus"]) == ("line_volume",)
+
+
+def test_bounds_are_in_printed_units(own: Path) -> None:
+    own.write_text(BOUNDED.replace("line_volume", "channel_skew") + "MORE = bounded(VOLUME, d=(-90, 90))\n")
+    use_effects([own])
+    (parameter,) = VOCABULARY["channel_skew"].parameters
+    assert (parameter.lowest, parameter.highest) == pytest.approx((-90e-6, 90e-6))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("LESS = bounded(VOLUME, v=(-0.2, 0.1))", "line_volume has no parameter v"),
+        ("LESS = bounded(VOLUME, r=(0.1, 0.2))", "out of bounds"),
+        ("LESS = bounded(VOLUME, r=(-2.0, 0.1))", "apply at r = -2"),
+        (
+            "from dataclasses import replace\nOTHER = replace(bounded(VOLUME, r=(-0.2, 0.1)), sentence='Mine.')",
+            "is an effect already",
+        ),
+        ("ONE, TWO = bounded(VOLUME, r=(-0.2, 0.1)), bounded(VOLUME, r=(-0.2, 0.2))", "is an effect already"),
+    ],
+)
+def test_bounds_that_will_not_do(own: Path, text: str, message: str) -> None:
+    own.write_text(BOUNDED + text + "\n")
+    with pytest.raises(UserError, match=message):
+        use_effects([own])

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 
 import pytest
 
 from observer_rt.discovery.answer import Question, answer
 from observer_rt.discovery.evidence.measurement import measurements
-from observer_rt.discovery.findings import Findings
+from observer_rt.discovery.findings import Findings, Sources
 from observer_rt.discovery.opinion import Indicator, Opinion
 from observer_rt.discovery.search.candidates import NoMemory
 from observer_rt.model.effects import sized
@@ -16,6 +17,9 @@ from observer_rt.recording.signals.recording import Recording
 from tests.discovery.hidden import NOMINAL, recordings
 
 WEAR = 0.1
+SOURCES = Sources(
+    "a & b.toml", "0" * 64, ("seat_area",), {"a.csv": "1" * 64}, (), datetime(2026, 1, 31, 12, 0)
+)
 WORN_POINTS = ((60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.9e-3))
 
 

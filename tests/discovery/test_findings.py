@@ -10,14 +10,14 @@ from observer_rt.discovery.findings import gap_share
 from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.model.effects import effective_model, sized
-from tests.discovery.conftest import WEAR, Worn
+from tests.discovery.conftest import SOURCES, WEAR, Worn
 from tests.discovery.hidden import NOMINAL, recordings
 
 
 @pytest.fixture
 def document(worn: Worn) -> dict[str, Any]:
     """The document as a reader without NaN sees it."""
-    text = json.dumps(as_json(worn.findings), allow_nan=False)
+    text = json.dumps(as_json(worn.findings, SOURCES), allow_nan=False)
     parsed: dict[str, Any] = json.loads(text)
     return parsed
 

@@ -14,7 +14,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.recording.signals.csv_file import write_csv
+from observer_rt.recording.formats import write_recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.needle import Stroke, lift_of_stroke, strokes
 from observer_rt.simulation.plant import Truth, run_plant
@@ -206,8 +206,8 @@ def test_measured_rate_has_one_gain_error_per_recording() -> None:
 def test_same_seed_same_bytes(tmp_path: Path) -> None:
     for name, seed in (("a", 7), ("b", 7), ("c", 8)):
         made = simulate(NOMINAL, ONE, 50e3, noise=NOISE, measured_rate=True, seed=seed)
-        write_csv(tmp_path / name, made.recording)
-    first, same, other = ((tmp_path / name).read_bytes() for name in "abc")
+        write_recording(tmp_path / f"{name}.csv", made.recording)
+    first, same, other = ((tmp_path / f"{name}.csv").read_bytes() for name in "abc")
     assert first == same
     assert first != other
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,8 @@ _TOLERATED = {"rail_line_offset": 0.02 * MEGAPASCAL, "line_pressure_slope": 2 * 
 class StandstillFigure:
     """A figure of the standstill, in `unit`.
 
-    recording: its number, None for all together; sigma: standard deviation, nan for a noise level.
+    recording: its number, None for all together; sigma: standard deviation, nan for a noise level; explained: it
+    stands out in the model as given, and no more with what was found.
     """
 
     id: str
@@ -36,6 +37,7 @@ class StandstillFigure:
     sigma: float
     unit: str
     passed: bool
+    explained: bool = False
 
 
 def standstill_checks(
@@ -51,7 +53,11 @@ def standstill_checks(
         result += _of_recording(number, measurement, nominal.coefficients)
     for effect in apparent_effects():
         settled = effect.apparent is Apparent.SETTLED
-        result += _apparent(evidence, nominal if settled else amended, effect, settled)
+        figures = _apparent(evidence, nominal if settled else amended, effect, settled)
+        if settled and not all(figure.passed for figure in figures):
+            left = _apparent(evidence, amended, effect, settled)
+            figures = [replace(figure, explained=all(one.passed for one in left)) for figure in figures]
+        result += figures
     return tuple(result)
 
 

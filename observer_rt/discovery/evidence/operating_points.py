@@ -1,8 +1,9 @@
 """Recordings taken apart by operating point, and cut down to the stretches that are judged."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,12 @@ class OperatingPoint:
 def point_name(rail_pressure: float, duration: float) -> str:
     """An operating point [Pa, s], such as `100 MPa, 1.93 ms`."""
     return f"{rail_pressure / MEGAPASCAL:.0f} MPa, {duration / MILLISECOND:.2f} ms"
+
+
+def distinct(rail_pressures: Iterable[float]) -> int:
+    """How many rail pressures [Pa] there are, but for how closely they are kept."""
+    ordered = sorted(rail_pressures)
+    return 1 + sum(after - before > POINT_PRESSURE / 2.0 for before, after in pairwise(ordered))
 
 
 def by_operating_point(found: Sequence[Measurement]) -> tuple[OperatingPoint, ...]:

@@ -6,7 +6,7 @@ from typing import Any
 from observer_rt.discovery.comparison.disagreement import PHASE_NAMES, Disagreement
 from observer_rt.discovery.comparison.gaps import Gap, Gaps
 from observer_rt.discovery.comparison.standstill import StandstillFigure
-from observer_rt.discovery.findings import Findings, gap_share
+from observer_rt.discovery.findings import Findings, Sources, gap_share
 from observer_rt.discovery.opinion import Opinion
 from observer_rt.discovery.report.printed_units import printed
 from observer_rt.discovery.search.result import (
@@ -23,7 +23,7 @@ from observer_rt.model.effects import VOCABULARY
 SCHEMA = 1
 
 
-def as_json(findings: Findings) -> dict[str, Any]:
+def as_json(findings: Findings, sources: Sources) -> dict[str, Any]:
     """The document, in printed units."""
     found = findings.discovery
     unknown = found.unexplained
@@ -32,7 +32,11 @@ def as_json(findings: Findings) -> dict[str, Any]:
         "verdict": found.verdict.value,
         "confidence": found.confidence,
         "confidence_method": found.confidence_method,
+        "caveats": [{"id": one.id, "words": one.words, "sentence": one.sentence} for one in findings.caveats],
         "effects": [_effect(effect, found) for effect in found.effects],
+        "rivals": [list(ids) for ids in found.rivals],
+        "best": list(found.best.ids),
+        "chosen": list(findings.chosen),
         "ranking": [_candidate(candidate, found) for candidate in found.ranking],
         "detection": {"gain": _finite(found.gain), "threshold": _finite(found.threshold)},
         "where": [_where(item, findings.points) for item in findings.where],
@@ -53,6 +57,14 @@ def as_json(findings: Findings) -> dict[str, Any]:
         "observer": None if findings.opinion is None else _opinion(findings.opinion, findings.contradictions),
         "healthy_warning": findings.healthy_warning,
         "amended_model": findings.amended_model,
+        "model": {
+            "file": sources.model,
+            "sha256": sources.model_hash,
+            "in_force": list(sources.in_force),
+        },
+        "recordings": dict(sources.recordings),
+        "healthy": list(sources.healthy),
+        "made": sources.made.isoformat(timespec="seconds"),
         "fitted_on": list(findings.fitted_on),
         "held_out": list(findings.held_out),
         "seconds": round(findings.seconds, 3),
@@ -132,6 +144,7 @@ def _check(check: StandstillFigure, files: tuple[str, ...]) -> dict[str, Any]:
         "sigma": _finite(check.sigma),
         "unit": check.unit,
         "passed": check.passed,
+        "explained": check.explained,
     }
 
 

@@ -9,7 +9,6 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from observer_rt.discovery.comparison.gaps import Gap
 from observer_rt.discovery.comparison.overlays import Overlay
@@ -32,21 +31,25 @@ _STYLE = {
     "path.simplify_threshold": 0.3,
 }
 
+_FEWEST_PLACES = 3  # beside each other, for which there is room
 _NO_METADATA = dict.fromkeys(("Date", "Creator", "Type", "Format"))
 
 
-def overlay_figure(overlays: Sequence[Overlay]) -> str:
-    """Lift, line pressure, what the models miss of it, and injection rate; a column for each injection."""
+def overlay_figure(overlays: Sequence[Overlay], amended: str) -> str:
+    """Lift, line pressure, what the models miss of it, and injection rate; a column for each injection.
+
+    amended: what the legend calls the amended model.
+    """
     with _figure(10.4, 7.4) as (figure, svg):
-        _draw_overlays(figure, overlays)
+        _draw_overlays(figure, overlays, amended)
     return svg()
 
 
-def _draw_overlays(figure: Figure, overlays: Sequence[Overlay]) -> None:
+def _draw_overlays(figure: Figure, overlays: Sequence[Overlay], amended: str) -> None:
     grid = figure.add_gridspec(4, len(overlays), height_ratios=(0.55, 1.5, 1.0, 1.3))
     for column, one in enumerate(overlays):
         axes = [figure.add_subplot(grid[row, column]) for row in range(4)]
-        _draw_overlay(axes, one)
+        _draw_overlay(axes, one, amended)
         for row, label in enumerate(
             (
                 "needle lift\n[µm]",
@@ -67,7 +70,7 @@ def _draw_overlays(figure: Figure, overlays: Sequence[Overlay]) -> None:
     figure.align_ylabels()
 
 
-def _draw_overlay(axes: Sequence[Axes], one: Overlay) -> None:
+def _draw_overlay(axes: Sequence[Axes], one: Overlay, amended: str) -> None:
     time = one.time / MILLISECOND
     axes[0].fill_between(time, one.lift / MICROMETRE, color="#dfe5ea", lw=0)
     axes[0].plot(time, one.lift / MICROMETRE, color="#59636e", lw=0.9)
@@ -87,7 +90,7 @@ def _draw_overlay(axes: Sequence[Axes], one: Overlay) -> None:
             color=AMENDED,
             lw=1.1,
             ls=(0, (5, 1.5)),
-            label="amended model",
+            label=amended,
         )
         missed = one.amended_pressure - one.line_pressure
         axes[2].plot(time, missed / MEGAPASCAL, color=AMENDED, lw=0.8)
@@ -98,18 +101,18 @@ def _draw_overlay(axes: Sequence[Axes], one: Overlay) -> None:
 class Bars:
     """Gaps of one quantity at several operating points, in a printed unit whose SI factor is `si`.
 
-    amended: whether there is something to show of the amended model.
+    amended: what the legend calls the amended model, None where there is nothing to show of it.
     """
 
     title: str
     unit: str
     si: float
     gaps: tuple[Gap, ...]
-    amended: bool
+    amended: str | None
 
 
 def gap_figure(labels: Sequence[str], groups: Sequence[Bars]) -> str:
-    """Before and after beside each other at every operating point, on a logarithmic scale; noise as a line."""
+    """Before and after beside each other at every operating point, in proportion; noise as a line."""
     with _figure(10.4, 3.1) as (figure, svg):
         for column, bars in enumerate(groups):
             axes = figure.add_subplot(1, len(groups), column + 1)
@@ -122,29 +125,34 @@ def gap_figure(labels: Sequence[str], groups: Sequence[Bars]) -> str:
 
 def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
     places = np.arange(len(labels))
-    width = 0.36 if bars.amended else 0.5
-    series = [("model as given", [g.before for g in bars.gaps], NOMINAL, -0.2 if bars.amended else 0.0)]
-    if bars.amended:
-        series.append(("amended model", [g.after for g in bars.gaps], AMENDED, 0.2))
+    width = 0.5 if bars.amended is None else 0.36
+    series = [
+        ("model as given", [g.before for g in bars.gaps], NOMINAL, 0.0 if bars.amended is None else -0.2)
+    ]
+    if bars.amended is not None:
+        series.append((bars.amended, [g.after for g in bars.gaps], AMENDED, 0.2))
     floors = np.array([g.noise_floor for g in bars.gaps]) / bars.si
-    lowest = floors.min() / 4.0 if bars.amended else 0.0
     for label, values, colour, shift in series:
-        heights = np.maximum(np.array(values) / bars.si, lowest)
+        heights = np.array(values) / bars.si
         axes.bar(places + shift, heights, width, color=colour, label=label)
-        for place, height, value in zip(places + shift, heights, values, strict=True):
-            axes.annotate(f"{value / bars.si:.2g}", (place, height), ha="center", va="bottom", fontsize=8)
+        tops = np.maximum(heights, floors)  # where the line does not strike the number through
+        for place, top, height in zip(places + shift, tops, heights, strict=True):
+            axes.annotate(
+                _two_digits(height), (place, top), (0, 2), textcoords="offset points", ha="center", fontsize=8
+            )
     axes.hlines(floors, places - 0.45, places + 0.45, color=MEASURED, lw=1.4, label="noise alone")
-    if bars.amended:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.yaxis.set_minor_formatter(NullFormatter())
     axes.margins(y=0.15)
-    axes.set_ylim(bottom=lowest)
+    axes.set_ylim(bottom=0.0)
     axes.grid(axis="x", visible=False)
     axes.set_xticks(places, labels)
+    spare = 0.6 + max(0.0, (_FEWEST_PLACES - places.size) / 2.0)  # a single bar need not fill the figure
+    axes.set_xlim(-spare, places.size - 1.0 + spare)
     axes.set_ylabel(f"rms [{bars.unit}]")
     axes.set_title(bars.title, loc="left", fontsize=10.5, fontweight="bold")
+
+
+def _two_digits(value: float) -> str:
+    return f"{value:.0f}" if value >= 10.0 else f"{value:#.2g}"
 
 
 @contextmanager

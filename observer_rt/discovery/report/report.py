@@ -1,19 +1,15 @@
 """report.html: the answer first, then what it rests on, in one self-contained page."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from datetime import datetime
-
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from observer_rt import __version__
-from observer_rt.discovery.findings import Findings
+from observer_rt.discovery.findings import Findings, Sources
 from observer_rt.discovery.opinion import remark
 from observer_rt.discovery.report import views
 from observer_rt.discovery.report.figures import overlay_figure
 from observer_rt.discovery.report.gap_map import LEGEND, gap_map
 from observer_rt.discovery.report.printed_units import UNITS, sign
-from observer_rt.discovery.report.text import EQUATION_WORDS
+from observer_rt.discovery.report.text import EQUATION_WORDS, best_words, caveat_words, choices
 from observer_rt.model.effects import VOCABULARY
 
 _PAGES = Environment(
@@ -36,35 +32,22 @@ _PAGES.globals |= {
     "legend": LEGEND,
     "overlay_figure": overlay_figure,
     "remark": remark,
+    "best_words": best_words,
+    "caveat_words": caveat_words,
+    "choices": choices,
     **{name: getattr(views, name) for name in views.FOR_TEMPLATES},
 }
-
-
-@dataclass(frozen=True)
-class Sources:
-    """What a report was made from.
-
-    in_force: effects in the model already; recordings: SHA-256 by file name; healthy: names of healthy recordings.
-    """
-
-    model: str
-    model_hash: str
-    in_force: tuple[str, ...]
-    recordings: Mapping[str, str]
-    healthy: tuple[str, ...]
-    made: datetime
 
 
 def report(findings: Findings, sources: Sources) -> str:
     """The page."""
     found, where = findings.discovery, findings.where
-    after = "With the amended model" if found.effects else "With the best candidate, which is not enough"
+    after = "With what was found" if found.effects else f"Nearest, not enough: {' + '.join(found.best.ids)}"
     equations = dict.fromkeys(EQUATION_WORDS[item.equation] for item in where if item.equation is not None)
     return _PAGES.get_template("report.html.j2").render(
         findings=findings,
         found=found,
         sources=sources,
-        held_apart=set(findings.held_out) != set(findings.fitted_on),
         map_before=gap_map("Model as given", [(item.before, item) for item in where], findings.points),
         map_after=gap_map(after, [(item.after, item) for item in where], findings.points),
         violated=" and ".join(equations),

@@ -1,8 +1,17 @@
 """The answer in words: for the screen, and the first lines of the report."""
 
+from collections.abc import Sequence
+
+from observer_rt.discovery.caveats import Caveat
 from observer_rt.discovery.findings import Findings, gap_share
 from observer_rt.discovery.report.printed_units import printed
-from observer_rt.discovery.search.result import Discovery, FittedEffect, Verdict
+from observer_rt.discovery.search.result import (
+    Candidate,
+    Discovery,
+    FittedEffect,
+    FittedParameter,
+    Verdict,
+)
 from observer_rt.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effect import Equation
@@ -28,28 +37,58 @@ PHASE_WORDS = {
 def as_text(findings: Findings) -> str:
     """A few lines: verdict, effects with intervals, the gap before and after."""
     found = findings.discovery
-    lines = [headline(found)]
+    lines = [headline(found, findings.caveats)]
     for effect in found.effects:
-        lines.append(f"  {effect_text(effect)}; explains {gap_share(found, effect):.0%} of the disagreement")
+        lines.append(f"  {effect_text(effect)}; explains {share_words(found, effect)} of the disagreement")
     for decisive in found.decide_by:
         lines.append(f"  to tell {' from '.join(decisive.separates)}: {decisive.measurement}")
+    if findings.is_open:
+        lines.append(f"  no amended model while these are tied: {choices(found)}")
     if found.unexplained is not None:
-        lines.append(f"  {found.unexplained.term}")
+        lines.append(f"  {found.unexplained.term}; {best_words(found)}")
     return "\n".join([*lines, *gap_lines(findings)])
 
 
-def headline(found: Discovery) -> str:
-    """The verdict in one sentence."""
-    sure = f"confidence {found.confidence:.2f}"
+def headline(found: Discovery, caveats: Sequence[Caveat] = ()) -> str:
+    """The verdict in one sentence, with what must be kept in mind."""
+    sure = f"(confidence {found.confidence:.2f})"
+    but = f", but: {caveat_words(caveats)}" if caveats else ""
+    return f"{found.verdict.value}: {_verdict_words(found)} {sure}{but}"
+
+
+def _verdict_words(found: Discovery) -> str:
     if found.verdict is Verdict.NONE:
-        return f"none: the model explains the recordings; no effect is missing ({sure})"
+        return "the model explains the recordings; no effect is missing"
     if found.verdict is Verdict.UNKNOWN:
-        return f"unknown: something is missing that no known effect explains{where_words(found)} ({sure})"
-    names = " and ".join(effect.id for effect in found.effects)
-    if found.verdict is Verdict.AMBIGUOUS:
-        others = ", or ".join(" and ".join(ids) for ids in found.rivals)
-        return f"ambiguous: {names}" + (f", or {others}" if others else "") + f" ({sure})"
-    return f"named: {names} ({sure})"
+        return f"something is missing that no known effect explains{where_words(found)}"
+    names = [" and ".join(ids) for ids in (found.named.ids, *found.rivals)]
+    if found.verdict is Verdict.AMBIGUOUS and not found.rivals:
+        return f"{names[0]}, which may be one of the two"
+    return ", or ".join(names)
+
+
+def caveat_words(caveats: Sequence[Caveat]) -> str:
+    """The reservations in a few words, for a headline."""
+    return "; ".join(caveat.words for caveat in caveats)
+
+
+def share_words(found: Discovery, effect: FittedEffect) -> str:
+    """An effect's part of what is explained."""
+    share = gap_share(found, effect)
+    return f"{share:.0%}" if share >= 0.01 else "less than 1%"
+
+
+def choices(found: Discovery) -> str:
+    """What to add to the command to have one of those that are tied in the amended model."""
+    options = " or ".join(f"--choose {'+'.join(ids)}" for ids in (found.named.ids, *found.rivals))
+    return f"give the command again with {options}, and --force"
+
+
+def best_words(found: Discovery) -> str:
+    """What comes nearest where nothing explains the recordings."""
+    if not found.best.ids:
+        return "no known effect brings the model nearer"
+    return f"nearest, and not enough: {' with '.join(found.best.ids)}"
 
 
 def where_words(found: Discovery) -> str:
@@ -61,17 +100,17 @@ def where_words(found: Discovery) -> str:
     return f"; it shows most {PHASE_WORDS[place.phase]}, as if the {equation} equation were wrong"
 
 
-def effects_words(found: Discovery) -> str:
-    """The effects with their sizes and intervals, for a title."""
+def candidate_words(candidate: Candidate) -> str:
+    """The effects of a candidate with their sizes and intervals, for a title."""
     return " and ".join(
-        f"{effect.id.replace('_', ' ')}, "
-        + ", ".join(
-            f"{p.value_text} ({p.interval_text})" for p in (printed(effect.id, q) for q in effect.parameters)
-        )
-        if effect.parameters
-        else effect.id.replace("_", " ")
-        for effect in found.effects
+        ", ".join((effect_id.replace("_", " "), *(_size_words(effect_id, one) for one in parameters)))
+        for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=True)
     )
+
+
+def _size_words(effect_id: str, fitted: FittedParameter) -> str:
+    shown = printed(effect_id, fitted)
+    return f"{shown.value_text} ({shown.interval_text})"
 
 
 def effect_text(effect: FittedEffect) -> str:
@@ -84,8 +123,8 @@ def effect_text(effect: FittedEffect) -> str:
 def gap_lines(findings: Findings) -> list[str]:
     """The gaps on held-out operating points."""
     gaps = findings.gaps
-    apart = set(findings.held_out) != set(findings.fitted_on)
-    where = "on recordings held out" if apart else "on the recordings"
+    apart = findings.held_apart and findings.discovery.effects
+    where = "on operating points held out" if apart else "on the recordings"
     parts = [("line pressure", gaps.line_pressure, MEGAPASCAL, "MPa")]
     if gaps.injection_rate is not None:
         parts.append(("injection rate", gaps.injection_rate, MM3_PER_MS, "mm3/ms"))

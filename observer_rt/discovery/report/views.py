@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from observer_rt.discovery.caveats import LEAST_MASS
 from observer_rt.discovery.comparison.gaps import Gap, Gaps
 from observer_rt.discovery.comparison.standstill import StandstillFigure
 from observer_rt.discovery.evidence.operating_points import point_name
@@ -11,7 +12,7 @@ from observer_rt.discovery.findings import Findings, explained_share
 from observer_rt.discovery.opinion import Indicator
 from observer_rt.discovery.report.figures import Bars, gap_figure
 from observer_rt.discovery.report.printed_units import UNITS, Printed, printed, shown, sign, significant
-from observer_rt.discovery.report.text import effects_words, where_words
+from observer_rt.discovery.report.text import candidate_words, where_words
 from observer_rt.discovery.search import search
 from observer_rt.discovery.search.result import Candidate, Consequence, Discovery, FittedParameter, Verdict
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
@@ -21,6 +22,7 @@ from observer_rt.model.effects import VOCABULARY
 FOR_TEMPLATES = (
     "apparent_sizes",
     "bar",
+    "explained_ids",
     "found_size",
     "gained",
     "held_out_figure",
@@ -30,12 +32,14 @@ FOR_TEMPLATES = (
     "moved_mass",
     "moved_pressure",
     "printed_parameters",
+    "role",
     "sizes",
+    "standing",
     "standstill_columns",
     "tiles",
     "title",
+    "with_words",
 )
-LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
 _LONGEST_BAR = 120  # px
 _STANDSTILL = {
     "rail_line_offset": "line − rail pressure",
@@ -66,15 +70,22 @@ class Tile:
     text: str
 
 
-def title(found: Discovery) -> str:
-    """The answer in a sentence."""
+def title(findings: Findings) -> str:
+    """The answer in a sentence, all explanations that are tied in it."""
+    found = findings.discovery
     if found.verdict is Verdict.NONE:
         return "Nothing is missing: the model explains the recordings"
     if found.verdict is Verdict.UNKNOWN:
         return f"Something is missing that no effect of the vocabulary explains{where_words(found)}"
-    words = effects_words(found)
+    by_ids = {candidate.ids: candidate for candidate in found.ranking}
+    tied = [candidate_words(by_ids[ids]) for ids in (found.named.ids, *found.rivals)]
+    words = "; or ".join(tied)
+    if findings.chosen and found.rivals:
+        return f"Missing: {tied[0]}, as was chosen; these recordings would allow {'; or '.join(tied[1:])} as well"
+    if found.rivals:
+        return f"Missing: {words}: these recordings do not decide"
     if found.verdict is Verdict.AMBIGUOUS:
-        return f"Missing: most likely {words}, but these recordings do not decide"
+        return f"Missing: {words}, which may be one of the two"
     return f"Missing: {words}"
 
 
@@ -89,7 +100,12 @@ def mass_words(gaps: Gaps) -> str:
 def tiles(findings: Findings) -> list[Tile]:
     """Confidence, and gaps before and after."""
     found, gaps = findings.discovery, findings.gaps
-    result = [Tile(f"{found.confidence:.0%}", "", "confidence that this is right")]
+    sure = "confidence that this is right"
+    if found.rivals:
+        sure = f"confidence that it is {' and '.join(found.named.ids)}"
+    elif findings.caveats:
+        sure = "confidence, with the reservations above"
+    result = [Tile(f"{found.confidence:.0%}", "", sure)]
 
     def add(gap: Gap, unit: str, name: str) -> None:
         after = f" → {gap.after / UNITS[unit]:.2g}" if found.effects else ""
@@ -115,15 +131,15 @@ def held_out_figure(findings: Findings) -> str:
     places = {i.before.recording: (i.before.rail_pressure, i.before.duration) for i in findings.where}
     labels = [point_name(*places[point.recording]).replace(", ", "\n") for point in gaps.points]
     pressures = tuple(point.line_pressure for point in gaps.points)
-    groups = [Bars("line pressure", "MPa", MEGAPASCAL, pressures, amended)]
+    label = with_words(findings.discovery) if amended else None
+    groups = [Bars("line pressure", "MPa", MEGAPASCAL, pressures, label)]
     rates = tuple(point.injection_rate for point in gaps.points if point.injection_rate is not None)
     masses = tuple(point.mass for point in gaps.points)
     if rates:
-        groups.append(Bars("injection rate", "mm³/ms", MM3_PER_MS, rates, amended))
-        groups.append(Bars("injected mass", "mg", MILLIGRAM, masses, amended))
+        groups.append(Bars("injection rate", "mm³/ms", MM3_PER_MS, rates, label))
+        groups.append(Bars("injected mass", "mg", MILLIGRAM, masses, label))
     elif amended:
-        against = "injected mass, against the amended model"
-        groups.append(Bars(against, "mg", MILLIGRAM, masses, amended=False))
+        groups.append(Bars("injected mass, if this is right", "mg", MILLIGRAM, masses, None))
     return gap_figure(labels, groups)
 
 
@@ -146,6 +162,36 @@ def sizes(candidate: Candidate) -> list[str]:
     """All sizes of a candidate, such as `v_H = 0.301`."""
     every = zip(candidate.ids, candidate.parameters, strict=True)
     return [one.value_text for effect_id, fitted in every for one in printed_parameters(effect_id, fitted)]
+
+
+def standing(candidate: Candidate, found: Discovery) -> str:
+    """What is to be said of a candidate in the ranking."""
+    doubt = "too small, or at a bound" if candidate.ids and not candidate.plausible else ""
+    if candidate.ids in found.rivals:
+        return "tied"
+    if found.verdict is Verdict.UNKNOWN and candidate.ids == found.best.ids:
+        return ", ".join(one for one in ("nearest, not enough", doubt) if one)
+    return doubt
+
+
+def explained_ids(found: Discovery) -> tuple[str, ...]:
+    """The effects found, and those tied with them."""
+    every = (found.named.ids, *found.rivals) if found.effects else ()
+    return tuple(dict.fromkeys(effect_id for ids in every for effect_id in ids))
+
+
+def role(point: str, findings: Findings) -> str:
+    """What an operating point was used for."""
+    if not findings.discovery.effects:
+        return "shown" if point in findings.held_out else "judged"
+    if not findings.held_apart:
+        return "sizes fitted, and shown"
+    return "shown" if point in findings.held_out else "sizes fitted"
+
+
+def with_words(found: Discovery) -> str:
+    """The model with what was found, for a legend."""
+    return f"with {' and '.join(found.named.ids)}"
 
 
 def bar(share: float) -> int:

@@ -164,15 +164,16 @@ class Unexplained:
 class Discovery:
     """The answer to: which effect is missing?
 
-    named: the winner, or the leading explanation when ambiguous; without effects for `none` and `unknown`; effects:
-    those of it; rivals: combinations that explain the recordings as well; ranking: leaders, best first, with the
-    nominal model; samples: independent innovations all this rests on;
-    gain: of the winner over the nominal model, threshold: what it had to exceed; before, after: cells of the nominal
-    model and of the winner; confidence: that the verdict is right.
+    named: the winner, or the leading explanation when ambiguous; without effects for `none` and `unknown`; best: the
+    same, but for `unknown` what explains most, which is not enough; effects: those of the named; rivals: combinations
+    that explain the recordings as well; ranking: leaders, best first, with the nominal model; samples: independent
+    innovations all this rests on; gain: of the winner over the nominal model, threshold: what it had to exceed;
+    before, after: cells of the nominal model and of the best; confidence: that the verdict is right.
     """
 
     verdict: Verdict
     named: Candidate
+    best: Candidate
     effects: tuple[FittedEffect, ...]
     rivals: tuple[tuple[str, ...], ...]
     ranking: tuple[Candidate, ...]

@@ -1,7 +1,7 @@
 """The search for the missing effect: singles, pairs, and the verdict."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -41,6 +41,19 @@ class Outcome:
     def adequate(self) -> bool:
         """Whether the winner explains the recordings, or would with an effect too small to matter."""
         return self.ratio <= 1.0 or self.too_small
+
+    def led_by(self, ids: Collection[str]) -> "Outcome":
+        """The same with another of those that explain the recordings as well as the winner.
+
+        Raises ValueError when these effects together are none of them.
+        """
+        for rival in self.rivals:
+            if set(rival.ids) == set(ids):
+                others = (self.winner, *(one for one in self.rivals if one is not rival))
+                return replace(self, winner=rival, rivals=others)
+        if set(self.winner.ids) != set(ids):
+            raise ValueError(f"{' + '.join(ids)} is not among those that explain the recordings")
+        return self
 
     @property
     def soft(self) -> bool:

@@ -34,7 +34,7 @@ from observer_rt.discovery.search.result import (
 from observer_rt.discovery.search.search import Outcome, Search, indistinguishable, representatives
 from observer_rt.discovery.search.unexplained import unexplained
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.effective import EffectiveModel
 
 RANKED = 8  # candidates listed
@@ -49,12 +49,15 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """How to search. workers: threads; memory: of candidates fitted before; baseline: of healthy recordings."""
+    """How to search. workers: threads; memory: of candidates fitted before; baseline: of healthy recordings; chosen:
+    effects that are to lead where they are among those that explain the recordings as well as the best.
+    """
 
     workers: int = 1
     memory: FitMemory | None = None
     progress: Progress | None = None
     baseline: HealthyBaseline = NO_BASELINE
+    chosen: tuple[str, ...] = ()
 
 
 def name_effects(
@@ -62,7 +65,8 @@ def name_effects(
 ) -> Discovery:
     """The missing effects, fitted to all recordings.
 
-    Raises `RunError` when the nominal model has no finite solution on them.
+    Raises `RunError` when the nominal model has no finite solution on them, `UserError` when what is chosen is no
+    answer to them.
     """
     options = options or SearchOptions()
     evidence = evidence_of(found, nominal)
@@ -78,10 +82,29 @@ def name_effects(
     if evidence.judge(nominal) is None:
         raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
     fitter = Fitter(evidence, nominal, options.workers, options.memory, count)
-    result = _Verdict(fitter, Search(fitter, effects, options.baseline).run(), options.baseline).discovery()
+    outcome = Search(fitter, effects, options.baseline).run()
+    if options.chosen:
+        outcome = _led_by(outcome, options.chosen)
+    result = _Verdict(fitter, outcome, options.baseline).discovery()
     if options.progress is not None:
         options.progress(1.0)
     return result
+
+
+def _led_by(found: Outcome, chosen: Sequence[str]) -> Outcome:
+    """The outcome led by what the user chose. Raises `UserError` when the recordings do not leave it open."""
+    try:
+        if not found.adequate:
+            raise ValueError
+        return found.led_by(chosen)
+    except ValueError:
+        open_ids = [one.ids for one in (found.winner, *found.rivals)] if found.adequate else []
+        left = ", ".join(" + ".join(ids) for ids in open_ids if ids) or "nothing"
+        raise UserError(
+            f"--choose {'+'.join(chosen)}",
+            f"is no answer to these recordings, which leave open: {left}",
+            "choose one of these, or leave --choose out",
+        ) from None
 
 
 def healthy_baseline(
@@ -107,6 +130,7 @@ class _Verdict:
         self._found = found
         self._baseline = baseline
         self._rivals = tuple(rival.ids for rival in found.rivals) if found.adequate else ()
+        self._best = found.winner if found.adequate else min(found.fitted, key=lambda one: one.statistic)
 
     def discovery(self) -> Discovery:
         """Everything together."""
@@ -120,6 +144,7 @@ class _Verdict:
         return Discovery(
             verdict=verdict,
             named=found.winner if named else found.nominal,
+            best=self._best,
             effects=self._effects() if named else (),
             rivals=self._rivals if named else (),
             ranking=self._ranking(),
@@ -129,9 +154,11 @@ class _Verdict:
             confidence=confidence,
             confidence_method=METHOD,
             unexplained=self._unexplained() if verdict is Verdict.UNKNOWN else None,
-            decide_by=decide_by(open_ids) if verdict is Verdict.AMBIGUOUS else (),
+            decide_by=decide_by(open_ids, self._rate_noise() is not None)
+            if verdict is Verdict.AMBIGUOUS
+            else (),
             before=self._cells(found.nominal),
-            after=self._cells(found.winner),
+            after=self._cells(self._best),
             noise=NoiseLevels(
                 *(
                     float(np.sqrt(np.mean([getattr(level, name) ** 2 for level in noise])))

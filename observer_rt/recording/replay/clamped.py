@@ -9,6 +9,7 @@ from observer_rt.bus.mapping.signal_range import message_of, role_range, role_re
 from observer_rt.config.signals import Role
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.survey import Survey
 
 _SHOWN_UNIT = {
     Role.RAIL_PRESSURE: ("MPa", MEGAPASCAL),
@@ -34,5 +35,24 @@ def recorded_out_of_range(recording: Recording, bus: BusMap) -> list[str]:
                 warnings.append(
                     f"{role}: {count} of {recording.samples} samples are {side} {limit / factor:.6g} {unit}, "
                     f"the limit of {name}, and will be clamped to it"
+                )
+    return warnings
+
+
+def clamped_in(survey: Survey, bus: BusMap) -> list[str]:
+    """The same by the ranges of a recording, without how often."""
+    warnings = []
+    for role in ROLES:
+        found, limits = survey.signals[role.value], role_range(bus, role)
+        unit, factor = _SHOWN_UNIT[role]
+        for reached, limit, is_beyond in (
+            (found.lowest, limits.lowest, limits.lowest - found.lowest),
+            (found.highest, limits.highest, found.highest - limits.highest),
+        ):
+            if is_beyond > 0.5 * role_resolution(bus, role, limit):
+                name = bus.input_layouts[message_of(bus, role)].name
+                warnings.append(
+                    f"{role}: reaches {reached / factor:.6g} {unit}, beyond {limit / factor:.6g} {unit}, the limit "
+                    f"of {name}, and is clamped to it"
                 )
     return warnings

@@ -15,7 +15,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.links import LinkConfig, NamedLink
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.channels import matched_channels
-from observer_rt.recording.formats import is_log, read_recording
+from observer_rt.recording.formats import is_log, open_recording
 from observer_rt.recording.replay.clamped import recorded_out_of_range
 from observer_rt.recording.replay.framing import TimedFrame, bench_for
 from observer_rt.recording.replay.log_frames import LogPart, log_frames
@@ -29,6 +29,7 @@ from observer_rt.recording.replay.remapping import (
     remapped_identifiers,
 )
 from observer_rt.recording.replay.traffic import refuse_traffic
+from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.terminal.console import progress_bar, say
 from observer_rt.terminal.stop import stop_on_signals
 
@@ -158,7 +159,11 @@ def _matched_routes(path: Path, bus: BusMap, links: Sequence[NamedLink]) -> dict
 
 
 def _recording(bench: Bench, path: Path, bus: BusMap, options: ReplayOptions, console: Console) -> _Source:
-    recording = read_recording(path)
+    stream = open_recording(path, bench.injector)
+    refuse_implausible(path, stream.survey, stream.names)
+    for note in stream.notes:
+        say(console, note)
+    recording = stream.collected()
     bench_for(bench, recording)
     for warning in recorded_out_of_range(recording, bus):
         say(console, f"warning: {warning}")

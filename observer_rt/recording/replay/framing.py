@@ -20,22 +20,29 @@ from observer_rt.config.bench import EXAMPLE_BENCH, Bench
 from observer_rt.config.injector import SamplingConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROMETRE, MILLISECOND
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.recording import Recording, Sampled
 
 WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
 WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
 RATE_TOLERANCE = 1e-6  # relative, between recording and bench
+LOWEST_RATE, HIGHEST_RATE = 1e3, 1e6  # Hz, of `SamplingConfig`
 OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
 _BY_INDEX = int(Numbering.INDEX)
 _BY_COUNTER = int(Numbering.COUNTER)
 
 
-def bench_for(bench: Bench, recording: Recording) -> Bench:
+def bench_for(bench: Bench, recording: Sampled) -> Bench:
     """The bench at the recording's sample rate.
 
     The example bench takes any rate; a user's own must state the recording's. Raises `UserError` otherwise.
     """
     rate = recording.sample_rate
+    if not LOWEST_RATE <= rate <= HIGHEST_RATE:
+        raise UserError(
+            str(recording.path),
+            f"is sampled at {rate:g} Hz, the observer takes {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz",
+            "mind the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s"),
+        )
     stated = bench.injector.config.sampling.rate_hz
     if abs(rate - stated) <= RATE_TOLERANCE * stated:
         return bench

@@ -42,6 +42,12 @@ def recording_frames(
         UserError: nothing is selected, or a message is too long for its kind of frame.
     """
     part, spans = _selected(recording, bus, windowed, start, stop)
+    refuse_long_frames(bus)
+    return _looped(part, spans, bus, loop)
+
+
+def refuse_long_frames(bus: BusMap) -> None:
+    """Raise `UserError` for an input message that is too long for its kind of frame."""
     for layout in bus.input_layouts:
         if not layout.is_fd and layout.length > CLASSIC_LENGTH:
             raise UserError(
@@ -49,7 +55,6 @@ def recording_frames(
                 f"{layout.length} bytes do not fit a classic CAN frame, and the database does not say CAN FD",
                 "set its VFrameFormat to 14 (StandardCAN_FD) or 15 (ExtendedCAN_FD)",
             )
-    return _looped(part, spans, bus, loop)
 
 
 def recording_extent(

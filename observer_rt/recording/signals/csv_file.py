@@ -7,9 +7,10 @@ double nearest to 100005000.
 
 import csv
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +18,15 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
-from observer_rt.recording.signals.recording import Recording, check_samples
-from observer_rt.recording.signals.signal_format import SignalFormat
+from observer_rt.recording.signals.checked import CheckedGrid, in_chunks
+from observer_rt.recording.signals.recording import Chunk, Recording
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream
+from observer_rt.recording.signals.table_writers import CsvWriter, WrittenColumn
 
 TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
 STEPS_PER_UNIT = 1e9
-WRITE_FORMAT = "%.12g"
-ROWS_PER_WRITE = 100_000
+DESCRIBED = "a file of another layout is described in [recording] of a bench file, given by --bench"
+LONGEST_HEADER = 1 << 20  # characters
 
 
 class Column(NamedTuple):
@@ -45,43 +48,49 @@ REQUIRED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE)
 COLUMNS = (*REQUIRED, INJECTION_RATE)
 
 
-def read_csv(path: Path) -> Recording:
-    """Read a recording; the columns may stand in any order.
+class CsvSignals(SignalStream):
+    """A recording of this layout; the columns may stand in any order.
 
     An empty cell, or `nan`, in a signal means "not available". Raises `UserError` naming line and column.
     """
-    columns = _read_header(path)
-    table = _read_table(path, columns)
-    arrays = {
-        column.signal: _to_si(np.ascontiguousarray(table[:, i]), column) for i, column in enumerate(columns)
-    }
-    time = arrays.pop("time")
-    check_samples(time, arrays, lambda row: f"{path}, line {_line_of_row(path, row)}")
-    return Recording(time=time, path=path, **arrays)
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._file = path
+        self._columns = _read_header(path)
+        self.has_rate = INJECTION_RATE in self._columns
+        checked = CheckedGrid(self, lambda row: f"{path}, line {_line_of_row(path, row)}")
+        for arrays in self._parts():
+            checked.take(arrays)
+        checked.end()
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Read anew."""
+        return in_chunks(self, self._parts())
+
+    def _parts(self) -> Iterator[dict[str, NDArray[np.float64]]]:
+        for table in _tables(self._file, self._columns):
+            yield {
+                column.signal: _to_si(np.ascontiguousarray(table[:, i]), column)
+                for i, column in enumerate(self._columns)
+            }
 
 
-def write_csv(path: Path, recording: Recording) -> None:
-    """Write a recording, its time first."""
-    signals = {"time": recording.time, **recording.signals}
-    write_columns(path, [(column, signals[column.signal]) for column in COLUMNS if column.signal in signals])
+def read_csv(path: Path) -> Recording:
+    """Read a recording, as `CsvSignals`."""
+    return CsvSignals(path).collected()
 
 
 def write_columns(path: Path, columns: Sequence[tuple[Column, NDArray[np.float64]]]) -> None:
     """Write SI arrays of one length (n,) as CSV columns in their printed units, NaN as an empty cell."""
-    printed = {column.header: (WRITE_FORMAT, values / column.factor) for column, values in columns}
-    write_table(path, printed)
+    with CsvWriter(path, [WrittenColumn(column.header, column.signal) for column, _ in columns]) as writer:
+        writer.write([values / column.factor for column, values in columns])
 
 
-def write_table(path: Path, columns: Mapping[str, tuple[str, NDArray[Any]]]) -> None:
-    """Write arrays of one length (n,) as CSV columns by their headers, each in its format, NaN as an empty cell."""
-    row_format = ",".join(cell_format for cell_format, _ in columns.values())
-    arrays = [values for _, values in columns.values()]
-    with path.open("w", encoding="ascii", newline="\n") as file:
-        file.write(",".join(columns) + "\n")
-        for start in range(0, arrays[0].size, ROWS_PER_WRITE):
-            cells = [values[start : start + ROWS_PER_WRITE].tolist() for values in arrays]
-            text = "\n".join(map(row_format.__mod__, zip(*cells, strict=True))) + "\n"
-            file.write(text.replace("nan", ""))
+def csv_names(path: Path) -> list[str]:
+    """Of the columns, in a file of this layout."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        return [name.strip() for name in file.readline(LONGEST_HEADER).split(",")]
 
 
 def _to_si(printed: NDArray[np.float64], column: Column) -> NDArray[np.float64]:
@@ -106,9 +115,9 @@ def _read_header(path: Path) -> list[Column]:
             str(path), "is empty, or begins with an empty line", "begin it with the names of the columns"
         )
     place = f"{path}, line 1"
-    expected = f"the header is {','.join(known)} in any order, the last column optional"
+    expected = f"the header is {','.join(known)} in any order, the last column optional; {DESCRIBED}"
     if ";" in header:
-        raise UserError(place, "the columns are separated by ';'", "separate by ',' and use decimal points")
+        raise UserError(place, "the columns are separated by ';'", DESCRIBED)
     names = [name.strip() for name in header.split(",")]
     for name in names:
         if name not in known:
@@ -121,36 +130,52 @@ def _read_header(path: Path) -> list[Column]:
     return [known[name] for name in names]
 
 
-def _read_table(path: Path, columns: list[Column]) -> NDArray[np.float64]:
-    """Cells as printed, shape (n, columns); read cell by cell only where there are empty ones or errors."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
+def _tables(path: Path, columns: list[Column]) -> Iterator[NDArray[np.float64]]:
+    """Cells as printed, (n, columns) at a time, n >= 2 unless there is only one row."""
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         file.readline()
-        try:
-            with warnings.catch_warnings(action="ignore"):  # "no data": found by the check of the samples
-                table = np.loadtxt(file, delimiter=",", comments=None, ndmin=2)
-        except ValueError:
-            return _read_table_slowly(path, columns)
+        before = 1
+        held = np.empty((0, len(columns)))
+        while lines := list(islice(file, SAMPLES_AT_ONCE)):
+            held = np.concatenate((held, _table(lines, before, columns, path)))
+            before += len(lines)
+            if len(held) > 1:
+                yield held
+                held = held[:0]
+        if len(held):
+            yield held
+
+
+def _table(lines: list[str], before: int, columns: list[Column], path: Path) -> NDArray[np.float64]:
+    """Cells of some lines, `before` lines down; read cell by cell only where there are empty ones or errors."""
+    try:
+        with warnings.catch_warnings(action="ignore"):  # "no data"
+            table = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
+    except ValueError:
+        return _table_slowly(lines, before, columns, path)
     if table.shape[1] != len(columns):
-        return _read_table_slowly(path, columns)
+        return _table_slowly(lines, before, columns, path)
     return table
 
 
-def _read_table_slowly(path: Path, columns: list[Column]) -> NDArray[np.float64]:
+def _table_slowly(lines: list[str], before: int, columns: list[Column], path: Path) -> NDArray[np.float64]:
     rows: list[list[float]] = []
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        lines = csv.reader(file)
-        next(lines)
-        for cells in lines:
+    reader = csv.reader(lines)
+    try:
+        for cells in reader:
             if not cells:
                 continue
+            place = f"{path}, line {before + reader.line_num}"
             if len(cells) != len(columns):
                 raise UserError(
-                    f"{path}, line {lines.line_num}",
+                    place,
                     f"{len(cells)} cells, but the header has {len(columns)} columns",
                     "complete the line, or delete it if the file was cut while being written",
                 )
-            place = f"{path}, line {lines.line_num}"
             rows.append([_number(cell, column, place) for cell, column in zip(cells, columns, strict=True)])
+    except csv.Error as error:
+        place = f"{path}, line {before + reader.line_num}"
+        raise UserError(place, f"is no line of CSV: {error}", "mend it") from None
     return np.array(rows, dtype=np.float64).reshape(len(rows), len(columns))
 
 
@@ -175,7 +200,3 @@ def _line_of_row(path: Path, row: int) -> int:
             if index == row + 1:
                 return number
     return 1
-
-
-_HEADER = f"{','.join(column.header for column in REQUIRED)}[,{INJECTION_RATE.header}]"
-CSV = SignalFormat((".csv",), _HEADER, read_csv, write_csv)

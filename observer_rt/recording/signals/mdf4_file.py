@@ -18,17 +18,12 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
-from observer_rt.foundation.units import CUBIC_MILLIMETRE, LENGTH_UNITS, MM3_PER_MS, PRESSURE_UNITS
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
+from observer_rt.recording.signals.checked import CheckedGrid, in_chunks
+from observer_rt.recording.signals.recording import Chunk, Recording
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream
+from observer_rt.recording.signals.units import RATE_UNITS
 
-RATE_UNITS = {
-    "m3/s": 1.0,
-    "mm3/ms": MM3_PER_MS,
-    "mm3/s": CUBIC_MILLIMETRE,
-    "m³/s": 1.0,
-    "mm³/ms": MM3_PER_MS,
-    "mm³/s": CUBIC_MILLIMETRE,
-}
 UNITS = {
     "rail_pressure": PRESSURE_UNITS,
     "needle_lift": LENGTH_UNITS,
@@ -36,7 +31,6 @@ UNITS = {
     "injection_rate": RATE_UNITS,
 }
 REQUIRED = ("rail_pressure", "needle_lift", "line_pressure")
-SI_UNITS = {"rail_pressure": "Pa", "needle_lift": "m", "line_pressure": "Pa", "injection_rate": "m3/s"}
 MAGIC = b"MDF"
 READABLE = "give a complete MDF 4 measurement"
 DAMAGE = (  # the ways in which asammdf fails on a damaged file
@@ -55,40 +49,55 @@ logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come a
 NO_DATE = datetime.fromtimestamp(0, UTC)
 
 
-def read_mdf4(path: Path) -> Recording:
-    """Read a recording; channels beyond the recording's own are ignored.
+class Mdf4Signals(SignalStream):
+    """A recording by the names of its channels; those beyond the recording's own are ignored.
 
     The samples that a channel marks as invalid become NaN. Raises `UserError` for a file that is not MDF, a
     missing channel, an unknown unit and channels on different time stamps.
     """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._file = path
+        checked = CheckedGrid(self, lambda row: f"{path}, sample {row}")
+        for arrays in self._parts():
+            self.has_rate = "injection_rate" in arrays
+            checked.take(arrays)
+        checked.end()
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Read anew."""
+        return in_chunks(self, self._parts())
+
+    def _parts(self) -> Iterator[dict[str, NDArray[np.float64]]]:
+        path = self._file
+        with opened(path) as file:
+            places = _places(file, path)
+            samples = max(file.groups[group].channel_group.cycles_nr for group, _ in places.values())
+            for first in range(0, samples, SAMPLES_AT_ONCE):
+                with damage_told(path):
+                    signals = {name: part_of(file, *place, first) for name, place in places.items()}
+                time = signals["rail_pressure"].timestamps.astype(np.float64)
+                for name, signal in signals.items():
+                    if not np.array_equal(signal.timestamps, time):
+                        raise UserError(
+                            f"{path}, channel {name}",
+                            "its time stamps differ from those of rail_pressure",
+                            "record the channels in one group, resample them on one time grid, or describe them in "
+                            "[recording] of a bench file, which resamples",
+                        )
+                yield {"time": time, **{name: _to_si(signal, path) for name, signal in signals.items()}}
+
+
+def read_mdf4(path: Path) -> Recording:
+    """Read a recording, as `Mdf4Signals`."""
+    return Mdf4Signals(path).collected()
+
+
+def mdf4_names(path: Path) -> list[str]:
+    """Of the channels."""
     with opened(path) as file:
-        signals = _read_channels(file, path)
-    time = signals["rail_pressure"].timestamps.astype(np.float64)
-    for name, signal in signals.items():
-        if not np.array_equal(signal.timestamps, time):
-            raise UserError(
-                f"{path}, channel {name}",
-                "its time stamps differ from those of rail_pressure",
-                "record the channels in one group, or resample them on one time grid",
-            )
-    values = {name: _to_si(signal, path) for name, signal in signals.items()}
-    return Recording(time=time, path=path, **values)
-
-
-def write_mdf4(path: Path, recording: Recording) -> None:
-    """Write a recording in SI units, which round-trips every double exactly.
-
-    The same recording gives the same bytes: no date of writing is stored.
-    """
-    signals = [
-        Signal(samples=values, timestamps=recording.time, name=name, unit=SI_UNITS[name])
-        for name, values in recording.signals.items()
-    ]
-    with MDF(version="4.10") as file:
-        add_history(file)
-        file.append(signals, comment="", common_timebase=True)
-        with path.open("wb+") as handle:
-            file.save(handle, add_history_block=False)
+        return list(file.channels_db)
 
 
 @contextmanager
@@ -98,12 +107,18 @@ def opened(path: Path) -> Iterator[MDF]:
         if handle.read(len(MAGIC)) != MAGIC:
             raise UserError(str(path), "not an MDF file", READABLE)
         handle.seek(0)
-        try:
-            with MDF(handle) as file:
-                yield file
-        except DAMAGE as error:
-            discard(error)
-            raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
+        with damage_told(path), MDF(handle) as file:
+            yield file
+
+
+@contextmanager
+def damage_told(path: Path) -> Iterator[None]:
+    """Turn asammdf's own errors into `UserError`."""
+    try:
+        yield
+    except DAMAGE as error:
+        discard(error)
+        raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
 
 
 def add_history(file: MDF) -> None:
@@ -135,8 +150,20 @@ def refuse_outside(file: MDF, group: int) -> None:
             raise ValueError(f"{channel.name} reaches to byte {end} of records of {record}")
 
 
-def _read_channels(file: MDF, path: Path) -> dict[str, Signal]:
-    signals = {}
+def part_of(file: MDF, group: int, index: int, first: int, count: int = SAMPLES_AT_ONCE) -> Signal:
+    """At most `count` samples of a channel from one on."""
+    return file.get(
+        group=group,
+        index=index,
+        ignore_invalidation_bits=True,
+        record_offset=first,
+        record_count=count,
+    )
+
+
+def _places(file: MDF, path: Path) -> dict[str, tuple[int, int]]:
+    """Group and index of the channels by the signals they hold."""
+    found = {}
     for name in UNITS:
         places = file.channels_db.get(name, ())
         if len(places) > 1:
@@ -144,16 +171,16 @@ def _read_channels(file: MDF, path: Path) -> dict[str, Signal]:
                 f"{path}, channel {name}", f"appears {len(places)} times", "keep one channel of this name"
             )
         if places:
-            group, index = places[0]
-            refuse_outside(file, group)
-            signals[name] = file.get(group=group, index=index, ignore_invalidation_bits=True)
+            refuse_outside(file, places[0][0])
+            found[name] = places[0]
         elif name in REQUIRED:
             raise UserError(
                 str(path),
                 f"channel '{name}' is missing{hint(name, file.channels_db)}",
-                f"name the channels {', '.join(UNITS)} (the last optional)",
+                f"name the channels {', '.join(UNITS)} (the last optional), or say in [recording] of a bench file "
+                "which is which",
             )
-    return signals
+    return found
 
 
 def _to_si(signal: Signal, path: Path) -> NDArray[np.float64]:

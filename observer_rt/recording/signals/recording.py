@@ -1,15 +1,33 @@
 """One recording of an injector: even time grid, three inputs, and the measured rate where there is one."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.time_grid import find_uneven_time, sample_rate_of
+
+EQUIDISTANT = (
+    "a recording must be equidistant: cut it at the gap, resample it on an even grid, or describe it in [recording] "
+    "of a bench file, which bridges and splits"
+)
+
+
+class Sampled(Protocol):
+    """What was recorded somewhere at a sample rate: a recording, or the file of one that is read in parts."""
+
+    @property
+    def path(self) -> Path | None:
+        """Where it was read from; None for one made in memory."""
+
+    @property
+    def sample_rate(self) -> float:
+        """Of every signal [Hz]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +85,26 @@ class Recording:
         return sample_rate_of(self.time)
 
 
+@dataclass(frozen=True, eq=False)
+class Chunk(Recording):
+    """Samples of a recording that follow one another, be it one alone: its grid was checked as a whole.
+
+    rate: sample rate [Hz]; stretch, first: number of its stretch, and of its first sample therein.
+    """
+
+    rate: float = 0.0
+    stretch: int = 0
+    first: int = 0
+
+    def __post_init__(self) -> None:
+        """Nothing: whoever reads a recording in parts has checked it."""
+
+    @property
+    def sample_rate(self) -> float:
+        """As of the recording."""
+        return self.rate
+
+
 def check_samples(
     time: NDArray[np.float64],
     signals: dict[str, NDArray[np.float64]],
@@ -85,8 +123,13 @@ def check_samples(
         raise UserError(
             place_of_row(uneven.row),
             uneven.problem,
-            "a recording must be equidistant: cut it at the gap, or resample it on an even grid",
+            EQUIDISTANT,
         )
+    refuse_infinite(signals, place_of_row)
+
+
+def refuse_infinite(signals: Mapping[str, NDArray[np.float64]], place_of_row: Callable[[int], str]) -> None:
+    """Raise `UserError` for the first infinite value; arguments as of `check_samples`."""
     for signal, values in signals.items():
         infinite = np.flatnonzero(np.isinf(values))
         if infinite.size:

@@ -14,6 +14,7 @@ GRID_TOLERANCE = 0.5
 must not drift within a recording by as much as would move a sample into its neighbour's place."""
 
 MAX_SIGNIFICANT_DIGITS = 15
+_ROWS = 1024  # whose distances from the grid are remembered by their extremes
 
 
 class UnevenTime(NamedTuple):
@@ -31,12 +32,10 @@ def find_uneven_time(time: NDArray[np.float64]) -> UnevenTime | None:
         return UnevenTime(int(not_finite[0]), "the time is not a finite number")
     if time.size < 2:
         return UnevenTime(0, f"{time.size} sample(s); a recording needs at least 2")
-    step = np.diff(time)
-    period = float(np.median(step))
-    wrong = np.flatnonzero((step <= 0.0) | (np.abs(step - period) > STEP_TOLERANCE * period))
-    if wrong.size:
-        row = int(wrong[0]) + 1
-        return UnevenTime(row, _describe_step(float(time[row - 1]), float(time[row]), period))
+    period = float(np.median(np.diff(time)))
+    uneven = _uneven_step(time, period)
+    if uneven is not None:
+        return uneven
     distance = np.abs(time - np.linspace(time[0], time[-1], time.size))
     row = int(np.argmax(distance))
     if distance[row] > GRID_TOLERANCE * period:
@@ -52,17 +51,101 @@ def sample_rate_of(time: NDArray[np.float64]) -> float:
     rate or period with the fewest significant digits inside that margin: 30 kHz printed in whole
     microseconds gives 30000.0, a period of 3 us gives 1 / 3e-6.
     """
-    intervals = time.size - 1
-    span = float(time[-1] - time[0])
+    distance = float(np.max(np.abs(time - np.linspace(time[0], time[-1], time.size))))
+    return _roundest_rate(time.size - 1, float(time[0]), float(time[-1]), distance)
+
+
+class GridCheck:
+    """The same of a time column that comes in parts: nearly nothing of it is remembered."""
+
+    def __init__(self) -> None:
+        self.samples = 0
+        self._begin = self._last = 0.0
+        self._period = 0.0
+        self._residuals: list[tuple[int, float, float]] = []  # middle row, lowest and highest, of _ROWS rows
+        self._whole: NDArray[np.float64] | None = None  # the first part, while it is the only one
+
+    def take(self, time: NDArray[np.float64]) -> UnevenTime | None:
+        """Go on with further stamps [s], (n,), n >= 1: at least two in the first part. The first one off the grid."""
+        if not self.samples:
+            return self._begin_with(time)
+        if not np.isfinite(time).all():
+            return UnevenTime(
+                self.samples + int(np.flatnonzero(~np.isfinite(time))[0]), "the time is not a finite number"
+            )
+        uneven = _uneven_step(np.concatenate(([self._last], time)), self._period)
+        if uneven is not None:
+            return uneven._replace(row=self.samples - 1 + uneven.row)
+        self._whole = None
+        self._note(time)
+        return None
+
+    def end(self) -> UnevenTime | None:
+        """Where the clock drifted, if it did."""
+        distance, row = self._farthest()
+        if distance > GRID_TOLERANCE * self._period:
+            drift = distance / self._period
+            return UnevenTime(row, f"uneven time: stamps lie {drift:.2g} samples off an even grid")
+        return None
+
+    @property
+    def sample_rate(self) -> float:
+        """As `sample_rate_of` all."""
+        if self._whole is not None:
+            return sample_rate_of(self._whole)
+        return _roundest_rate(self.samples - 1, self._begin, self._last, self._farthest()[0])
+
+    def _begin_with(self, time: NDArray[np.float64]) -> UnevenTime | None:
+        uneven = find_uneven_time(time)
+        if uneven is not None:
+            return uneven
+        self._begin, self._period = float(time[0]), float(np.median(np.diff(time)))
+        self._whole = time
+        self._note(time)
+        return None
+
+    def _note(self, time: NDArray[np.float64]) -> None:
+        rows = self.samples + np.arange(time.size)
+        residual = time - (self._begin + rows * self._period)
+        for first in range(0, time.size, _ROWS):
+            part = residual[first : first + _ROWS]
+            self._residuals.append(
+                (self.samples + first + part.size // 2, float(part.min()), float(part.max()))
+            )
+        self.samples += time.size
+        self._last = float(time[-1])
+
+    def _farthest(self) -> tuple[float, int]:
+        """Largest distance [s] from the line through the first and the last stamp, and about where."""
+        slope = (self._last - self._begin) / (self.samples - 1)
+        rows, lowest, highest = np.array(self._residuals).T
+        line = rows * (slope - self._period)
+        distances = np.maximum(np.abs(lowest - line), np.abs(highest - line))
+        worst = int(np.argmax(distances))
+        return float(distances[worst]), int(rows[worst])
+
+
+def _roundest_rate(intervals: int, first: float, last: float, distance: float) -> float:
+    """Of a number of intervals between two stamps [s], when stamps lie up to `distance` [s] off the line."""
+    span = last - first
     rate = intervals / span
-    stamp_error = float(np.max(np.abs(time - np.linspace(time[0], time[-1], time.size))))
-    stamp_error += 2.0 * float(np.spacing(np.max(np.abs(time))))
+    stamp_error = distance + 2.0 * float(np.spacing(max(abs(first), abs(last))))
     margin = 2.0 * stamp_error / span
     for digits in range(1, MAX_SIGNIFICANT_DIGITS):
         for candidate in (_rounded(rate, digits), 1.0 / _rounded(1.0 / rate, digits)):
             if abs(candidate / rate - 1.0) <= margin:
                 return candidate
     return rate
+
+
+def _uneven_step(time: NDArray[np.float64], period: float) -> UnevenTime | None:
+    """The first sample whose distance from the one before is not the period [s]."""
+    step = np.diff(time)
+    wrong = np.flatnonzero((step <= 0.0) | (np.abs(step - period) > STEP_TOLERANCE * period))
+    if not wrong.size:
+        return None
+    row = int(wrong[0]) + 1
+    return UnevenTime(row, _describe_step(float(time[row - 1]), float(time[row]), period))
 
 
 def _describe_step(before: float, after: float, period: float) -> str:

@@ -79,3 +79,23 @@ def test_an_open_needle_at_the_cut_end_is_no_standstill() -> None:
     cut = measurements([replace(first, needle_lift=lift, line_pressure=line)])
     (check,) = _named(_checks(cut), "rail_line_offset")
     assert check.value == pytest.approx(whole.value, abs=5 * whole.sigma)
+
+
+def test_what_was_found_explains_what_looks_like_a_leak() -> None:
+    """Red in a report is what nobody has named."""
+    hidden = sized("line_pressure_sensor_offset", o=0.4e6)
+    found = measurements(recordings((hidden,)))
+    evidence, amended = evidence_of(found, MODEL), effective_model(NOMINAL, (hidden,))
+    as_given = _named(
+        list(standstill_checks(found, evidence, MODEL, MODEL)), "apparent_line_pressure_sensor_offset"
+    )
+    with_it = _named(
+        list(standstill_checks(found, evidence, MODEL, amended)), "apparent_line_pressure_sensor_offset"
+    )
+    assert [(one.passed, one.explained) for one in as_given + with_it] == [(False, False), (False, True)]
+    assert with_it[0].value == as_given[0].value
+    leaks = [
+        _named(list(standstill_checks(found, evidence, MODEL, model)), "apparent_guide_leakage")[0]
+        for model in (MODEL, amended)
+    ]
+    assert [leak.passed or leak.explained for leak in leaks] == [False, True]

@@ -3,18 +3,18 @@
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from datetime import datetime
 from html.parser import HTMLParser
 from typing import Any
 
 import pytest
 
+from observer_rt.discovery.findings import Sources
 from observer_rt.discovery.opinion import Opinion
-from observer_rt.discovery.report.report import Sources, report
+from observer_rt.discovery.report.report import report
 from observer_rt.discovery.search.result import Decisive, Discovery, Signal, Unexplained, Verdict
 from observer_rt.estimation.phases import Phase
 from observer_rt.model.effect import Equation
-from tests.discovery.conftest import Worn
+from tests.discovery.conftest import SOURCES, Worn
 
 VOID = {"meta", "br", "path", "use", "rect", "line"}
 
@@ -61,7 +61,7 @@ def _page(worn: Worn, found: Discovery | None = None, **changes: Any) -> _Page:
 
 
 def _sources(hashes: Mapping[str, str]) -> Sources:
-    return Sources("a & b.toml", "0" * 64, ("seat_area",), hashes, (), datetime(2026, 1, 31, 12, 0))
+    return replace(SOURCES, recordings=hashes)
 
 
 def test_the_page_stands_alone(worn: Worn) -> None:
@@ -118,26 +118,41 @@ def test_a_contradiction_stands_at_the_top(worn: Worn) -> None:
 
 
 def test_an_ambiguous_answer_names_its_rivals_and_what_would_decide(worn: Worn) -> None:
+    rival = next(
+        one for one in worn.findings.discovery.ranking if len(one.ids) == 1 and one.ids[0] != "orifice_area"
+    )
     found = replace(
         worn.findings.discovery,
         verdict=Verdict.AMBIGUOUS,
-        rivals=(("orifice_cavitation",),),
-        decide_by=(Decisive("a measurement at 160 MPa", ("orifice_area", "orifice_cavitation")),),
+        rivals=(rival.ids,),
+        decide_by=(Decisive("a measurement at 160 MPa", ("orifice_area", *rival.ids)),),
     )
-    text = _page(worn, found).text
-    assert "do not decide" in text
-    assert "explained as well by: orifice_cavitation" in text
+    text = _page(worn, found, amended_model=None).text
+    headline = text[: text.index("Without any of this")]
+    assert "orifice area, v_H = " in headline
+    assert f"; or {rival.ids[0].replace('_', ' ')}, " in headline
+    assert "do not decide" in headline
+    assert f"explained as well by: {rival.ids[0]}" in text
     assert "a measurement at 160 MPa" in text
+    assert f"--choose orifice_area or --choose {rival.ids[0]}, and --force" in text
+    assert "amended.toml" not in text
+    chosen = _page(worn, found, chosen=("orifice_area",)).text
+    assert "as was chosen" in chosen
+    assert "amended.toml" in chosen
+    assert "--choose" not in chosen
 
 
 @pytest.mark.parametrize("verdict", [Verdict.NONE, Verdict.UNKNOWN])
 def test_without_an_effect_no_model_is_promised(worn: Worn, verdict: Verdict) -> None:
+    nominal = next(one for one in worn.findings.discovery.ranking if not one.ids)
     place = Unexplained(
         Equation.SAC_PRESSURE, Phase.CLOSING, Signal.LINE_PRESSURE, ("duration",), "measured < modelled"
     )
     found = replace(
         worn.findings.discovery,
         verdict=verdict,
+        named=nominal,
+        best=nominal if verdict is Verdict.NONE else worn.findings.discovery.named,
         effects=(),
         unexplained=place if verdict is Verdict.UNKNOWN else None,
     )
@@ -145,4 +160,27 @@ def test_without_an_effect_no_model_is_promised(worn: Worn, verdict: Verdict) ->
     assert "amended.toml" not in text
     assert ("Nothing is missing" in text) == (verdict is Verdict.NONE)
     assert ("while the needle closes" in text) == (verdict is Verdict.UNKNOWN)
-    assert ("Measured < modelled" in text) == (verdict is Verdict.UNKNOWN)
+    assert ("Measured < modelled; nearest, and not enough: orifice_area" in text) == (
+        verdict is Verdict.UNKNOWN
+    )
+    assert ("Nearest, not enough: orifice_area" in text) == (verdict is Verdict.UNKNOWN)
+    assert "On operating points" not in text  # nothing was fitted
+    assert "How far off the model is" in text
+    assert text.count("Model as given") == 1
+
+
+def test_one_operating_point_is_said_in_the_headline_and_nowhere_denied(worn: Worn) -> None:
+    page = _page(worn, held_out=worn.findings.fitted_on)
+    headline = page.text[: page.text.index("Without it")]
+    assert "But: one operating point, nothing held out" in headline
+    for denied in (
+        "On operating points the",
+        "other operating points than",
+        "judged on the others",
+        "every second",
+    ):
+        assert denied not in page.text
+    assert "nothing is held out" in page.text
+    held_apart = _page(worn).text
+    assert "one operating point" not in held_apart
+    assert "other operating points than these" in held_apart

@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.signals.csv_file import read_csv, write_csv
+from observer_rt.recording.formats import write_recording
+from observer_rt.recording.signals.csv_file import read_csv
 from observer_rt.recording.signals.recording import Recording
 
 HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
@@ -49,7 +50,9 @@ def test_units_and_names(tmp_path: Path) -> None:
 def test_written_header_and_cells(tmp_path: Path) -> None:
     path = tmp_path / "recording.csv"
     nan = np.array([np.nan, 1e8])
-    write_csv(path, Recording(np.array([0.0, 0.25]), nan, np.array([1e-8, 3e-4]), nan, np.array([0.0, 1e-8])))
+    write_recording(
+        path, Recording(np.array([0.0, 0.25]), nan, np.array([1e-8, 3e-4]), nan, np.array([0.0, 1e-8]))
+    )
     assert path.read_text().splitlines() == [
         HEADER + ",injection_rate_mm3_per_ms",
         "0,,1e-05,,0",
@@ -166,7 +169,7 @@ def test_a_million_rows_take_seconds(tmp_path: Path) -> None:
     pressure = np.random.default_rng(0).integers(0, 60_000, n).astype(np.float64) * 5000.0
     recording = Recording(np.arange(n) / 1e5, pressure, pressure / 1e13, pressure)
     begin = time.perf_counter()
-    write_csv(tmp_path / "long.csv", recording)
+    write_recording(tmp_path / "long.csv", recording)
     read = read_csv(tmp_path / "long.csv")
     assert time.perf_counter() - begin < 20.0  # 2 s on an idle machine
     assert np.array_equal(read.rail_pressure, pressure)

@@ -8,7 +8,8 @@ import pytest
 from asammdf import MDF, Signal
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.signals.mdf4_file import read_mdf4, write_mdf4
+from observer_rt.recording.formats import write_recording
+from observer_rt.recording.signals.mdf4_file import read_mdf4
 from observer_rt.recording.signals.recording import Recording
 
 TIME = np.arange(10) / 1e5
@@ -36,9 +37,9 @@ def message(path: Path) -> str:
 
 def test_the_same_recording_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recording = Recording(TIME, VALUES, VALUES, VALUES)
-    write_mdf4(tmp_path / "first.mf4", recording)
+    write_recording(tmp_path / "first.mf4", recording)
     monkeypatch.setattr("time.time", lambda: 2e9)  # another day
-    write_mdf4(tmp_path / "second.mf4", recording)
+    write_recording(tmp_path / "second.mf4", recording)
     assert (tmp_path / "first.mf4").read_bytes() == (tmp_path / "second.mf4").read_bytes()
 
 
@@ -125,7 +126,7 @@ def test_truncated_file(tmp_path: Path, share: float, monkeypatch: pytest.Monkey
     ignored: list[object] = []
     monkeypatch.setattr("sys.unraisablehook", ignored.append)
     path = tmp_path / "x.mf4"
-    write_mdf4(path, Recording(TIME, VALUES, VALUES, VALUES))
+    write_recording(path, Recording(TIME, VALUES, VALUES, VALUES))
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     assert str(path) in message(path)

@@ -1,0 +1,49 @@
+"""Where the signals are in recordings of the user's own, as a bench file says it: names, units, dialect, gaps."""
+
+from collections.abc import Iterator
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from observer_rt.config.toml_file import Section
+
+OneCharacter = Annotated[str, Field(min_length=1, max_length=1)]
+
+
+class ColumnConfig(Section):
+    """A column of a CSV or Parquet file, or a channel of an MDF4 file: `(value * factor + offset)` is in `unit`."""
+
+    column: Annotated[str, Field(min_length=1)]
+    unit: str | None = None  # None: as the file says
+    factor: float = 1.0
+    offset: float = 0.0
+    group: Annotated[int, Field(ge=0)] | None = (
+        None  # of an MDF4 file, where several have a channel of this name
+    )
+
+    @model_validator(mode="after")
+    def _changes_something(self) -> Self:
+        if self.factor == 0.0:
+            raise ValueError("'factor' must not be 0")
+        return self
+
+
+class RecordingConfig(Section):
+    """The mapping of recordings that are not in a layout of our own."""
+
+    rail_pressure: ColumnConfig
+    needle_lift: ColumnConfig
+    line_pressure: ColumnConfig
+    injection_rate: ColumnConfig | None = None
+    time: ColumnConfig | None = None  # MDF4 files bring their own
+    separator: OneCharacter | None = None  # of CSV, as are the next two; None: as the file looks
+    decimal: OneCharacter | None = None
+    comment: OneCharacter = "#"
+    bridge_ms: Annotated[float, Field(ge=0.0, le=100.0)] = 0.05  # gaps up to this become a straight line
+
+    @property
+    def signals(self) -> Iterator[tuple[str, ColumnConfig]]:
+        """The signals mapped, by their names in a `Recording`."""
+        for name in ("rail_pressure", "needle_lift", "line_pressure", "injection_rate"):
+            if (column := getattr(self, name)) is not None:
+                yield name, column

@@ -1,0 +1,121 @@
+"""What must be kept in mind with an answer: told wherever the answer is, on the screen, in the file, on the page."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from observer_rt.discovery.evidence.operating_points import distinct
+from observer_rt.discovery.search.result import Discovery, Verdict
+from observer_rt.discovery.search.search import indistinguishable
+from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import VOCABULARY
+from observer_rt.observer.learning.adequacy import looks_like_inertance
+
+LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
+RECORD_MORE = "record at least three rail pressures and two durations"
+
+
+@dataclass(frozen=True)
+class Caveat:
+    """A reservation. id: for programs; words: for a headline; sentence: what it means, and what would mend it."""
+
+    id: str
+    words: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """What besides the discovery itself gives rise to a reservation.
+
+    held_apart: whether the gap was taken where nothing was fitted; rate_measured: whether an injection rate was;
+    like_inertance: the change found is one that another inertance of the line would make as well; against: where the
+    learning observer says otherwise; healthy_warning: what healthy recordings say against the model, empty when
+    nothing.
+    """
+
+    held_apart: bool
+    rate_measured: bool
+    like_inertance: bool
+    against: Sequence[str]
+    healthy_warning: str
+
+
+def caveats_of(found: Discovery, circumstances: Circumstances) -> tuple[Caveat, ...]:
+    """The reservations an answer is given with, the gravest first."""
+    return (
+        *_of_opponents(circumstances),
+        *_of_coverage(found, circumstances),
+        *_of_names(found),
+        *_of_level(found, circumstances),
+    )
+
+
+def is_like_inertance(nominal: EffectiveModel, amended: EffectiveModel) -> bool:
+    """Whether nozzle flow and stiffness of the line were changed as if the line's inertance were another."""
+    before, after = nominal.injector, amended.injector
+    stiffness = [one.fluid.bulk_modulus_line / one.line.volume for one in (before, after)]
+    nozzle = after.nozzle.flow_coefficient / before.nozzle.flow_coefficient
+    return looks_like_inertance(nozzle - 1.0, stiffness[1] / stiffness[0] - 1.0)
+
+
+def _of_opponents(circumstances: Circumstances) -> Iterator[Caveat]:
+    if circumstances.healthy_warning:
+        yield Caveat(
+            "healthy_recordings", "the model does not fit the healthy ones", circumstances.healthy_warning
+        )
+    if circumstances.against:
+        yield Caveat(
+            "observer",
+            "the learning observer does not agree",
+            f"The learning observer does not agree: {'; '.join(circumstances.against)}. Do not act before this is "
+            "understood.",
+        )
+
+
+def _of_coverage(found: Discovery, circumstances: Circumstances) -> Iterator[Caveat]:
+    if not circumstances.held_apart:
+        yield Caveat(
+            "one_operating_point",
+            "one operating point, nothing held out",
+            "All this rests on one operating point: nothing could be held out, and what shows at another rail "
+            f"pressure or duration only cannot be told; {RECORD_MORE}.",
+        )
+    elif distinct({cell.rail_pressure for cell in found.before}) == 1:
+        yield Caveat(
+            "one_rail_pressure",
+            "one rail pressure",
+            "All this rests on one rail pressure: a factor and an offset of a sensor, or a stiffness and its rise "
+            f"with pressure, look alike there; {RECORD_MORE}.",
+        )
+
+
+def _of_names(found: Discovery) -> Iterator[Caveat]:
+    for effect in found.effects:
+        others = " or ".join(indistinguishable(VOCABULARY[effect.id]))
+        if others:
+            yield Caveat(
+                "same_signals",
+                f"{others} would look the same",
+                f"{effect.id} and {others} have the same effect on every signal; either name is right for the model.",
+            )
+
+
+def _of_level(found: Discovery, circumstances: Circumstances) -> Iterator[Caveat]:
+    """Without a measured rate, the level of all flows is that of the line's inertance."""
+    if circumstances.rate_measured or found.verdict is Verdict.UNKNOWN:
+        return
+    if circumstances.like_inertance:
+        yield Caveat(
+            "line_inertance",
+            "another line inertance would look the same",
+            "Flow and stiffness of the line changed together as they would for another inertance of the line "
+            "(density, length and diameter in the model); the injection rate measured tells them apart.",
+        )
+    elif not found.effects or any(abs(effect.moves.mass) >= LEAST_MASS for effect in found.effects):
+        yield Caveat(
+            "mass_not_measured",
+            "injected mass not measured",
+            "No injection rate was measured: masses follow from the line pressure and the inertance of the line "
+            "(density, length and diameter in the model), and are wrong by the same share where that is.",
+        )

@@ -1,0 +1,66 @@
+"""What is said of one injection against the nominal model and, where there is one, the measurement."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.evaluation.trace import Signal, Trace
+from observer_rt.service.reports.injection_report import InjectionReport
+
+
+@dataclass(frozen=True)
+class InjectionResult:
+    """One injection against the nominal model and, where measured, against the measurement (SI; nan: not known)."""
+
+    report: InjectionReport
+    start: float  # s
+    end: float  # s
+    nominal_mass: float  # kg
+    measured_mass: float  # kg
+    rate_rmse: float  # m3/s
+    nominal_rate_rmse: float  # m3/s
+    rate_ci95_halfwidth: float  # m3/s, of the published rate, mean while it flows
+
+
+def injection_result(
+    report: InjectionReport,
+    first_index: int,
+    time: Signal,
+    trace: Trace,
+    measured_rate: Signal | None,
+    sample_rate: float,
+    online_mass: float | None,
+) -> InjectionResult:
+    """Over the window an injection was detected in, of samples that begin with a sample index.
+
+    time [s], measured_rate [m3/s]: of the samples of the trace; online_mass [kg]: as measured online, None: it was
+    not; a measured rate goes before it.
+    """
+    first = report.start_index - first_index
+    last = min(report.end_index - first_index, time.size - 1)
+    window = slice(first, last + 1)
+    interval = 1.0 / sample_rate
+    measured = measured_rate[window] if measured_rate is not None else None
+    nominal = trace.nominal_rate[window]
+    rate = trace.injection_rate[window]
+    sigma = trace.injection_rate_sigma[window][rate != 0.0]
+
+    def mass(rate: NDArray[np.float64]) -> float:
+        return float(np.trapezoid(rate)) * interval * report.density
+
+    def rmse(rate: NDArray[np.float64]) -> float:
+        return math.nan if measured is None else float(np.sqrt(np.mean((rate - measured) ** 2)))
+
+    unmeasured = math.nan if online_mass is None else online_mass
+    return InjectionResult(
+        report=report,
+        start=float(time[first]),
+        end=float(time[last]),
+        nominal_mass=mass(nominal),
+        measured_mass=unmeasured if measured is None else mass(measured),
+        rate_rmse=rmse(rate),
+        nominal_rate_rmse=rmse(nominal),
+        rate_ci95_halfwidth=1.96 * float(np.mean(sigma)) if sigma.size else math.nan,
+    )

@@ -1,0 +1,202 @@
+"""The observer and, beside it, the nominal model on the same frames, of one recording after another."""
+
+from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.links.link import BusFrame
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.config.bench import Bench
+from observer_rt.evaluation.passage import Hearer, Passage
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.observer.stream.state import RING
+from observer_rt.recording.replay.device import Device
+from observer_rt.recording.signals.stream import SignalStream
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.counters import Counters
+from observer_rt.service.core.learners import LearnerFactory, make_learner
+from observer_rt.service.core.messages import OutputFrame
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import MeasuredMass, News
+
+Progress = Callable[[int], None]  # samples done
+_READ_EVERY = 64  # frames between two looks at the observer's memory
+_FORGET_EVERY = 64 * _READ_EVERY
+
+
+class _Reading:
+    """What of a core's samples was read, and in which passage they lie."""
+
+    def __init__(self, core: Core) -> None:
+        self.core = core
+        self._seen = 0
+        self.passage = 0
+        """Number of that of the last sample read."""
+        self._last_index = -1
+
+    def parts(self, passages: list[Passage]) -> Iterator[tuple[Passage, int, NDArray[np.void]]]:
+        """What was processed since the last reading, by passage, with the position of the first sample."""
+        rows = self.core.rows(self._seen, self.core.processed)
+        position = self.core.processed - len(rows)
+        self._seen = self.core.processed
+        index = rows["index"].astype(np.int64)
+        begins_anew = (
+            np.flatnonzero(np.diff(index, prepend=self._last_index) <= 0).tolist() if len(rows) else []
+        )
+        for first, end in pairwise([0, *(row for row in begins_anew if row), len(rows)]):
+            if first in begins_anew:
+                self.passage += 1
+            yield from self._by_passage(passages, position + first, rows[first:end])
+        self._last_index = int(index[-1]) if len(rows) else self._last_index
+
+    def _by_passage(
+        self, passages: list[Passage], position: int, rows: NDArray[np.void]
+    ) -> Iterator[tuple[Passage, int, NDArray[np.void]]]:
+        """Of rows whose index rises."""
+        while len(rows):
+            self.passage = min(self.passage, len(passages) - 1)
+            after = passages[self.passage + 1 :][:1]
+            end = np.searchsorted(rows["index"], after[0].first_index) if after else len(rows)
+            here = passages[self.passage]
+            if after and after[0].first_index < here.first_index + here.samples:  # begins anew, not yet
+                end = len(rows)
+            if end:
+                yield here, position, rows[:end]
+            if end < len(rows):
+                self.passage += 1
+            rows, position = rows[end:], position + int(end)
+
+
+class ObserverRun:
+    """One observer, learning in lockstep, and what it says of the recordings it is given."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        knowledge: Knowledge | None = None,
+        learning: bool = True,
+        progress: Progress | None = None,
+        learner_of: LearnerFactory = make_learner,
+        fuel_temperature: float | None = None,
+        keeps_frames: bool = False,
+    ) -> None:
+        """keeps_frames: those that were sent."""
+        bus: BusMap = map_bus(bench)
+        self._core = Core(
+            bench.injector,
+            bus,
+            knowledge,
+            learning=learning,
+            listeners=[self._hear],
+            learner_of=learner_of,
+            fuel_temperature=fuel_temperature,
+        )
+        nominal = Core(bench.injector, bus, learning=False, fuel_temperature=fuel_temperature)
+        self._reading, self._nominal = _Reading(self._core), _Reading(nominal)
+        self._device = Device(bus)
+        self._progress = progress or (lambda _: None)
+        self._keeps_frames = keeps_frames
+        self._passages: list[Passage] = []
+        self._finished = 0  # passages
+        self._news: list[News] = []
+        self.frames: list[OutputFrame] = []
+        """Sent, where they are kept."""
+
+    def take(self, stream: SignalStream, hearer: Hearer) -> list[Passage]:
+        """Observe a recording as the frames of a measuring device; between stretches the sample index jumps."""
+        rate, before = stream.sample_rate, len(self._passages)
+        for chunk in self._device.chunks(stream.chunks()):
+            if chunk.first == 0:
+                samples = stream.stretches[chunk.stretch].samples
+                self._passages.append(Passage(hearer, self._device.begin(rate), samples, rate))
+            self._passages[-1].give(chunk.time, chunk.injection_rate)
+            self._observe(self._device.frames(chunk))
+        return self._passages[before:]
+
+    def take_frames(self, frames: Iterable[BusFrame], passages: Iterable[Passage]) -> None:
+        """Observe frames as they are, which carry the samples of passages in their order."""
+        self._passages += passages
+        self._observe(frames)
+
+    @property
+    def counters(self) -> Counters:
+        """What was counted so far."""
+        return self._core.counters
+
+    @property
+    def standstill(self) -> Standstill:
+        """Statistics of the closed needle so far."""
+        return self._core.standstill
+
+    @property
+    def knowledge(self) -> Knowledge:
+        """All that was learned so far."""
+        return self._core.knowledge
+
+    @property
+    def has_energizing(self) -> bool:
+        """Whether the bench has this input."""
+        return self._core.energizing is not None
+
+    def finish(self) -> None:
+        """No recording will come: judge every event."""
+        self._sent(self._core.finish())
+        self._nominal.core.finish()
+        self._read()
+        for passage in self._passages[self._finished :]:
+            passage.finish()
+
+    def _observe(self, frames: Iterable[BusFrame]) -> None:
+        nominal = self._nominal.core
+        for count, (bus, frame) in enumerate(frames):
+            arguments = frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, bus
+            self._sent(self._core.handle(*arguments))
+            nominal.handle(*arguments)
+            if count % _READ_EVERY == 0:
+                self._read()
+                if count % _FORGET_EVERY == 0:
+                    self._forget()
+        self._read()
+
+    def _sent(self, frames: list[OutputFrame]) -> None:
+        if self._keeps_frames:
+            self.frames += frames
+
+    def _hear(self, news: News) -> None:
+        self._news.append(news)
+
+    def _read(self) -> None:
+        """Note what was processed since the last look, then what was said of injections."""
+        for passage, position, rows in self._reading.parts(self._passages):
+            passage.note(rows, position)
+        for passage, _, rows in self._nominal.parts(self._passages):
+            passage.note_nominal(rows)
+        news, self._news = self._news, []
+        for each in news:
+            match each:
+                case InjectionReport():
+                    self._passage_of(each).note_report(each)
+                case MeasuredMass(report):
+                    self._passage_of(report).hearer.take_measured(each)
+        self._progress(self._core.processed)
+
+    def _passage_of(self, report: InjectionReport) -> Passage:
+        begun = [passage for passage in self._passages if passage.begin is not None]
+        return next(
+            (each for each in reversed(begun) if each.begin is not None and each.begin <= report.start),
+            begun[0],
+        )
+
+    def _forget(self) -> None:
+        """Hand over, in order, what no injection will need."""
+        processed = self._core.processed
+        for number in range(self._finished, self._reading.passage + 1):
+            passage = self._passages[number]
+            if number == self._reading.passage or passage.end > processed - RING:
+                passage.pass_on(processed)
+                return
+            passage.finish()
+            self._finished = number + 1

@@ -1,0 +1,148 @@
+"""Files through the observer part by part, in memory that does not depend on their length."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+from observer_rt.config.bench import Bench
+from observer_rt.evaluation.curves import RateCurves, rate_curves
+from observer_rt.evaluation.injections import InjectionResult, injection_result
+from observer_rt.evaluation.logged import LoggedSignals
+from observer_rt.evaluation.passage import Passage
+from observer_rt.evaluation.run import ObserverRun, Progress
+from observer_rt.evaluation.spool import Spool
+from observer_rt.evaluation.trace import Signal, Trace
+from observer_rt.evaluation.trace_file import open_trace, trace_arrays
+from observer_rt.foundation.file_errors import file_errors
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.recording.replay.framing import bench_for
+from observer_rt.recording.signals.stream import SignalStream
+from observer_rt.recording.signals.table_writers import TableWriter
+from observer_rt.service.core.counters import Counters
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import MeasuredMass
+
+
+class StreamedEvaluation:
+    """One file evaluated: its injections, in a temporary file; its samples pass by."""
+
+    def __init__(self, source: SignalStream, curves_of: Coefficients | None = None) -> None:
+        """curves_of: the nominal model, where curves of every injection are to be drawn."""
+        self.path = source.path
+        self.samples = source.samples
+        self.sample_rate = source.sample_rate
+        self.has_rate = source.has_rate
+        self.injections: Spool[InjectionResult] = Spool()
+        self.curves: Spool[RateCurves] = Spool()
+        """As many as injections, where they are kept."""
+        self._curves_of = curves_of
+        self._held: InjectionResult | None = None  # until no measured mass can come for it
+        self._writer: TableWriter | None = None
+
+    def write_to(self, writer: TableWriter) -> None:
+        """Write the trace."""
+        self._writer = writer
+
+    def take_report(self, passage: Passage, report: InjectionReport) -> None:
+        """An injection, whose samples the passage remembers."""
+        self._let_go()
+        self._held = injection_result(
+            report,
+            passage.first_index + passage.first,
+            passage.time,
+            passage.trace,
+            passage.measured_rate,
+            self.sample_rate,
+            None,
+        )
+        self._held = replace(self._held, report=replace(report, rate_sigma=None))
+        if (c := self._curves_of) is not None:
+            line_pressure = passage.line_pressure * c.pressure_scale + c.chamber_pressure
+            first_index = passage.first_index + passage.first
+            known = passage.time, passage.trace, passage.measured_rate
+            self.curves.append(rate_curves(report, first_index, *known, line_pressure, c))
+
+    def take_measured(self, measured: MeasuredMass) -> None:
+        """Of the injection told last; a measured rate goes before it."""
+        if (
+            self._held is not None
+            and self._held.report.number == measured.report.number
+            and not self.has_rate
+        ):
+            self._held = replace(self._held, measured_mass=measured.mass)
+
+    def take_passed(self, time: Signal, trace: Trace) -> None:
+        """Into the trace."""
+        if self._writer is not None:
+            self._writer.write(trace_arrays(time, trace))
+
+    def end(self, run: ObserverRun) -> None:
+        """All its frames were taken."""
+        self.counters: Counters = run.counters
+        self.standstill: Standstill = run.standstill
+
+    def finish(self, before: Counters, has_energizing: bool) -> None:
+        """Nothing more will be heard; before: what was counted of the files before it."""
+        self._let_go()
+        self.counters = self.counters.since(before)
+        self.has_energizing = has_energizing
+
+    def _let_go(self) -> None:
+        if self._held is not None:
+            self.injections.append(self._held)
+            self._held = None
+
+
+def evaluate_stream(
+    bench: Bench,
+    sources: Sequence[SignalStream],
+    traces: Sequence[Path] = (),
+    knowledge: Knowledge | None = None,
+    learning: bool = True,
+    progress: Progress | None = None,
+    curves_of: Coefficients | None = None,
+) -> tuple[list[StreamedEvaluation], Knowledge]:
+    """Evaluate files as one history: recordings, or logs whose sample index goes on from one to the next.
+
+    traces: files to be written, of each, or none; curves_of: as of `StreamedEvaluation`. Else as `evaluate` and
+    `evaluate_logs`.
+    """
+    is_logged = any(isinstance(source, LoggedSignals) for source in sources)
+    bench = bench if is_logged else bench_for(bench, sources[0])
+    fuel_temperature = None if is_logged else bench.injector.parameters.fluid.reference_temperature
+    run = ObserverRun(bench, knowledge, learning, progress, fuel_temperature=fuel_temperature)
+    evaluations = [StreamedEvaluation(source, curves_of) for source in sources]
+    with ExitStack() as stack:
+        for path, evaluation in zip(traces, evaluations, strict=False):
+            stack.enter_context(file_errors(path))
+            evaluation.write_to(stack.enter_context(open_trace(path)))
+        for source, evaluation in zip(sources, evaluations, strict=True):
+            if isinstance(source, LoggedSignals):
+                run.take_frames(source.frames, _passages(source, evaluation))
+            else:
+                run.take(source, evaluation)
+            evaluation.end(run)
+        run.finish()
+    evaluations[-1].end(run)
+    before = [
+        evaluations[0].counters.since(evaluations[0].counters),
+        *(each.counters for each in evaluations),
+    ]
+    for evaluation, counted in zip(evaluations, before, strict=False):
+        evaluation.finish(counted, run.has_energizing)
+    return evaluations, run.knowledge
+
+
+def _passages(log: LoggedSignals, evaluation: StreamedEvaluation) -> list[Passage]:
+    """Of a log, apart at long holes, which belong to what is before them; times go on over a restart."""
+    passages, offset = [], 0
+    for stretch in log.logged:
+        bounds = [stretch.first_index, *stretch.resumed, stretch.last_index + 1]
+        for first, end in pairwise(bounds):
+            passages.append(Passage(evaluation, first, end - first, log.rate, offset))
+            offset += end - first
+    return passages

@@ -1,0 +1,92 @@
+"""A measuring device that sends recordings: frames as a bus receives them, sample index and time going on."""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.links.link import BusFrame, Frame
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.recording.replay.framing import Framer, grid_samples, message_timing, whole
+from observer_rt.recording.signals.recording import Chunk
+
+NANOSECONDS = 1e9  # in a second
+PAUSE = 1.0  # s, between two recordings, and between two stretches of one
+
+
+class Device:
+    """Sends stretches of recordings one after another; between two of them the sample index jumps."""
+
+    def __init__(self, bus: BusMap) -> None:
+        self._framer = Framer(bus)
+        self._block = math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
+        self._delays = {
+            frame_key(layout.frame_id, layout.is_extended, layout.bus): round(
+                float(message_timing(bus, number)["delay"]) * NANOSECONDS
+            )
+            for number, layout in enumerate(bus.input_layouts)
+        }
+        self._start = 0  # ns, of the stretch
+
+    def begin(self, sample_rate: float) -> int:
+        """Begin a stretch; the sample index of its first sample."""
+        if self._framer.next_index:
+            self._framer.pause(round(PAUSE * sample_rate))
+        self._start = round(self._framer.next_index / sample_rate * NANOSECONDS)
+        return self._framer.next_index
+
+    def chunks(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+        """The same samples, every chunk but the last of a stretch a whole number of blocks of frames."""
+        held: Chunk | None = None
+        for chunk in chunks:
+            if held is not None and held.stretch != chunk.stretch:
+                yield held
+                held = None
+            joined = chunk if held is None else _joined(held, chunk)
+            full = joined.samples - joined.samples % self._block
+            if full:
+                yield _cut(joined, 0, full)
+            held = _cut(joined, full, joined.samples) if full < joined.samples else None
+        if held is not None:
+            yield held
+
+    def frames(self, chunk: Chunk) -> Iterator[BusFrame]:
+        """Of a chunk of the stretch begun, as `chunks` gives them, stamped as received."""
+        interval = 1.0 / chunk.sample_rate
+        for frame in self._framer.frames(chunk, whole(chunk)):
+            due = chunk.first + round(frame.time * chunk.sample_rate)
+            delay = self._delays[frame_key(frame.frame_id, frame.is_extended, frame.bus)]
+            stamp = self._start + round(due * interval * NANOSECONDS) + delay
+            yield BusFrame(
+                frame.bus, Frame(frame.frame_id, frame.payload, stamp, frame.is_extended, frame.is_fd)
+            )
+
+
+def _joined(before: Chunk, after: Chunk) -> Chunk:
+    def both(name: str) -> NDArray[np.float64]:
+        return np.concatenate((getattr(before, name), getattr(after, name)))
+
+    return replace(
+        before,
+        time=both("time"),
+        rail_pressure=both("rail_pressure"),
+        needle_lift=both("needle_lift"),
+        line_pressure=both("line_pressure"),
+        injection_rate=None if before.injection_rate is None else both("injection_rate"),
+    )
+
+
+def _cut(chunk: Chunk, start: int, end: int) -> Chunk:
+    part, rate = slice(start, end), chunk.injection_rate
+    return replace(
+        chunk,
+        time=chunk.time[part],
+        rail_pressure=chunk.rail_pressure[part],
+        needle_lift=chunk.needle_lift[part],
+        line_pressure=chunk.line_pressure[part],
+        injection_rate=None if rate is None else rate[part],
+        first=chunk.first + start,
+    )

@@ -1,0 +1,71 @@
+"""Files that must be on an even grid as they are: looked through part by part, then read in chunks."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.signals.recording import EQUIDISTANT, Chunk, refuse_infinite
+from observer_rt.recording.signals.stream import SignalStream, Stretch
+from observer_rt.recording.signals.time_grid import GridCheck, UnevenTime
+
+Arrays = Mapping[str, NDArray[np.float64]]
+"""A part of a file: `time` and signals (SI), each (n,)."""
+
+
+class CheckedGrid:
+    """Takes a file's parts in order and gives its stream what is then known of it."""
+
+    def __init__(self, stream: SignalStream, place_of_row: Callable[[int], str]) -> None:
+        """place_of_row: turns a zero-based row into what a user finds it by."""
+        self._stream = stream
+        self._place = place_of_row
+        self._grid = GridCheck()
+        self._start = 0.0
+
+    def take(self, arrays: Arrays) -> None:
+        """Check a part. Raises `UserError` for an uneven time or an infinite value."""
+        signals = {name: values for name, values in arrays.items() if name != "time"}
+        time, row = arrays["time"], self._grid.samples
+        if not row:
+            self._refuse_short(time.size)
+            self._start = float(time[0])
+        self._refuse(self._grid.take(time))
+        refuse_infinite(signals, lambda inside: self._place(row + inside))
+        for name, values in signals.items():
+            self._stream.survey.take(name, values)
+
+    def end(self) -> None:
+        """All was taken."""
+        if not self._grid.samples:
+            self._refuse_short(0)
+        self._refuse(self._grid.end())
+        self._stream.rate = self._grid.sample_rate
+        self._stream.stretches = (Stretch(self._start, self._grid.samples),)
+
+    def _refuse_short(self, samples: int) -> None:
+        if samples < 2:
+            problem = "holds one sample only" if samples else "holds no sample"
+            raise UserError(self._place(0), problem, "record, or select, at least two samples")
+
+    def _refuse(self, uneven: UnevenTime | None) -> None:
+        if uneven is not None:
+            raise UserError(self._place(uneven.row), uneven.problem, EQUIDISTANT)
+
+
+def in_chunks(stream: SignalStream, parts: Iterable[Arrays]) -> Iterator[Chunk]:
+    """The parts of a file in one stretch."""
+    first = 0
+    for arrays in parts:
+        yield Chunk(
+            arrays["time"],
+            arrays["rail_pressure"],
+            arrays["needle_lift"],
+            arrays["line_pressure"],
+            arrays.get("injection_rate"),
+            stream.path,
+            stream.sample_rate,
+            first=first,
+        )
+        first += arrays["time"].size

@@ -1,0 +1,125 @@
+"""Signals that are no injector's, most often because they are in another unit: one check for every command."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE
+from observer_rt.recording.signals.survey import SignalSurvey, Survey
+
+PRESSURES = (5 * MEGAPASCAL, 400 * MEGAPASCAL)  # Pa, highest of a common-rail system that injects
+LARGEST_LIFT = 2 * MILLIMETRE
+OPEN = 20 * MICROMETRE  # lift of an injection, above any noise
+SMALLEST_LIFT = 5 * MICROMETRE
+SHAPE = 20.0  # highest value beside the mean step from sample to sample, beyond which it is no noise
+SAME = 0.2  # relative, within which a ratio of pressures is a ratio of units
+RESTS_OPEN = 0.7  # share of the highest lift, above which a needle is open most of the time
+_PRESSURE_FACTORS = (
+    (1e-6, "Pa"),
+    (1e-3, "kPa"),
+    (0.1, "bar"),
+    (0.00689476, "psi"),
+    (10.0, "MPa, read as bar"),
+    (1e3, "MPa, read as kPa"),
+    (1e6, "MPa, read as Pa"),
+)  # what the values are to be multiplied by, if they are in a unit although MPa was said
+_LIFT_FACTORS = ((1e-3, "um"), (1e-6, "nm"), (1e3, "mm, read as um, or m, read as mm"))
+
+
+@dataclass(frozen=True)
+class Implausible:
+    """A signal that cannot be right."""
+
+    signal: str
+    problem: str
+    remedy: str
+
+    def error(self, path: Path | None, column: str = "") -> UserError:
+        """For the user; column: what the signal is called in the file."""
+        name = self.signal if column in ("", self.signal) else f"{column} ({self.signal})"
+        return UserError(f"{path or 'recording'}, {name}", self.problem, self.remedy)
+
+
+def refuse_implausible(path: Path | None, survey: Survey, columns: dict[str, str] | None = None) -> None:
+    """Raise `UserError` for the first signal that cannot be right. columns: names in the file by signal."""
+    for found in implausible(survey):
+        raise found.error(path, (columns or {}).get(found.signal, ""))
+
+
+def implausible(survey: Survey) -> Iterator[Implausible]:
+    """What cannot be right in a recording's ranges."""
+    rail, line, lift = (
+        survey.signals.get(name) for name in ("rail_pressure", "line_pressure", "needle_lift")
+    )
+    if rail is None or line is None or lift is None or not (rail.count and line.count and lift.count):
+        return
+    yield from _lift(lift)
+    opens = lift.highest > OPEN
+    for name, pressure in (("rail_pressure", rail), ("line_pressure", line)):
+        yield from _pressure(name, pressure, opens)
+    yield from _beside_each_other(rail, line)
+
+
+def _pressure(name: str, pressure: SignalSurvey, opens: bool) -> Iterator[Implausible]:
+    lowest, highest = PRESSURES
+    is_low = opens and 0.0 < pressure.highest < lowest
+    if pressure.highest <= highest and not is_low:
+        return
+    likely = [unit for factor, unit in _PRESSURE_FACTORS if lowest <= pressure.highest * factor <= highest]
+    yield Implausible(
+        name,
+        f"reaches {pressure.highest / MEGAPASCAL:.4g} MPa"
+        + (" only, though the needle opens" if is_low else ""),
+        f"give pressures of {lowest / MEGAPASCAL:g} to {highest / MEGAPASCAL:g} MPa; mind the unit{_likely(likely)}",
+    )
+
+
+def _beside_each_other(rail: SignalSurvey, line: SignalSurvey) -> Iterator[Implausible]:
+    """The two pressures, which rest at the same: a ratio of units tells that one is in another."""
+    if rail.mean <= 0.0 or line.mean <= 0.0:
+        return
+    ratio = line.mean / rail.mean
+    for factor, unit in _PRESSURE_FACTORS:
+        if abs(ratio * factor - 1.0) < SAME:
+            yield Implausible(
+                "line_pressure",
+                f"is {line.mean / MEGAPASCAL:.4g} MPa in the mean, rail_pressure {rail.mean / MEGAPASCAL:.4g} MPa: "
+                f"{ratio:.3g} times as much",
+                f"mind the units of both; the likely one of line_pressure is {unit}",
+            )
+            return
+
+
+def _lift(lift: SignalSurvey) -> Iterator[Implausible]:
+    highest, lowest = lift.highest, lift.lowest
+    if max(highest, -lowest) > LARGEST_LIFT:
+        reached = highest if highest > LARGEST_LIFT else lowest
+        likely = [unit for factor, unit in _LIFT_FACTORS if OPEN <= abs(reached) * factor <= LARGEST_LIFT]
+        yield Implausible(
+            "needle_lift",
+            f"reaches {reached / MILLIMETRE:.4g} mm",
+            f"give lifts below {LARGEST_LIFT / MILLIMETRE:g} mm; mind the unit{_likely(likely)}",
+        )
+    elif lowest < -OPEN and highest < -lowest / 4.0:
+        yield Implausible(
+            "needle_lift",
+            f"goes down to {lowest / MILLIMETRE:.4g} mm and never up: it is inverted",
+            "give it positive when the needle opens; in [recording.needle_lift] of a bench file: factor = -1",
+        )
+    elif highest > OPEN and lift.mean > RESTS_OPEN * highest and lowest < 0.3 * highest:
+        yield Implausible(
+            "needle_lift",
+            f"rests at {lift.mean / MILLIMETRE:.4g} mm and goes down to {lowest / MILLIMETRE:.4g} mm: it is inverted",
+            "give 0 for the shut needle; in [recording.needle_lift] of a bench file: factor = -1, and an offset",
+        )
+    elif 0.0 < highest < SMALLEST_LIFT and lift.mean_change > 0.0 and highest > SHAPE * lift.mean_change:
+        yield Implausible(
+            "needle_lift",
+            f"reaches {highest / MILLIMETRE:.4g} mm only",
+            f"mind the unit{_likely([_LIFT_FACTORS[-1][1]])}",
+        )
+
+
+def _likely(units: list[str]) -> str:
+    return f", which is likely {units[0]}" if units else ""

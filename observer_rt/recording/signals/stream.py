@@ -1,0 +1,150 @@
+"""Recordings read in parts: as long as the disk is large, in memory that does not depend on it."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.signals.recording import Chunk, Recording
+from observer_rt.recording.signals.survey import Survey
+
+SAMPLES_AT_ONCE = 1 << 14
+LONGEST_HOLE = 1 << 24  # samples that may lie between two stretches put into one array
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Samples of a file between which none is missing. start: time of the first one [s], as the file says it."""
+
+    start: float
+    samples: int
+
+
+class SignalStream(ABC):
+    """The signals of one file, looked through once, to be read in parts as often as wanted."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self.stretches: tuple[Stretch, ...] = ()
+        """At least one; several where the file was split."""
+        self.rate = 0.0
+        self.has_rate = False
+        """Whether an injection rate was measured."""
+        self.notes: tuple[str, ...] = ()
+        """What was made of the file that the user should know."""
+        self.survey = Survey()
+        """Ranges of the signals."""
+        self.names: dict[str, str] = {}
+        """What signals are called in the file, where that is not as in a recording."""
+        self.details: tuple[str, ...] = ()
+        """How the file was read, for who looks at it."""
+
+    @property
+    def path(self) -> Path | None:
+        """The file; None for signals in memory."""
+        return self._path
+
+    @property
+    def sample_rate(self) -> float:
+        """Of every signal [Hz]."""
+        return self.rate
+
+    @property
+    def samples(self) -> int:
+        """Of all stretches."""
+        return sum(stretch.samples for stretch in self.stretches)
+
+    @abstractmethod
+    def chunks(self) -> Iterator[Chunk]:
+        """All samples in order, stretch by stretch."""
+
+    def collected(self) -> Recording:
+        """All in memory. Between stretches the samples are NaN; a restart counts as a hole of one second."""
+        parts = list(self.chunks())
+        if len(self.stretches) > 1:
+            return self._on_one_grid(parts)
+
+        return joined(parts)
+
+    def _on_one_grid(self, parts: Iterable[Chunk]) -> Recording:
+        places = self._places()
+        total = places[-1] + self.stretches[-1].samples
+        names = ["rail_pressure", "needle_lift", "line_pressure", *(["injection_rate"] * self.has_rate)]
+        arrays = {name: np.full(total, np.nan) for name in names}
+        for part in parts:
+            place = places[part.stretch] + part.first
+            for name, values in arrays.items():
+                values[place : place + part.samples] = getattr(part, name)
+        time = self.stretches[0].start + np.arange(total) / self.rate
+        return Recording(time=time, path=self._path, **arrays)
+
+    def _places(self) -> list[int]:
+        """Of the first samples of the stretches on one grid."""
+        places = [0]
+        for before, after in zip(self.stretches, self.stretches[1:], strict=False):
+            end = before.start + before.samples / self.rate
+            hole = round((after.start - end) * self.rate)
+            if hole > LONGEST_HOLE:
+                raise UserError(
+                    str(self._path),
+                    f"nothing was recorded from {end:.6g} s to {after.start:.6g} s",
+                    "split the file there",
+                )
+            places.append(places[-1] + before.samples + (hole if hole > 0 else round(self.rate)))
+        return places
+
+
+def joined(parts: Sequence[Recording]) -> Recording:
+    """Parts of a recording that follow one another, in one piece."""
+
+    def whole(name: str) -> NDArray[np.float64]:
+        arrays = [getattr(part, name) for part in parts]
+        return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+
+    return Recording(
+        whole("time"),
+        whole("rail_pressure"),
+        whole("needle_lift"),
+        whole("line_pressure"),
+        None if parts[0].injection_rate is None else whole("injection_rate"),
+        parts[0].path,
+    )
+
+
+class HeldSignals(SignalStream):
+    """A recording in memory."""
+
+    def __init__(self, recording: Recording) -> None:
+        super().__init__(recording.path)
+        self._recording = recording
+        self.rate = recording.sample_rate
+        self.stretches = (Stretch(float(recording.time[0]), recording.samples),)
+        self.has_rate = recording.injection_rate is not None
+        for name, values in recording.signals.items():
+            self.survey.take(name, values)
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Views of the recording."""
+        whole = self._recording
+        for first in range(0, whole.samples, SAMPLES_AT_ONCE):
+            part = slice(first, first + SAMPLES_AT_ONCE)
+            rate = whole.injection_rate
+            yield Chunk(
+                whole.time[part],
+                whole.rail_pressure[part],
+                whole.needle_lift[part],
+                whole.line_pressure[part],
+                None if rate is None else rate[part],
+                whole.path,
+                self.rate,
+                0,
+                first,
+            )
+
+    def collected(self) -> Recording:
+        """The recording."""
+        return self._recording

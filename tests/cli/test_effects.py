@@ -1,0 +1,63 @@
+"""`observer-rt effects`: the vocabulary with units, bounds and meaning; a unit wherever an effect is named."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from observer_rt.model.effects import VOCABULARY
+from tests.cli.conftest import Command
+
+
+def test_every_effect_with_its_units_and_what_it_is_taken_for(command: Command) -> None:
+    done = command("effects")
+    assert done.code == 0
+    for effect in VOCABULARY.values():
+        assert effect.id in done.out
+        for parameter in effect.parameters:
+            assert f":{parameter.name} = " in done.out
+    assert ":d = -60 to 60 us" in done.out
+    assert "hard to tell from line_pressure_sensor_lag" in done.out
+    assert "the same in every signal as line_volume" in done.out
+
+
+def test_one_effect_in_detail(command: Command) -> None:
+    done = command("effects", "channel_skew")
+    assert "matters from d = 2 us on" in done.out
+    assert "shows as: The whole line pressure is shifted in time" in done.out
+    assert "one signal fed to both pressure channels" in done.out
+    assert "seat_area" not in done.out
+    assert "a switch" in command("effects", "seat_outflow").out
+
+
+def test_a_misspelt_id_is_named(command: Command) -> None:
+    done = command("effects", "channel_scew")
+    assert done.code == 2
+    assert "the nearest is 'channel_skew'" in done.err
+    assert "channel_skew:d [us]" in done.err
+
+
+def test_for_programs(command: Command) -> None:
+    document = json.loads(command("effects", "--json").out)
+    effects = {effect["id"]: effect for effect in document["effects"]}
+    assert set(effects) == set(VOCABULARY)
+    (skew,) = effects["channel_skew"]["parameters"]
+    assert (skew["unit"], skew["lowest"], skew["highest"]) == ("us", -60.0, 60.0)
+    assert effects["bulk_modulus"]["taken_for"][0]["id"] == "line_volume"
+    for effect in effects.values():  # whichever of two says so, both have it
+        for other in effect["taken_for"]:
+            assert effect["id"] in [one["id"] for one in effects[other["id"]]["taken_for"]]
+
+
+@pytest.mark.parametrize("size", ["10", "10us", "10 us"])
+def test_a_simulated_effect_is_told_with_its_unit(command: Command, tmp_path: Path, size: str) -> None:
+    output = tmp_path / "late.csv"
+    done = command("simulate", "--injections", 1, "--effect", f"channel_skew:d={size}", "--output", output)
+    assert done.code == 0
+    assert "channel_skew d = 10 us" in done.err
+
+
+def test_another_unit_is_refused(command: Command, tmp_path: Path) -> None:
+    done = command("simulate", "--effect", "channel_skew:d=10ms", "--output", tmp_path / "late.csv")
+    assert done.code == 2
+    assert "give the number in us" in done.err

@@ -1,0 +1,211 @@
+"""Files of the user's own layout, wrong units, overwriting, logs with a restart: at the command line."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.recording.formats import read_recording, write_recording
+from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.recording.signals.recording import Recording
+from tests.cli.conftest import Command, document
+from tests.recording.canlog.log_cases import sent_log, write_log
+
+SECTION = """
+[recording]
+[recording.time]
+column = "Zeit"
+unit = "ms"
+[recording.rail_pressure]
+column = "p_Rail"
+unit = "bar"
+[recording.needle_lift]
+column = "Hub"
+unit = "um"
+[recording.line_pressure]
+column = "p_Leitung"
+unit = "bar"
+"""
+
+
+@pytest.fixture
+def own(bench: Path) -> Path:
+    """Bench file with a `[recording]` section."""
+    bench.write_text(bench.read_text() + SECTION)
+    return bench
+
+
+@pytest.fixture
+def foreign(worn: Path, tmp_path: Path) -> Path:
+    """The worn injector as another tool would write it, a few rows lost, 20 ms not recorded."""
+    recording = read_recording(worn)
+    kept = np.delete(np.arange(recording.samples), [500, *range(6000, 7000)])
+    rows = [
+        f"{recording.time[k] * 1e3:.4f};{recording.rail_pressure[k] / 1e5:.2f};{recording.needle_lift[k] * 1e6:.2f};"
+        f"{recording.line_pressure[k] / 1e5:.2f};on"
+        for k in kept
+    ]
+    text = "\n".join(["Bench 7", "Zeit;p_Rail;Hub;p_Leitung;Mode", *rows]) + "\n"
+    path = tmp_path / "foreign.csv"
+    path.write_text(text.replace(".", ","))
+    return path
+
+
+def test_a_foreign_file_is_evaluated(command: Command, foreign: Path, own: Path, worn: Path) -> None:
+    outcome = command("evaluate", foreign, "--bench", own)
+    assert outcome.code == 0, outcome.err
+    assert "1 gaps are bridged" in outcome.err
+    assert "split into 2 stretches" in outcome.err
+    (found,) = document(command, foreign, "--bench", own)["recordings"]
+    (known,) = document(command, worn, "--bench", own)["recordings"]
+    assert len(found["injections"]) in (3, 4)
+    masses = [each["mass_mg"] for each in known["injections"]]
+    assert found["injections"][0]["mass_mg"] == pytest.approx(masses[0], rel=5e-3)
+
+
+def test_check_shows_what_it_makes_of_a_file(command: Command, foreign: Path, own: Path) -> None:
+    outcome = command("check", "--bench", own, "--recording", foreign, "--json")
+    texts = [each["text"] for each in json.loads(outcome.out)["findings"] if each["topic"] == "recording"]
+    told = "\n".join(texts)
+    for part in (
+        "names in line 2",
+        "separated by ';'",
+        "decimal ','",
+        "rail_pressure is 'p_Rail' in bar (as the bench file says), every 0.02 ms",
+        "not used: Mode",
+        "samples at 50000 Hz",
+        "split into 2 stretches",
+        "needle_lift: ",
+    ):
+        assert part in told
+    own.write_text(own.read_text().replace('column = "Hub"\nunit = "um"', 'column = "Hub"\nunit = "mm"'))
+    outcome = command("check", "--bench", own, "--recording", foreign)
+    assert outcome.code == 1
+    assert "likely um" in " ".join(outcome.out.split())
+
+
+def test_a_foreign_file_without_a_mapping_names_the_way(command: Command, foreign: Path) -> None:
+    outcome = command("evaluate", foreign)
+    assert outcome.code == 2
+    assert "[recording] of a bench file" in outcome.err
+
+
+def test_stretches_become_files(command: Command, foreign: Path, own: Path, tmp_path: Path) -> None:
+    outcome = command("convert", foreign, tmp_path / "x.parquet", "--bench", own)
+    assert outcome.code == 0, outcome.err
+    first, second = (read_recording(tmp_path / f"x_000{number}.parquet") for number in (1, 2))
+    assert (first.samples, first.sample_rate) == (6000, 50e3)
+    assert second.time[0] == pytest.approx(7000 / 50e3)
+    assert command("convert", foreign, tmp_path / "x.parquet", "--bench", own).code == 2
+
+
+@pytest.mark.parametrize("name", ["rail_pressure", "line_pressure", "needle_lift"])
+@pytest.mark.parametrize("name_of_command", ["evaluate", "convert", "replay", "discover"])
+def test_wrong_units_are_refused_by_every_command(
+    command: Command, worn: Path, bench: Path, tmp_path: Path, name: str, name_of_command: str
+) -> None:
+    right = read_recording(worn)
+    factors = {name: 1e3 if name == "needle_lift" else 10.0}
+    if name == "rail_pressure":
+        factors["line_pressure"] = 10.0
+    signals = {each: values * factors.get(each, 1.0) for each, values in right.signals.items()}
+    rail, lift, line = (signals[each] for each in ("rail_pressure", "needle_lift", "line_pressure"))
+    path = tmp_path / "wrong.csv"
+    write_recording(path, Recording(right.time, rail, lift, line))
+    further: dict[str, list[object]] = {
+        "evaluate": [],
+        "convert": [tmp_path / "out.csv"],
+        "replay": ["--bench", bench],
+        "discover": ["--out", tmp_path / "found"],
+    }
+    outcome = command(name_of_command, path, *further[name_of_command])
+    assert outcome.code == 2
+    assert f"wrong.csv, {name}" in outcome.err
+    assert "mind the unit" in outcome.err
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_time_in_ms_is_named(command: Command, worn: Path, tmp_path: Path) -> None:
+    head, *rows = worn.read_text().splitlines()
+    slow = [f"{float(row.split(',', 1)[0]) * 1e3:.6g},{row.split(',', 1)[1]}" for row in rows]
+    path = tmp_path / "ms.csv"
+    path.write_text("\n".join([head, *slow]) + "\n")
+    outcome = command("evaluate", path)
+    assert outcome.code == 2
+    assert "is sampled at 50 Hz" in outcome.err
+    assert "unit of the time, which is likely ms" in outcome.err
+
+
+def test_nothing_is_overwritten_without_force(command: Command, worn: Path, tmp_path: Path) -> None:
+    simulated = ("simulate", "--injections", 1, "--output", tmp_path / "s.csv")
+    assert command(*simulated).code == 0
+    outcome = command(*simulated)
+    assert (outcome.code, "add --force" in outcome.err) == (2, True)
+    assert command(*simulated, "--force").code == 0
+    trace, plot, state = tmp_path / "t.csv", tmp_path / "p.png", tmp_path / "s.json"
+    for option, path in (("--output", trace), ("--plot", plot), ("--save-state", state)):
+        path.write_text("mine")
+        outcome = command("evaluate", worn, option, path)
+        assert (outcome.code, f"{option} {path}: exists already" in outcome.err) == (2, True)
+        assert path.read_text() == "mine"
+        assert command("evaluate", worn, option, path, "--force").code == 0
+        assert path.read_bytes() != b"mine"
+    assert command("evaluate", worn, "--state", state, "--save-state", state).code == 0
+
+
+def test_a_trace_needs_a_known_suffix(command: Command, worn: Path, tmp_path: Path) -> None:
+    outcome = command("evaluate", worn, "--output", tmp_path / "trace.xlsx")
+    assert outcome.code == 2
+    assert "known suffixes: .csv, .mf4, .parquet" in outcome.err
+
+
+def test_truths_beside_recordings_are_left_out(command: Command, worn: Path, tmp_path: Path) -> None:
+    shutil.copy(worn, tmp_path / "worn.csv")
+    (tmp_path / "worn.csv.truth.csv").write_text("time_s,sac_pressure_MPa\n0,5\n")
+    outcome = command("evaluate", *sorted(tmp_path.glob("*.csv")))
+    assert outcome.code == 0, outcome.err
+    assert "left out: 1 files truth.csv" in outcome.err
+    assert command("evaluate", tmp_path / "worn.csv.truth.csv").code == 2
+
+
+def test_a_recording_becomes_a_log_by_a_bench_file(
+    command: Command, worn: Path, bench: Path, tmp_path: Path
+) -> None:
+    assert command("convert", worn, tmp_path / "x.log").code == 2
+    outcome = command("convert", worn, tmp_path / "x.log", "--bench", bench)
+    assert outcome.code == 0, outcome.err
+    ours, theirs = (
+        document(command, path, "--bench", bench)["recordings"][0]["injections"]
+        for path in (worn, tmp_path / "x.log")
+    )
+    assert [each["mass_mg"] for each in theirs] == [each["mass_mg"] for each in ours]
+
+
+def test_a_log_with_a_restart_is_split(command: Command, worn: Path, bench: Path, tmp_path: Path) -> None:
+    frames = list(
+        Framer(map_bus(load_bench(bench))).frames(read_recording(worn), whole(read_recording(worn)))
+    )
+    again = [frame._replace(time=frame.time + frames[-1].time + 1.0) for frame in frames]
+    path = tmp_path / "bus.blf"
+    write_log(path, sent_log([*frames, *again]))
+    outcome = command("evaluate", path, "--bench", bench)
+    assert outcome.code == 0, outcome.err
+    assert "a device was restarted" in outcome.err
+    (found,) = document(command, path, "--bench", bench)["recordings"]
+    assert len(found["injections"]) == 8
+    assert command("convert", path, tmp_path / "x.csv", "--bench", bench).code == 0
+    assert read_recording(tmp_path / "x_0001.csv").samples == read_recording(tmp_path / "x_0002.csv").samples
+
+
+def test_many_injections_are_summarised(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "many.csv"
+    arguments = ("--injections", 51, "--period", 12, "--energizing-time", 0.4, "--sample-rate", 50e3)
+    assert command("simulate", *arguments, "--output", path).code == 0
+    outcome = command("evaluate", path, "--no-learning")
+    assert outcome.code == 0
+    rows = [line for line in outcome.out.splitlines() if "-" in line.split(" ")[0] or " %" in line]
+    assert 10 < len(rows) <= 20

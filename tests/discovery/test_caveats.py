@@ -1,0 +1,83 @@
+"""What must be kept in mind with an answer, told at every place alike."""
+
+from dataclasses import replace
+
+import pytest
+
+from observer_rt.discovery.caveats import Caveat, is_like_inertance
+from observer_rt.discovery.findings import Findings
+from observer_rt.discovery.report.document import as_json
+from observer_rt.discovery.report.text import as_text
+from observer_rt.discovery.search.result import Verdict
+from observer_rt.model.effects import effective_model, sized
+from tests.discovery.conftest import SOURCES, Worn
+from tests.discovery.hidden import NOMINAL
+
+
+def _by_id(findings: Findings) -> dict[str, Caveat]:
+    return {caveat.id: caveat for caveat in findings.caveats}
+
+
+def test_good_recordings_leave_no_reservation(worn: Worn) -> None:
+    assert worn.findings.caveats == ()
+    assert as_text(worn.findings).splitlines()[0].endswith("(confidence 0.99)")
+
+
+def _without_rate(findings: Findings) -> Findings:
+    return replace(findings, gaps=replace(findings.gaps, injection_rate=None))
+
+
+def _at_one_pressure(findings: Findings) -> Findings:
+    before = tuple(replace(cell, rail_pressure=60e6) for cell in findings.discovery.before)
+    return replace(findings, discovery=replace(findings.discovery, before=before))
+
+
+@pytest.mark.parametrize(
+    ("caveat", "changed"),
+    [
+        ("one_operating_point", lambda f: replace(f, held_out=f.fitted_on)),
+        ("one_rail_pressure", _at_one_pressure),
+        ("mass_not_measured", _without_rate),
+        ("line_inertance", lambda f: _without_rate(replace(f, like_inertance=True))),
+        ("healthy_recordings", lambda f: replace(f, healthy_warning="the model is another")),
+        (
+            "observer",
+            lambda f: replace(
+                f, opinion=replace(f.opinion, indicators=(replace(f.opinion.indicators[0], value=0.0),))
+            ),
+        ),
+    ],
+)
+def test_a_reservation_is_in_headline_and_document(worn: Worn, caveat: str, changed: object) -> None:
+    assert callable(changed)
+    findings = changed(worn.findings)
+    (one,) = findings.caveats
+    assert one.id == caveat
+    assert f"but: {one.words}" in as_text(findings).splitlines()[0]
+    assert {"id": caveat, "words": one.words, "sentence": one.sentence} in as_json(findings, SOURCES)[
+        "caveats"
+    ]
+
+
+def test_a_measured_rate_settles_the_inertance(worn: Worn) -> None:
+    assert replace(worn.findings, like_inertance=True).caveats == ()
+
+
+def test_what_looks_the_same_in_every_signal_is_told(worn: Worn) -> None:
+    (effect,) = worn.findings.discovery.effects
+    found = replace(worn.findings.discovery, effects=(replace(effect, id="bulk_modulus"),))
+    caveats = _by_id(replace(worn.findings, discovery=found, opinion=None))
+    assert caveats["same_signals"].words == "line_volume would look the same"
+
+
+def test_nothing_is_said_of_masses_nobody_believes(worn: Worn) -> None:
+    found = replace(worn.findings.discovery, verdict=Verdict.UNKNOWN, effects=())
+    assert _by_id(_without_rate(replace(worn.findings, discovery=found, opinion=None))) == {}
+
+
+@pytest.mark.parametrize(("v_h", "r", "alike"), [(0.2, -1 / 6, True), (0.2, 0.0, False), (0.2, 0.2, False)])
+def test_flow_and_stiffness_that_changed_together_look_like_another_inertance(
+    v_h: float, r: float, alike: bool
+) -> None:
+    amended = effective_model(NOMINAL, (sized("orifice_area", v_H=v_h), sized("bulk_modulus", r=r)))
+    assert is_like_inertance(effective_model(NOMINAL), amended) is alike

@@ -1,0 +1,60 @@
+"""Files as other tools write them, with a bench file that says what is in them."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.formats import open_recording
+from observer_rt.recording.signals.recording import Recording
+
+RATE = 100e3
+COLUMNS = """
+[recording]
+{options}
+[recording.time]
+column = "t"
+unit = "ms"
+[recording.rail_pressure]
+column = "p_Rail"
+{rail}
+[recording.needle_lift]
+column = "lift"
+unit = "um"
+[recording.line_pressure]
+column = "p_Line"
+unit = "MPa"
+"""
+
+
+def bench(folder: Path, options: str = "", rail: str = 'unit = "bar"', text: str = COLUMNS) -> Bench:
+    """The example bench with a `[recording]` section."""
+    path = folder / "bench.toml"
+    path.write_text(EXAMPLE_BENCH.read_text() + text.format(options=options, rail=rail))
+    return load_bench(path)
+
+
+def signals(samples: int) -> dict[str, NDArray[np.float64]]:
+    """Distinct values that text of a few digits holds exactly: time [s], bar, um, MPa."""
+    k = np.arange(samples)
+    return {
+        "t": k / RATE,
+        "p_Rail": 1000.0 + k % 7 / 2.0,
+        "lift": (k % 100).astype(np.float64),
+        "p_Line": 99.0 + k % 5 / 4.0,
+    }
+
+
+def read(path: Path, fitted: Bench) -> Recording:
+    """All of a file, put on one grid."""
+    return open_recording(path, fitted.injector).collected()
+
+
+def tells(path: Path, fitted: Bench) -> bool:
+    """Whether a file gives a recording, or an error that names it and says what to do."""
+    try:
+        return read(path, fitted).samples >= 2
+    except UserError as error:
+        return str(path) in error.place and bool(error.remedy)

@@ -1,0 +1,106 @@
+"""Signals in a wrong unit are refused with the column and the likely unit; all others are not."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effects import sized
+from observer_rt.recording.signals.plausible import implausible, refuse_implausible
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import HeldSignals
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+
+
+@cache
+def recorded(pressure: float = 100e6, noise: bool = True) -> Recording:
+    schedule = make_schedule([pressure], 2, 0.03, [1.1e-3])
+    levels = NoiseLevels() if noise else None
+    return simulate(load_injector(), schedule, 50e3, (sized("orifice_area", v_H=0.3),), levels).recording
+
+
+def changed(recording: Recording, **signals: NDArray[Any]) -> Recording:
+    kept = {"rail_pressure": recording.rail_pressure, "needle_lift": recording.needle_lift}
+    all_of_them = {**kept, "line_pressure": recording.line_pressure, **signals}
+    return Recording(
+        recording.time,
+        all_of_them["rail_pressure"],
+        all_of_them["needle_lift"],
+        all_of_them["line_pressure"],
+    )
+
+
+def found(recording: Recording) -> list[str]:
+    return [each.signal for each in implausible(HeldSignals(recording).survey)]
+
+
+@pytest.mark.parametrize("noise", [True, False])
+@pytest.mark.parametrize("pressure", [15e6, 30e6, 100e6, 200e6, 280e6])
+def test_recordings_as_they_should_be(pressure: float, noise: bool) -> None:
+    assert found(recorded(pressure, noise)) == []
+
+
+@pytest.mark.parametrize(
+    ("signals", "factor", "unit"),
+    [
+        (("rail_pressure", "line_pressure"), 10.0, "bar"),
+        (("rail_pressure", "line_pressure"), 1e3, "kPa"),
+        (("rail_pressure", "line_pressure"), 1e6, "Pa"),
+        (("rail_pressure", "line_pressure"), 1e-6, "MPa, read as Pa"),
+        (("line_pressure",), 10.0, "bar"),
+        (("line_pressure",), 0.1, "MPa, read as bar"),
+        (("needle_lift",), 1e3, "um"),
+        (("needle_lift",), 1e-3, "mm, read as um"),
+    ],
+)
+@pytest.mark.parametrize("pressure", [60e6, 150e6])
+def test_a_wrong_unit_names_signal_and_unit(
+    signals: tuple[str, ...], factor: float, unit: str, pressure: float
+) -> None:
+    right = recorded(pressure)
+    wrong = changed(right, **{name: right.signals[name] * factor for name in signals})
+    with pytest.raises(UserError) as raised:
+        refuse_implausible(Path("a.csv"), HeldSignals(wrong).survey)
+    assert any(f"a.csv, {name}" in raised.value.place for name in signals)
+    assert unit in raised.value.remedy
+
+
+def test_low_pressures_ten_times_too_large_on_one_sensor_are_seen_beside_the_other() -> None:
+    right = recorded(30e6)
+    assert found(changed(right, line_pressure=right.line_pressure * 10.0)) == ["line_pressure"]
+    assert found(changed(right, rail_pressure=right.rail_pressure * 10.0)) == ["line_pressure"]
+
+
+def test_an_inverted_lift() -> None:
+    right = recorded()
+    assert found(changed(right, needle_lift=-right.needle_lift)) == ["needle_lift"]
+    assert found(changed(right, needle_lift=0.3e-3 - right.needle_lift)) == ["needle_lift"]
+
+
+def test_a_dead_or_frozen_signal_is_for_the_observer_to_judge() -> None:
+    right = recorded()
+    nothing, missing = np.zeros(right.samples), np.full(right.samples, np.nan)
+    for name in ("rail_pressure", "line_pressure"):
+        assert found(changed(right, **{name: nothing})) == []
+        assert found(changed(right, **{name: missing})) == []
+        assert found(changed(right, **{name: right.signals[name] + 8e6})) == []
+    assert found(changed(right, needle_lift=nothing)) == []
+    assert found(changed(right, needle_lift=np.full(right.samples, 0.2e-3))) == []
+
+
+def test_noise_of_a_shut_needle_is_no_lift_in_a_wrong_unit() -> None:
+    noise = np.random.default_rng(0).normal(0.0, 0.4e-6, recorded().samples)
+    assert found(changed(recorded(), needle_lift=noise)) == []
+
+
+def test_the_column_of_the_file_is_named() -> None:
+    wrong = changed(recorded(), needle_lift=recorded().needle_lift * 1e3)
+    with pytest.raises(UserError, match=r"a\.csv, Nadelhub \(needle_lift\)"):
+        refuse_implausible(Path("a.csv"), HeldSignals(wrong).survey, {"needle_lift": "Nadelhub"})

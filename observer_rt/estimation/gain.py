@@ -37,12 +37,18 @@ class GainSchedule:
 
 
 def gain_schedule(
-    c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float = 0.0, late: float = 0.0
+    c: Coefficients,
+    noise: NoiseLevels,
+    sample_rate: float,
+    lag: float = 0.0,
+    late: float = 0.0,
+    rail_every: float = 1.0,
 ) -> GainSchedule:
     """Gains for the line at rest (friction 0), rail-pressure noise driving it and line noise on y.
 
     p_S gets no gain: it relaxes within microseconds. sample_rate in Hz, lag of the sensor in s; late: by which share
-    of a sample interval (0..1) the indicated pressure is recorded late.
+    of a sample interval (0..1) the indicated pressure is recorded late; rail_every: samples to one of the rail
+    pressure, whose noise is the stronger at low frequencies the longer straight lines lead from one to the next.
     """
     interval = 1.0 / sample_rate
     line, rail = c.line.transition(interval)
@@ -58,7 +64,7 @@ def gain_schedule(
     covariance = np.zeros((m + 1, m + 1))
     covariance[[0, 0, m, m], [0, m, 0, m]] = measurement
     covariance[1, 1] = (START_FLOW_SIGMA / c.flow_scale) ** 2
-    process = np.outer(rail_effect, rail_effect) * (noise.rail_pressure / c.pressure_scale) ** 2
+    process = np.outer(rail_effect, rail_effect) * rail_every * (noise.rail_pressure / c.pressure_scale) ** 2
     gains = np.zeros((max(2, round(START_DURATION * sample_rate)), m + 1))
     variance = _riccati(transition, process, measurement, late, covariance, gains)
     columns = [0, 1, m, *range(2, m)]

@@ -1,6 +1,7 @@
 """Making an observer, handing over its events, putting what was learned into force."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
+from observer_rt.observer.learning.adequacy import Innovations, Objection
 from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
 from observer_rt.observer.stream.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
 from observer_rt.observer.stream.phi import put_into
@@ -47,9 +49,16 @@ class Durations:
 
 
 def constants_for(
-    parameters: InjectorParameters, sample_rate: float, durations: Durations, events_required: int
+    parameters: InjectorParameters,
+    sample_rate: float,
+    durations: Durations,
+    events_required: int,
+    rail_every: float = 1.0,
 ) -> Constants:
-    """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz]."""
+    """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
+
+    rail_every: samples to one of the rail pressure.
+    """
     model = effective_model(parameters)
     interval = 1.0 / sample_rate
     sensor = sensor_of(model.sensor, model.coefficients.pressure_scale, interval)
@@ -77,6 +86,7 @@ def constants_for(
             ramp=ramp_samples(interval),
         ),
         events_required=events_required,
+        rail_every=rail_every,
     )
 
 
@@ -92,6 +102,7 @@ def make_observer(constants: Constants, knowledge: Knowledge, learner: EventLear
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version
+    memory["innovation_sigma"] = learner.schedule.innovation_sigma
     _put_in_force(observer, knowledge)
     return observer
 
@@ -101,9 +112,8 @@ def event_window(observer: Observer, number: int) -> Window | None:
     event = observer.memory[0]["events"][number % PENDING_EVENTS]
     if not event["learnable"]:
         return None
+    start, end = _window_of(observer, event)
     late = observer.constants.sensor.late
-    start = max(int(event["window_start"]), -late)
-    end = min(int(event["window_end"]) + 1, int(observer.memory[0]["received"]) - max(late, 0))
     rows = observer.ring[np.arange(start, end) % RING]
     output = observer.ring["line_pressure"][np.arange(start + late, end + late) % RING]
     return Window(
@@ -114,6 +124,21 @@ def event_window(observer: Observer, number: int) -> Window | None:
         opening=int(event["opening"]) - start,
         knots=np.column_stack([rows["lift_after"], rows["lift_area"]]),
     )
+
+
+def event_innovations(observer: Observer, number: int) -> Innovations:
+    """Innovations of the live x~ over the learning window of a closed event, copied."""
+    memory = observer.memory[0]
+    start, end = _window_of(observer, memory["events"][number % PENDING_EVENTS])
+    rows = observer.ring[np.arange(start, end) % RING]
+    return Innovations(rows["innovation"].copy(), float(memory["innovation_sigma"]))
+
+
+def _window_of(observer: Observer, event: np.void) -> tuple[int, int]:
+    """Positions [start, end) of an event's samples whose line pressure is known."""
+    late = observer.constants.sensor.late
+    start = max(int(event["window_start"]), -late)
+    return start, min(int(event["window_end"]) + 1, int(observer.memory[0]["received"]) - max(late, 0))
 
 
 def event_standstill(observer: Observer, number: int) -> Standstill:
@@ -160,25 +185,41 @@ def in_force(observer: Observer) -> NDArray[np.float64]:
     return np.array(memory["theta"])
 
 
-def judge(observer: Observer, outcome: Outcome | None) -> None:
-    """Judge the oldest waiting event: put into force what was learned from it (None: nothing was).
-
-    An event with samples that were not to be trusted makes nothing after it valid.
-    """
+def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome | None) -> None:
+    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if any."""
     memory = observer.memory[0]
     event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS]
     memory["events_taken"] += 1
     memory["events_judged"] += 1
-    memory["doubtful_events"] += event["doubtful"]
     memory["waiting"] = False
+    _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
     if outcome is None:
         return
+    memory["innovation_sigma"] = outcome.schedule.innovation_sigma
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge)
     put_into(observer.phi, outcome.phi)
     if outcome.adoption is Adoption.ADOPTED:
         memory["phi_version"] += 1
-    memory["judgement"] = outcome.objections[0].reason if outcome.objections else Reason.NONE
+
+
+def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:
+    """What an event's judgement makes of the samples after it.
+
+    An event with samples that were not to be trusted, or that could not be tested, makes nothing valid; a second in a
+    row that could not be tested, though its samples were to be trusted, ends what was known.
+    """
+    is_untested = judgement is Reason.NOT_JUDGED
+    memory["doubtful_events"] += event["doubtful"] or is_untested
+    if not is_untested:
+        memory["untested"] = 0
+        memory["judgement"] = judgement
+    elif not event["doubtful"]:
+        memory["untested"] += 1
+        if memory["untested"] > 1:
+            memory["judgement"] = judgement
+    if judgement is Reason.NONE and event["number"] >= memory["contradicted_in"]:
+        memory["contradicted"] = False
 
 
 def _put_in_force(observer: Observer, knowledge: Knowledge) -> None:

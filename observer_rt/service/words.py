@@ -106,6 +106,14 @@ REASONS: Mapping[Reason, Words] = {
     Reason.INPUT_STALE: Words(
         "one of the inputs stays away", "the log names its message and identifier: sensor, device, cable"
     ),
+    Reason.NOT_JUDGED: Words(
+        "the event could not be tested, so nothing is known of it",
+        "look for what broke the samples: lost frames, a needle that stays open; the next whole event is tested",
+    ),
+    Reason.CONTRADICTED: Words(
+        "the line pressure has left what the model can do",
+        "check sensors, units and cables; after a sudden change of the injector it passes with the next events",
+    ),
     Reason.SECOND_SENDER: Words(
         "another node sends what only this observer should",
         "stop the other daemon or replay, or give one of them other [outputs]",

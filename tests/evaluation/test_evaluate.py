@@ -65,7 +65,8 @@ def test_without_learning_the_rate_is_the_nominal_one() -> None:
     np.testing.assert_array_equal(found.trace.injection_rate, found.trace.nominal_rate)
     assert not np.nan_to_num(found.trace.phi).any()
     assert found.counters.adoptions == 0
-    assert set(found.trace.state) == {State.STARTING, State.RUNNING_NOMINAL}
+    assert set(found.trace.state) == {State.STARTING, State.RUNNING_NOMINAL, State.DEGRADED}
+    assert not found.trace.valid.any()  # worn, as the events show, and nothing is learned of it
 
 
 def test_published_rate_is_the_balance_of_state_and_phi() -> None:

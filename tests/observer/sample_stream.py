@@ -56,6 +56,8 @@ class Stream:
         knowledge = no_knowledge(NOISE, constants.coefficients.pressure_scale)
         self.learner = Learner(constants, knowledge)
         self.observer: Observer = make_observer(constants, knowledge, self.learner)
+        if not self.learning:  # the pressures are made up: nothing shall contradict them
+            self.observer.memory["innovation_sigma"] = np.inf
         self._kept: list[NDArray[np.void]] = []
         self._seen = 0
         self._next_index = 0
@@ -143,7 +145,7 @@ class Stream:
                     window, event_standstill(self.observer, number), in_force(self.observer)
                 )
             self.outcomes.append(outcome)
-            judge(self.observer, outcome)
+            judge(self.observer, () if outcome is None else outcome.objections, outcome)
         self._keep()
 
     def _keep(self) -> None:

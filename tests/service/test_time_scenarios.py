@@ -11,6 +11,7 @@ from tests.service.time_scenarios import (
     DISTURBED,
     GOOD,
     GRID,
+    INADEQUATE,
     LEARNED,
     ONE_BASE,
     OTHER,
@@ -41,7 +42,7 @@ def test_nothing_wrong_is_marked_valid(scenario: Scenario, tmp_path: Path) -> No
     if scenario.last in (GOOD, LEARNED):
         assert outcome.valid[-1]
         assert figures.valid >= 3
-    elif scenario.last == TIME_BASE:
+    elif scenario.last in (TIME_BASE, INADEQUATE):
         assert not outcome.valid[outcome.times > DISTURBED + 0.1].any()
     else:
         assert scenario.last == STALE

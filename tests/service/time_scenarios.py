@@ -65,6 +65,11 @@ TIME_BASE = (State.DEGRADED, Reason.TIME_BASE)
 LOST = (State.DEGRADED, Reason.SAMPLES_LOST)
 ANEW = (State.DEGRADED, Reason.DEVICE_RESTARTED)
 STALE = (State.DEGRADED, Reason.INPUT_STALE)
+INADEQUATE = (
+    State.DEGRADED,
+    Reason.MODEL_INADEQUATE,
+)  # straight lines between rare samples are not the rail pressure
+CONTRADICTED = (State.DEGRADED, Reason.CONTRADICTED)
 
 
 @dataclass(frozen=True)
@@ -233,12 +238,13 @@ SCENARIOS = (
     Scenario("rail 1 kHz, jitter 200 us", "4", slow(SLOW), lambda: merged(
         send("LineLift", GRID), send("Rail", ECU, jitter(200e-6)))),
     Scenario("rail 100 Hz", "4", slow(SLOW.replace("1e3", "100")), lambda: merged(
-        send("LineLift", GRID), send("Rail", replace(ECU, rate=100.0)))),
+        send("LineLift", GRID), send("Rail", replace(ECU, rate=100.0))),
+        INADEQUATE, frozenset({INADEQUATE})),
     Scenario("rail 1 kHz silent for 60 ms", "4", slow(SLOW), lambda: merged(
         send("LineLift", GRID), without(send("Rail", ECU), DISTURBED, DISTURBED + 0.06)),
-        GOOD, frozenset({GOOD, LOST})),
+        INADEQUATE, frozenset({GOOD, LOST, INADEQUATE, CONTRADICTED})),
     Scenario("rail 1 kHz falls silent", "4", slow(SLOW), lambda: merged(
-        send("LineLift", GRID), without(send("Rail", ECU), DISTURBED, 9.0)), STALE),
+        send("LineLift", GRID), without(send("Rail", ECU), DISTURBED, 9.0)), STALE, frozenset({GOOD, CONTRADICTED})),
     worn("lift alone", LIFT_ALONE, lift_alone, 20e3, 20),
     worn("lift alone", LIFT_ALONE, lift_alone, 20e3, 50),
     worn("lift alone", LIFT_ALONE, lift_alone, 20e3, 150),

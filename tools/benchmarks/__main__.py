@@ -34,6 +34,7 @@ from tools.benchmarks.kills.campaign import run_campaign
 from tools.benchmarks.kills.tables import kills_document, kills_table
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.runs import Plan
+from tools.benchmarks.surgery import findings_table, operate, surgeries
 from tools.benchmarks.tables import json_document
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -152,6 +153,18 @@ def frame(as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout."
         print(json.dumps({name: time._asdict() for name, time in times._asdict().items()}, indent=2))
     else:
         print(frame_lines(times))
+
+
+@app.command(epilog="Example: tools/bench surgery")
+def surgery() -> None:
+    """Whether anything wrong is ever valid: faults in recordings, for every way of learning."""
+    todo = surgeries()
+    with progress_bar(messages, "surgeries", len(todo)) as advance:
+        found = []
+        for number, each in enumerate(todo, 1):
+            found.append(operate(each))
+            advance(number)
+    _console().print(findings_table(found))
 
 
 @app.command(

@@ -20,9 +20,10 @@ from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.scalars import SCALARS, Theta
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.foundation.units import MILLISECOND
+from observer_rt.observer.learning.adequacy import BURN_IN
 from observer_rt.observer.learning.fitting import TOLERANCE, Cost, EventFitter, Limits
 from observer_rt.observer.learning.knowledge import EventLearner, Outcome
-from observer_rt.observer.learning.learner import BURN_IN, FIRST_ITERATIONS, ITERATIONS
+from observer_rt.observer.learning.learner import FIRST_ITERATIONS, ITERATIONS
 from observer_rt.observer.paper_scheme.bfgs import minimise
 from observer_rt.observer.stream.phi import Phi
 from observer_rt.observer.stream.standstill import Standstill

@@ -3,8 +3,20 @@
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from observer_rt.estimation.phases import Phase, PhaseStatistics
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.phases import (
+    AFTERGLOW,
+    EDGE,
+    Phase,
+    PhaseStatistics,
+    phase_statistics,
+    phases_of,
+)
+from observer_rt.estimation.predictor import Window
 from observer_rt.observer.stream.state import Reason
 
 # A phase is coloured when some statistic, pooled over recent events, exceeds white noise by this many of its
@@ -25,6 +37,7 @@ SET_ASIDE_AFTER = 2  # events
 RELEASE_AFTER = 3
 LEAST_SCALE = 0.03  # of the logarithm of 1 + r
 LARGEST_LAG = 0.2e-3  # s
+BURN_IN = 0.5e-3  # s of an event's window before innovations count
 
 
 @dataclass(frozen=True)
@@ -33,6 +46,19 @@ class Objection:
 
     reason: Reason
     phase: Phase | None = None
+
+
+class Innovations(NamedTuple):
+    """Of an event: e~ (n,) and its standard deviation if the model is right, both in units of p_0."""
+
+    values: NDArray[np.float64]
+    sigma: float
+
+
+def event_statistics(window: Window, innovations: Innovations, interval: float) -> PhaseStatistics:
+    """What the innovations over a window say, phase by phase; interval [s]."""
+    phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
+    return phase_statistics(innovations.values, innovations.sigma, phases, round(BURN_IN / interval))
 
 
 def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:

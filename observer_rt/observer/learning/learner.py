@@ -10,12 +10,7 @@ from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.gating import carried_covariance, gated_covariance
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.phases import (
-    AFTERGLOW,
-    EDGE,
     Phase,
-    PhaseStatistics,
-    phase_statistics,
-    phases_of,
 )
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost
@@ -24,9 +19,12 @@ from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.adequacy import (
+    BURN_IN,
     Freezer,
+    Innovations,
     Mistrust,
     Objection,
+    event_statistics,
     looks_like_inertance,
     objections,
     pooled,
@@ -47,7 +45,6 @@ from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants, Reason
 
-BURN_IN = 0.5e-3  # s of the window before innovations count
 FIRST_ITERATIONS = 8
 ITERATIONS = 2
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
@@ -109,7 +106,8 @@ class Learner:
             fit = self._fit(cost, self._prior(standstill))
             if fit is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
-            statistics = self._event_statistics(window, fit.innovations)
+            innovations = Innovations(fit.innovations, self._schedule.innovation_sigma)
+            statistics = event_statistics(window, innovations, self._constants.interval)
             wide = self._scalars.prior(self._scale)
             lag = lag_score(window, self._setting(), fit, cost, wide, self._scalars)
             carried = carried_covariance(in_force, fit.prior, self._scalars.gate, self._active)
@@ -179,13 +177,6 @@ class Learner:
         here = fit.linearisation
         self._belief = fit.prior.updated(here.information / temper, here.vector / temper)
         self._theta, self._active = here.theta, fit.active
-
-    def _event_statistics(self, window: Window, innovations: NDArray[np.float64]) -> PhaseStatistics:
-        interval = self._constants.interval
-        phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
-        return phase_statistics(
-            innovations, self._schedule.innovation_sigma, phases, round(BURN_IN / interval)
-        )
 
     def _is_better(self, window: Window, in_force: NDArray[np.float64]) -> bool:
         """Whether the new theta keeps the re-simulated output error of this and the previous event down.
@@ -270,7 +261,8 @@ class Learner:
         learned = learned_of(self._theta, self._constants.coefficients, self._scalars)
         sensor, rate = self._constants.sensor, 1.0 / self._constants.interval
         lag = sensor.lag + learned.lag
-        return gain_schedule(learned.coefficients, self._noise, rate, lag, sensor.fraction)
+        every = self._constants.rail_every
+        return gain_schedule(learned.coefficients, self._noise, rate, lag, sensor.fraction, every)
 
     def _setting(self, constants: Constants | None = None) -> Setting:
         constants = constants or self._constants

@@ -49,6 +49,7 @@ class PaperLearner:
             1.0 / self._constants.interval,
             sensor.lag,
             sensor.fraction,
+            self._constants.rail_every,
         )
 
     @property

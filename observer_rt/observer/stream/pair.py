@@ -14,6 +14,7 @@ from observer_rt.model.network import Network
 from observer_rt.observer.stream.front_end import known
 from observer_rt.observer.stream.phi import advance_x_hat, read_phi
 from observer_rt.observer.stream.state import RING, Observer
+from observer_rt.observer.stream.surprise import watch
 
 _MASK = RING - 1
 
@@ -60,6 +61,8 @@ def start_pair(observer: Observer, position: int) -> None:
     rest_line(row.x_tilde, pressure, observer.constants.coefficients.line)
     row.x_tilde[2] = 0.0
     row.indicated = pressure
+    row.innovation = 0.0
+    memory.surprise = 0.0
     _copy(row.x_tilde, row.x_hat)
     memory.since_start = 0
     memory.closed_since_start = 0
@@ -101,12 +104,13 @@ def step_pair(observer: Observer, position: int) -> bool:
     indicated, shown = predict(
         row.x_tilde, before.indicated, interval, knot, fraction, memory.lag, c, network, None
     )
-    innovation = 0.0
+    row.innovation = 0.0
     if _is_measured(observer, position):
         y = observer.ring[(position + constants.sensor.late) & _MASK].line_pressure
-        innovation = y - memory.offset - shown
+        row.innovation = y - memory.offset - shown
+        watch(observer, row.innovation, row.doubt)
     gain = observer.gains[min(memory.since_start, observer.gains.shape[0] - 1)]
-    row.indicated = correct(row.x_tilde, indicated, innovation, gain, None)
+    row.indicated = correct(row.x_tilde, indicated, row.innovation, gain, None)
     memory.since_start += 1
     if row.resting:
         row.x_tilde[2] = 0.0

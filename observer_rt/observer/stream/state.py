@@ -51,6 +51,8 @@ class Reason(IntEnum):
     TIME_BASE = 16  # when samples were taken is in doubt, or the line pressure seems recorded late
     REVISED = 17  # what was learned from the injection changes its mass
     INPUT_STALE = 18  # one of the inputs stays away while others come
+    NOT_JUDGED = 19  # the event could not be tested; after two in a row nothing is known of what follows
+    CONTRADICTED = 20  # the innovations have left the model: an input is wrong, or the injector changed
     SECOND_SENDER = 21  # another node sends what only this service should
 
 
@@ -69,6 +71,7 @@ _SAMPLE = [
     ("lift_area", np.float64),  # normalised seat area when the lift was taken
     ("seat_area", np.float64),  # u2
     ("resting", np.bool_),
+    ("innovation", np.float64),  # e~ of x~, in units of p_0; 0 where the line pressure is not known
     ("indicated", np.float64),  # line pressure as the lagging sensor of x~ shows it, without offset
     ("phi", np.float64, (3,)),  # 1/s
     ("injection_rate", np.float64),  # m3/s, NaN while not synchronised
@@ -139,7 +142,12 @@ _OBSERVER = [
     ("lag", np.float64),  # s
     ("back_pressure", np.float64, (2,)),
     ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
+    ("untested", np.int64),  # events in a row that could not be tested
     ("doubted", np.int8),  # Reason all that comes now is not to be trusted, 0 when it is
+    ("innovation_sigma", np.float64),  # standard deviation of e~, in units of p_0
+    ("surprise", np.float64),  # running mean of e~ over it
+    ("contradicted", np.bool_),  # it has left what noise can do, and no event passed since
+    ("contradicted_in", np.int64),  # number of the first event that can tell otherwise
     ("lift_on", np.float64),  # m
     ("lift_off", np.float64),
     ("phi_version", np.int64),
@@ -222,6 +230,7 @@ class Constants(NamedTuple):
     substeps: int
     timing: Timing
     events_required: int  # judged events before a sample can be valid
+    rail_every: float  # samples to one of the rail pressure
 
 
 class Observer(NamedTuple):

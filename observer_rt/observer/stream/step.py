@@ -34,6 +34,7 @@ _NO_REASON = int(Reason.NONE)
 _BEFORE_START = int(Reason.STARTING)
 _JUMPED = int(Reason.JUMPED)
 _NUMERICAL = int(Reason.NUMERICAL)
+_CONTRADICTED = int(Reason.CONTRADICTED)
 _NEEDLE_STUCK = int(Reason.NEEDLE_STUCK)
 _TOO_FEW_EVENTS = int(Reason.TOO_FEW_EVENTS)
 _STARTING = int(State.STARTING)
@@ -241,8 +242,10 @@ def _mark(observer: Observer, position: int) -> None:
         memory.event_doubtful = True
     elif memory.events_judged - memory.doubtful_events < observer.constants.events_required:
         row.reason = _TOO_FEW_EVENTS
-    else:
+    elif memory.judgement != _NO_REASON:
         row.reason = memory.judgement
+    elif memory.contradicted:
+        row.reason = _CONTRADICTED
     row.valid = row.reason == _NO_REASON
     if memory.unsynchronised_by == _BEFORE_START:
         row.state = _STARTING
@@ -251,6 +254,7 @@ def _mark(observer: Observer, position: int) -> None:
         or row.doubt != _NO_DOUBT
         or memory.doubted != _NO_REASON
         or memory.judgement != _NO_REASON
+        or row.reason == _CONTRADICTED
     ):
         row.state = _DEGRADED
     elif memory.phi_version > 0:

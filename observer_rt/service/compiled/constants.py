@@ -59,7 +59,9 @@ def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bo
     learning = fitted.config.learning
     durations = Durations(learning.event_gap_ms * MILLISECOND, learning.learning_delay_ms * MILLISECOND)
     events_required = EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
-    return constants_for(injector, fitted.config.sampling.rate_hz, durations, events_required)
+    rate = fitted.config.sampling.rate_hz
+    rail_every = rate / (fitted.config.signals.rail_pressure.rate_hz or rate)
+    return constants_for(injector, rate, durations, events_required, rail_every)
 
 
 def _require_integrable(fitted: BenchInjector, injector: InjectorParameters, constants: Constants) -> None:

@@ -71,8 +71,10 @@ def report_of(injection: np.void, judged: Judged, commanded: CommandedOpening | 
     """What to say of an injection (row of dtype `stream.state.INJECTION`); commanded: by which command it opened."""
     event, outcome = judged.event, judged.outcome
     c = judged.fuel.constants.coefficients
-    judgement = outcome.objections[0].reason if outcome is not None and outcome.objections else Reason.NONE
-    reason = Reason(int(injection["reason"])) or judgement
+    judgement = judged.objections[0].reason if judged.objections else Reason.NONE
+    reason = Reason(int(injection["reason"]))
+    if reason in (Reason.NONE, Reason.CONTRADICTED):  # the judgement may know why
+        reason = judgement or reason
     middle = injection["middle_x"], injection["middle_u"]
     estimate = (judged.in_force, None) if outcome is None else (outcome.estimate, outcome.covariance)
     scalars = SCALARS if outcome is None else outcome.knowledge.scalars

@@ -7,8 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.estimation.predictor import Window
+from observer_rt.observer.learning.adequacy import Innovations, Objection
+from observer_rt.observer.learning.examiner import Examiner
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
-from observer_rt.observer.observer import event_standstill, event_window, in_force, judge
+from observer_rt.observer.observer import (
+    event_innovations,
+    event_standstill,
+    event_window,
+    in_force,
+    judge,
+)
 from observer_rt.observer.stream.phi import Phi
 from observer_rt.observer.stream.state import INJECTIONS, PENDING_EVENTS, Constants
 from observer_rt.service.compiled.by_reference import CompiledPipeline
@@ -24,14 +33,25 @@ class Fuel:
 
 
 @dataclass(frozen=True, eq=False)
+class _Closed:
+    """What is kept of a closed event until it is judged; in_force: theta (m,) the observer carried."""
+
+    fuel: Fuel
+    window: Window | None
+    innovations: Innovations
+    in_force: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
 class Judged:
     """An event, `stream.state.EVENT`, that was judged.
 
-    outcome: what was learned from it, None when nothing was; in_force: theta (m,) the observer carries now,
-    phi: what its x^ carries; fuel: during the event.
+    objections: what speaks against it; outcome: what was learned from it, None when nothing was; in_force: theta (m,)
+    the observer carries now, phi: what its x^ carries; fuel: during the event.
     """
 
     event: np.void
+    objections: tuple[Objection, ...]
     outcome: Outcome | None
     in_force: NDArray[np.float64]
     phi: Phi
@@ -52,7 +72,8 @@ class Judging:
         self._training = training
         self._first_version = start.phi_version
         self._submitted = 0
-        self._fuel: deque[Fuel] = deque()  # of events that are not judged
+        self._waiting: deque[_Closed] = deque()
+        self._examiner = Examiner(start.statistics)
 
     @property
     def adoptions(self) -> int:
@@ -68,23 +89,34 @@ class Judging:
         """Hand over the events closed since the last call; learning: whether they are learned from."""
         while self._submitted < self._closed[0]:
             observer = self._compiled.observer
-            window = event_window(observer, self._submitted) if learning else None
+            window = event_window(observer, self._submitted)
             standstill = event_standstill(observer, self._submitted)
-            self._training.submit(window, standstill, in_force(observer), observer.constants)
-            self._fuel.append(Fuel(fuel_temperature, observer.constants))
+            theta = in_force(observer)
+            self._training.submit(window if learning else None, standstill, theta, observer.constants)
+            fuel = Fuel(fuel_temperature, observer.constants)
+            innovations = event_innovations(observer, self._submitted)
+            self._waiting.append(_Closed(fuel, window, innovations, theta))
             self._submitted += 1
 
     def judge(self) -> Judged:
-        """Judge the event that the observer waits for."""
+        """Judge the event that the observer waits for: learned from, late or held, it is tested."""
         observer = self._compiled.observer
         memory = observer.memory[0]
         outcome = self._training.take()
         event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS].copy()
-        judge(observer, outcome)
+        closed = self._waiting.popleft()
+        objections = self._examined(closed) if outcome is None else outcome.objections
+        judge(observer, objections, outcome)
         if outcome is not None:
+            self._examiner.statistics = outcome.knowledge.statistics
             self.rejected += outcome.adoption is not Adoption.ADOPTED
             self.known = replace(outcome.knowledge, phi_version=int(memory["phi_version"]))
-        return Judged(event, outcome, in_force(observer), observer.phi, self._fuel.popleft())
+        return Judged(event, objections, outcome, in_force(observer), observer.phi, closed.fuel)
+
+    def _examined(self, closed: _Closed) -> tuple[Objection, ...]:
+        return self._examiner.objections(
+            closed.window, closed.innovations, closed.in_force, closed.fuel.constants
+        )
 
     def injections(self, judged: Judged) -> Iterator[np.void]:
         """The injections, `stream.state.INJECTION`, to be reported with an event."""

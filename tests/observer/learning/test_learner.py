@@ -217,7 +217,7 @@ def test_phi_that_predicts_worse_is_rejected_and_the_old_one_stays() -> None:
     observer = make_observer(constants, knowledge, learner)
     outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
     assert outcome.adoption is Adoption.REJECTED
-    judge(observer, outcome)
+    judge(observer, outcome.objections, outcome)
     np.testing.assert_array_equal(in_force(observer), true)
     assert int(observer.memory["phi_version"][0]) == 3
 
@@ -228,7 +228,7 @@ def test_adopted_phi_takes_force() -> None:
     knowledge = Knowledge(belief_in(0.0, 0.3), nozzle_wear(0.0), NOISE, phi_version=3)
     observer = make_observer(constants, knowledge, learner)
     outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
-    judge(observer, outcome)
+    judge(observer, outcome.objections, outcome)
     np.testing.assert_array_equal(in_force(observer), outcome.estimate)
     np.testing.assert_array_equal(outcome.knowledge.in_force, outcome.estimate)
     assert int(observer.memory["phi_version"][0]) == 4

@@ -55,7 +55,7 @@ def learned_from(inertance: float) -> Outcome:
     observer = make_observer(CONSTANTS, knowledge, learner)
     for seed in range(EVENTS):
         outcome = learner.learn(event(inertance, seed), Standstill(0, 0.0, None), in_force(observer))
-        judge(observer, outcome)
+        judge(observer, outcome.objections, outcome)
     np.testing.assert_array_equal(in_force(observer), outcome.knowledge.in_force)
     line = observer.memory[0]["line"][CONSTANTS.coefficients.line._fields.index("a3")]
     learned = outcome.knowledge.in_force[INERTANCE.column]

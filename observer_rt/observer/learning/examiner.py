@@ -1,0 +1,46 @@
+"""Events that nothing was learned from are judged all the same: by the innovations the live x~ had on them."""
+
+import numpy as np
+
+from observer_rt.estimation.phases import PhaseStatistics
+from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.scalars import Theta
+from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.model.sensor import LAG_UNIT
+from observer_rt.observer.learning.adequacy import (
+    Innovations,
+    Objection,
+    event_statistics,
+    objections,
+    pooled,
+)
+from observer_rt.observer.stream.state import Constants, Reason
+
+
+class Examiner:
+    """What speaks against an event with the parameters in force. Pure: no clock, no thread."""
+
+    def __init__(self, statistics: PhaseStatistics) -> None:
+        """statistics: over the events before the first."""
+        self.statistics = statistics
+        """Over recent events; whoever learns from an event replaces them by what it found."""
+
+    def objections(
+        self, window: Window | None, innovations: Innovations, in_force: Theta, constants: Constants
+    ) -> tuple[Objection, ...]:
+        """Judge one event; empty: it passed.
+
+        window: None where it cannot be tested; in_force (m,) and constants: during it.
+        """
+        if window is None:
+            return (Objection(Reason.NOT_JUDGED),)
+        self.statistics = pooled(self.statistics, event_statistics(window, innovations, constants.interval))
+        lag = float(in_force[Parameter.SENSOR_LAG]) * LAG_UNIT
+        return tuple(objections(self.statistics, _offset(window, constants), lag))
+
+
+def _offset(window: Window, constants: Constants) -> float:
+    """Line over rail pressure [Pa] with the needle shut before the event."""
+    shut = slice(0, max(window.opening, 1))
+    difference = window.output[shut] - window.inputs[shut, 0]
+    return float(np.mean(difference) - constants.sensor.offset) * constants.coefficients.pressure_scale

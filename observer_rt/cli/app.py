@@ -15,6 +15,7 @@ from observer_rt import __version__
 from observer_rt.cli.compare import compare
 from observer_rt.cli.discover import discover
 from observer_rt.cli.effects import effects
+from observer_rt.cli.help import WordedCommand, first_sentence
 from observer_rt.cli.journal import journal
 from observer_rt.cli.live import check, demo, run
 from observer_rt.cli.logs import convert, record, replay
@@ -25,7 +26,7 @@ from observer_rt.terminal.console import say
 
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # units in brackets are not markup
     help="Estimates the injection rate of a common-rail injector in real time, from CAN back onto CAN.",
@@ -97,4 +98,8 @@ for _command, _example in (
     (effects, "channel_skew seat_area"),
     (reproduce, "--out reproduced"),
 ):
-    app.command(epilog=f"Example: observer-rt {_command.__name__} {_example}")(_command)
+    app.command(
+        cls=WordedCommand,
+        short_help=first_sentence(_command),
+        epilog=f"Example: observer-rt {_command.__name__} {_example}",
+    )(_command)

@@ -13,6 +13,8 @@ from tests.cli.conftest import Command, document
 INJECTION_KEYS = {
     "number",
     "event",
+    "start_index",
+    "end_index",
     "start_s",
     "end_s",
     "rail_pressure_MPa",

@@ -27,8 +27,8 @@ def test_a_share_of_the_campaign_has_no_fault() -> None:
 
 
 def test_the_same_seed_gives_the_same_outcome() -> None:
-    outcomes = [one_file(Task("frames.log", SEED, number)) for number in range(20)]
-    again = [one_file(Task("frames.log", SEED, number)) for number in range(20)]
+    outcomes = [one_file(Task("frames.log", SEED, number)) for number in range(30)]
+    again = [one_file(Task("frames.log", SEED, number)) for number in range(30)]
     assert [each.became for each in outcomes] == [each.became for each in again]
     assert len({each.became for each in outcomes}) > 1
 

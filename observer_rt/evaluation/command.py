@@ -232,8 +232,8 @@ def _report_progress(progress: Callable[[float], None], before: int, samples: in
 
 
 def _plot(path: Path, evaluations: Sequence[StreamedEvaluation], chosen: Sequence[int]) -> None:
-    from observer_rt.evaluation.figures import plot_injections
-    from observer_rt.evaluation.pictures import picture_of
+    from observer_rt.evaluation.drawing.figures import plot_injections
+    from observer_rt.evaluation.drawing.pictures import picture_of
 
     there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
     shown = numbers_shown(chosen, there)

@@ -14,8 +14,8 @@ from typing import TypeVar
 from observer_rt.config.bench import BenchInjector
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
-from observer_rt.recording.canlog.asc_writer import ASC
-from observer_rt.recording.canlog.blf_writer import BLF
+from observer_rt.recording.canlog.asc.writer import ASC
+from observer_rt.recording.canlog.blf.writer import BLF
 from observer_rt.recording.canlog.busmaster import BUSMASTER
 from observer_rt.recording.canlog.can_log import LogReader, LogRecorder, LogWriter
 from observer_rt.recording.canlog.candump import CANDUMP

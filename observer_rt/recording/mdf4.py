@@ -7,11 +7,11 @@ from pathlib import Path
 
 from observer_rt.recording.canlog.can_log import LogWriter
 from observer_rt.recording.canlog.log_format import LogFormat
-from observer_rt.recording.canlog.mdf4_reader import Mdf4Log, is_bus_log
+from observer_rt.recording.canlog.mdf4.reader import Mdf4Log, is_bus_log
 
 
 def _log_writer(path: Path, start_ns: int) -> LogWriter:
-    from observer_rt.recording.canlog.mdf4_writer import Mdf4LogWriter
+    from observer_rt.recording.canlog.mdf4.writer import Mdf4LogWriter
 
     return Mdf4LogWriter(path, start_ns)
 

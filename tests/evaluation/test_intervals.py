@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.evaluation.drawing.pictures import picture_of
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
-from observer_rt.evaluation.pictures import picture_of
 from observer_rt.evaluation.results import injection_results, recording_json
 from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.model.coefficients import coefficients

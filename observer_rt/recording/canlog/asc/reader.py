@@ -7,7 +7,7 @@ from typing import NoReturn
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, FD_LENGTHS, length_of
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.asc_date import nanoseconds_of
+from observer_rt.recording.canlog.asc.date import nanoseconds_of
 from observer_rt.recording.canlog.can_log import LogFrame, text_nanoseconds
 from observer_rt.recording.canlog.rising import Rising
 from observer_rt.recording.canlog.text_log import TextLogReader

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-RECORDS = "observer_rt.recording.canlog.mdf4_records"
+RECORDS = "observer_rt.recording.canlog.mdf4.records"
 
 
 def is_bus_log(path: Path) -> bool:

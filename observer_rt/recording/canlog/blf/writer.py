@@ -7,7 +7,7 @@ from pathlib import Path
 
 from observer_rt.bus.can_frame import length_code
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.blf_reader import (
+from observer_rt.recording.canlog.blf.reader import (
     CLASSIC,
     CONTAINER,
     EXTENDED_FLAG,

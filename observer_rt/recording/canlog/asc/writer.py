@@ -5,8 +5,8 @@ from pathlib import Path
 
 from observer_rt.bus.can_frame import length_code
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.asc_date import MONTHS
-from observer_rt.recording.canlog.asc_reader import (
+from observer_rt.recording.canlog.asc.date import MONTHS
+from observer_rt.recording.canlog.asc.reader import (
     FLAG_BIT_RATE_SWITCH,
     FLAG_ERROR_STATE,
     FLAG_FD,

@@ -5,7 +5,7 @@ from collections.abc import Collection
 import numpy as np
 
 from observer_rt.estimation.scalars import NOZZLE, SEAT
-from observer_rt.evaluation.event_axes import MassRow, Picture
+from observer_rt.evaluation.drawing.event_axes import MassRow, Picture
 from observer_rt.evaluation.injections import InjectionResult
 from observer_rt.evaluation.streamed import StreamedEvaluation
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, length_of
 from observer_rt.recording.canlog.can_log import NANOSECONDS
-from observer_rt.recording.canlog.mdf4_merging import in_order_of_time
+from observer_rt.recording.canlog.mdf4.merging import in_order_of_time
 from observer_rt.recording.signals.mdf4_file import opened, refuse_outside
 
 DATA, ERROR, REMOTE = "CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame"

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from observer_rt.evaluation.curves import RateCurves
-from observer_rt.evaluation.event_axes import (
+from observer_rt.evaluation.drawing.event_axes import (
     ESTIMATED,
     NOMINAL,
     RECORDINGS,

@@ -1,0 +1,1 @@
+"""Frames in ASAM MDF4."""

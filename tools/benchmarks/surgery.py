@@ -121,7 +121,7 @@ class Finding:
 
 
 def surgeries() -> list[Surgery]:
-    """All of them; a fault from the start is the same for every onset."""
+    """Every fault with every onset, and no fault once, for every wear and way of learning."""
     nothing = [Surgery(wear, None, Onset.START, learning) for wear, learning in product(WEAR, Learning)]
     return nothing + [Surgery(*of) for of in product(WEAR, FAULTS, Onset, Learning)]
 

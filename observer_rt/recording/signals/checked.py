@@ -1,6 +1,8 @@
 """Files that must be on an even grid as they are: looked through part by part, then read in chunks."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,18 +56,41 @@ class CheckedGrid:
             raise UserError(self._place(uneven.row), uneven.problem, EQUIDISTANT)
 
 
-def in_chunks(stream: SignalStream, parts: Iterable[Arrays]) -> Iterator[Chunk]:
-    """The parts of a file in one stretch."""
-    first = 0
-    for arrays in parts:
-        yield Chunk(
-            arrays["time"],
-            arrays["rail_pressure"],
-            arrays["needle_lift"],
-            arrays["line_pressure"],
-            arrays.get("injection_rate"),
-            stream.path,
-            stream.sample_rate,
-            first=first,
-        )
-        first += arrays["time"].size
+class GridSignals(SignalStream):
+    """A file in one stretch, in a layout of our own; a subclass reads it, and looks through it when made."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._file = path
+
+    @abstractmethod
+    def _parts(self) -> Iterator[Arrays]:
+        """Read the file, part by part."""
+
+    @abstractmethod
+    def _place(self, row: int) -> str:
+        """What a user finds a zero-based row by."""
+
+    def _look_through(self) -> None:
+        """Check all parts. Raises `UserError` as `CheckedGrid`."""
+        checked = CheckedGrid(self, self._place)
+        for arrays in self._parts():
+            self.has_rate = "injection_rate" in arrays
+            checked.take(arrays)
+        checked.end()
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Read anew."""
+        first = 0
+        for arrays in self._parts():
+            yield Chunk(
+                arrays["time"],
+                arrays["rail_pressure"],
+                arrays["needle_lift"],
+                arrays["line_pressure"],
+                arrays.get("injection_rate"),
+                self.path,
+                self.sample_rate,
+                first=first,
+            )
+            first += arrays["time"].size

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
-from observer_rt.recording.signals.checked import CheckedGrid, in_chunks
-from observer_rt.recording.signals.recording import Chunk, Recording
-from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream
+from observer_rt.recording.signals.checked import GridSignals
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.recording.signals.table_writers import CsvWriter, WrittenColumn
 
 TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
@@ -48,7 +48,7 @@ REQUIRED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE)
 COLUMNS = (*REQUIRED, INJECTION_RATE)
 
 
-class CsvSignals(SignalStream):
+class CsvSignals(GridSignals):
     """A recording of this layout; the columns may stand in any order.
 
     An empty cell, or `nan`, in a signal means "not available". Raises `UserError` naming line and column.
@@ -56,17 +56,11 @@ class CsvSignals(SignalStream):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._file = path
         self._columns = _read_header(path)
-        self.has_rate = INJECTION_RATE in self._columns
-        checked = CheckedGrid(self, lambda row: f"{path}, line {_line_of_row(path, row)}")
-        for arrays in self._parts():
-            checked.take(arrays)
-        checked.end()
+        self._look_through()
 
-    def chunks(self) -> Iterator[Chunk]:
-        """Read anew."""
-        return in_chunks(self, self._parts())
+    def _place(self, row: int) -> str:
+        return f"{self._file}, line {_line_of_row(self._file, row)}"
 
     def _parts(self) -> Iterator[dict[str, NDArray[np.float64]]]:
         for table in _tables(self._file, self._columns):

@@ -7,28 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.recording.mdf4_apart import mdf4_apart
-from observer_rt.recording.signals.checked import CheckedGrid, in_chunks
-from observer_rt.recording.signals.recording import Chunk, Recording
-from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream
+from observer_rt.recording.signals.checked import GridSignals
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
 FILE = "observer_rt.recording.signals.mdf4_file"
 
 
-class Mdf4Signals(SignalStream):
+class Mdf4Signals(GridSignals):
     """A recording by the names of its channels, as `mdf4_file.parts`."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._file = path
-        checked = CheckedGrid(self, lambda row: f"{path}, sample {row}")
-        for arrays in self._parts():
-            self.has_rate = "injection_rate" in arrays
-            checked.take(arrays)
-        checked.end()
+        self._look_through()
 
-    def chunks(self) -> Iterator[Chunk]:
-        """Read anew."""
-        return in_chunks(self, self._parts())
+    def _place(self, row: int) -> str:
+        return f"{self._file}, sample {row}"
 
     def _parts(self) -> Iterator[dict[str, NDArray[np.float64]]]:
         return mdf4_apart(FILE, "parts", self._file, SAMPLES_AT_ONCE)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
-from observer_rt.recording.signals.checked import CheckedGrid, in_chunks
-from observer_rt.recording.signals.recording import Chunk, Recording
-from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream
+from observer_rt.recording.signals.checked import GridSignals
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
 COLUMNS = {  # in SI units, so that every double comes back as it was
     "time_s": "time",
@@ -26,12 +26,11 @@ INSTALL = "pip install observer-rt[parquet]"
 READABLE = "give a complete Parquet file"
 
 
-class ParquetSignals(SignalStream):
+class ParquetSignals(GridSignals):
     """A recording by the names of its columns, further ones are ignored; null is "not available"."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._file = path
         names = parquet_names(path)
         for name in COLUMNS:
             if name not in names and name != OPTIONAL:
@@ -42,15 +41,10 @@ class ParquetSignals(SignalStream):
                     "file which is which",
                 )
         self._columns = [name for name in COLUMNS if name in names]
-        self.has_rate = OPTIONAL in names
-        checked = CheckedGrid(self, lambda row: f"{path}, row {row}")
-        for arrays in self._parts():
-            checked.take(arrays)
-        checked.end()
+        self._look_through()
 
-    def chunks(self) -> Iterator[Chunk]:
-        """Read anew."""
-        return in_chunks(self, self._parts())
+    def _place(self, row: int) -> str:
+        return f"{self._file}, row {row}"
 
     def _parts(self) -> Iterator[dict[str, NDArray[np.float64]]]:
         for columns in batches(self._file, self._columns):

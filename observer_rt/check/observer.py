@@ -15,7 +15,7 @@ from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.paper_scheme.gain import doubts_about_gain
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.state import MAX_EVENT
-from observer_rt.service.compiled.constants import bench_constants, configured_noise
+from observer_rt.service.compiled.constants import bench_constants, configured_noise, rail_every
 from observer_rt.service.core.learners import make_learner
 
 SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
@@ -49,7 +49,8 @@ def _observer(fitted: BenchInjector) -> list[Finding]:
     noise = configured_noise(fitted)
     constants = constants_for(fitted.parameters, rate, Durations(), events_required=0)
     sensor, lookahead = constants.sensor, constants.timing.lookahead
-    schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction)
+    every = rail_every(fitted)
+    schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction, every)
     c = constants.coefficients
     line_mode = c.line.mode / (2 * math.pi)
     opens, shuts = dead_band(noise.needle_lift)

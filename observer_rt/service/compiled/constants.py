@@ -60,8 +60,13 @@ def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bo
     durations = Durations(learning.event_gap_ms * MILLISECOND, learning.learning_delay_ms * MILLISECOND)
     events_required = EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
     rate = fitted.config.sampling.rate_hz
-    rail_every = rate / (fitted.config.signals.rail_pressure.rate_hz or rate)
-    return constants_for(injector, rate, durations, events_required, rail_every)
+    return constants_for(injector, rate, durations, events_required, rail_every(fitted))
+
+
+def rail_every(fitted: BenchInjector) -> float:
+    """Samples to one of the rail pressure."""
+    rate = fitted.config.sampling.rate_hz
+    return rate / (fitted.config.signals.rail_pressure.rate_hz or rate)
 
 
 def _require_integrable(fitted: BenchInjector, injector: InjectorParameters, constants: Constants) -> None:

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.evidence.measurement import Measurement, every_second_point
-from observer_rt.discovery.evidence.open_loop import (
+from observer_rt.discovery.search.hypothesis import Sizing
+from observer_rt.discovery.search.result import Candidate, Discovery
+from observer_rt.evidence.bounded_fit import fit
+from observer_rt.evidence.likelihood import GAIN_ERROR, evidence_of
+from observer_rt.evidence.measurement import Measurement, every_second_point
+from observer_rt.evidence.open_loop import (
     Simulated,
     in_mass_window,
     mass,
@@ -16,10 +20,6 @@ from observer_rt.discovery.evidence.open_loop import (
     noisier,
     simulated,
 )
-from observer_rt.discovery.search.bounded_fit import fit
-from observer_rt.discovery.search.hypothesis import Sizing
-from observer_rt.discovery.search.likelihood import GAIN_ERROR, evidence_of
-from observer_rt.discovery.search.result import Candidate, Discovery
 from observer_rt.model.effective import EffectiveModel
 
 NOISE_RUNS = 3  # with noise added, for the noise floor

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from observer_rt.discovery.evidence.measurement import measurements
-from observer_rt.discovery.evidence.operating_points import by_operating_point
-from observer_rt.discovery.search.likelihood import evidence_of
+from observer_rt.evidence.likelihood import evidence_of
+from observer_rt.evidence.measurement import measurements
+from observer_rt.evidence.operating_points import by_operating_point
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.measurement import NoiseLevels

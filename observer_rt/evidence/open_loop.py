@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.evidence.measurement import JudgedEvent, Measurement
-from observer_rt.discovery.evidence.windows import Rows, TrueInputs, batch_of
 from observer_rt.estimation.gain import gain_schedule
 from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, follow
+from observer_rt.evidence.measurement import JudgedEvent, Measurement
+from observer_rt.evidence.windows import Rows, TrueInputs, batch_of
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import substeps_needed
 

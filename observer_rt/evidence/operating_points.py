@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.evidence.measurement import (
+from observer_rt.evidence.measurement import (
     MARGIN,
     POINT_DURATION,
     POINT_PRESSURE,
@@ -17,7 +17,7 @@ from observer_rt.discovery.evidence.measurement import (
     open_time,
     rail_pressure_before,
 )
-from observer_rt.discovery.evidence.openings import Opening
+from observer_rt.evidence.openings import Opening
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.discovery.search.bounded_fit import Minimum, Range, Residuals, fit
+from observer_rt.evidence.bounded_fit import Minimum, Range, Residuals, fit
 
 N = 4000
 RNG = np.random.default_rng(5)

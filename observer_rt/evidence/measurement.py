@@ -7,9 +7,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.evidence.noise import white_noise
-from observer_rt.discovery.evidence.openings import Opening, find_openings
 from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.evidence.noise import white_noise
+from observer_rt.evidence.openings import Opening, find_openings
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.recording.signals.recording import Recording

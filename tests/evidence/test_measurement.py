@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.discovery.evidence.measurement import (
+from observer_rt.evidence.measurement import (
     COUNTED_LEAD,
     RING_DOWN,
     Lack,

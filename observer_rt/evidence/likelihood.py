@@ -8,13 +8,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.discovery.evidence.measurement import Measurement
-from observer_rt.discovery.evidence.open_loop import SPARE_SUBSTEPS
-from observer_rt.discovery.evidence.windows import Batch, Rows, TrueInputs, batch_of, latest, phases
-from observer_rt.discovery.search.bounded_fit import Residuals
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.learned import Learned, nothing_learned
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
+from observer_rt.evidence.bounded_fit import Residuals
+from observer_rt.evidence.measurement import Measurement
+from observer_rt.evidence.open_loop import SPARE_SUBSTEPS
+from observer_rt.evidence.windows import Batch, Rows, TrueInputs, batch_of, latest, phases
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.line.interface import Line

@@ -6,15 +6,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.discovery.evidence.measurement import (
+from observer_rt.estimation.phases import AFTERGLOW, EDGE, phases_of
+from observer_rt.estimation.predictor import Window
+from observer_rt.evidence.measurement import (
     MARGIN,
     RESTING,
     START_MEAN,
     Measurement,
     shut_mask,
 )
-from observer_rt.estimation.phases import AFTERGLOW, EDGE, phases_of
-from observer_rt.estimation.predictor import Window
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.line.interface import rest_line

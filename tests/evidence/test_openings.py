@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.discovery.evidence.openings import find_openings
+from observer_rt.evidence.openings import find_openings
 
 NOISE = 0.4e-6
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from observer_rt.discovery.evidence.measurement import Measurement, missing_samples
+from observer_rt.evidence.measurement import Measurement, missing_samples
 from observer_rt.foundation.units import MILLISECOND
 
 _SHOWN = 5  # of the injections left out for one reason

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.discovery.evidence.measurement import measurements
-from observer_rt.discovery.search.likelihood import GAIN_ERROR, Evidence, evidence_of
+from observer_rt.evidence.likelihood import GAIN_ERROR, Evidence, evidence_of
+from observer_rt.evidence.measurement import measurements
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model, sized

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.discovery.evidence.measurement import Measurement, measurements
-from observer_rt.discovery.evidence.windows import Rows, TrueInputs, batch_of, phases
 from observer_rt.estimation.phases import Phase
+from observer_rt.evidence.measurement import Measurement, measurements
+from observer_rt.evidence.windows import Rows, TrueInputs, batch_of, phases
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.effects import effective_model, sized
 from tests.discovery.hidden import NOMINAL, recordings

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.discovery.evidence.measurement import Measurement, measurements
-from observer_rt.discovery.evidence.open_loop import mass, measured_mass, noisier, simulated
 from observer_rt.estimation.gain import NoiseLevels as Levels
+from observer_rt.evidence.measurement import Measurement, measurements
+from observer_rt.evidence.open_loop import mass, measured_mass, noisier, simulated
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
 from tests.discovery.hidden import NOMINAL, recordings

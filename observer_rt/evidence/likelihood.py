@@ -51,11 +51,13 @@ def predict(
 @dataclass(frozen=True, eq=False)
 class Judged:
     """A model on one recording: normalised innovations (n,) where counted, log of their standard deviation, and
-    normalised residuals of the measured rate (m,), the gain error taken out and appended; (0,) without a rate."""
+    normalised residuals of the measured rate (m,), the gain error taken out and appended; (0,) without a rate.
+    masses: injected in every event by x~ (events,) [kg]."""
 
     z: NDArray[np.float64]
     log_sigma: float
     rate_z: NDArray[np.float64]
+    masses: NDArray[np.float64]
 
 
 class Trial:
@@ -94,7 +96,8 @@ class Trial:
         if not np.isfinite(z).all():
             return None
         rate_z = self._judged_rate(rate[self._rows.rate_rows + late])
-        return Judged(z, math.log(schedule.innovation_sigma), rate_z)
+        masses = model.coefficients.density * self._rows.volumes(rate)
+        return Judged(z, math.log(schedule.innovation_sigma), rate_z, masses)
 
     def lift_and_rate(
         self, model: EffectiveModel, at_line: bool

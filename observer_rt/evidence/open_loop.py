@@ -10,11 +10,10 @@ from observer_rt.estimation.gain import gain_schedule
 from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, follow
 from observer_rt.evidence.measurement import JudgedEvent, Measurement
-from observer_rt.evidence.windows import Rows, TrueInputs, batch_of
+from observer_rt.evidence.windows import Rows, TrueInputs, batch_of, in_mass_window
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import substeps_needed
 
-MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
 SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
 
 
@@ -72,7 +71,7 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
 
 def mass(measurement: Measurement, one: Simulated, density: float) -> float:
     """Injected mass of an event [kg]."""
-    inside = in_mass_window(measurement, one)
+    inside = in_mass_window(measurement, one.event, one.rate_samples)
     return float(np.trapezoid(one.rate[inside])) * measurement.interval * density
 
 
@@ -81,17 +80,8 @@ def measured_mass(measurement: Measurement, one: Simulated, density: float) -> f
     measured = measurement.recording.injection_rate
     if measured is None:
         return math.nan
-    inside = one.rate_samples[in_mass_window(measurement, one)]
+    inside = one.rate_samples[in_mass_window(measurement, one.event, one.rate_samples)]
     return float(np.trapezoid(measured[inside])) * measurement.interval * density
-
-
-def in_mass_window(measurement: Measurement, one: Simulated) -> NDArray[np.bool_]:
-    """Samples (n,) of an event that its mass is summed over."""
-    lead, tail = (round(t / measurement.interval) for t in (MASS_LEAD, MASS_TAIL))
-    inside = np.zeros(one.rate.size, np.bool_)
-    for opening in one.event.openings:
-        inside |= (one.rate_samples >= opening.first - lead) & (one.rate_samples <= opening.last + tail)
-    return inside
 
 
 def noisier(measurement: Measurement, seed: int) -> Measurement:

@@ -50,15 +50,19 @@ def by_operating_point(found: Sequence[Measurement]) -> tuple[OperatingPoint, ..
     return tuple(
         OperatingPoint(_part(measurement, events), number)
         for number, measurement in enumerate(found)
-        for same_pressure in _clusters(
-            measurement.events,
-            partial(rail_pressure_before, recording=measurement.recording),
-            POINT_PRESSURE / 2.0,
-        )
-        for events in _clusters(
-            same_pressure, partial(open_time, recording=measurement.recording), POINT_DURATION / 2.0
-        )
+        for events in events_by_point(measurement)
     )
+
+
+def events_by_point(measurement: Measurement) -> list[list[JudgedEvent]]:
+    """Events of a recording by operating point, in the order of rail pressure, then duration."""
+    recording = measurement.recording
+    pressure, duration = (partial(f, recording=recording) for f in (rail_pressure_before, open_time))
+    return [
+        events
+        for same_pressure in _clusters(measurement.events, pressure, POINT_PRESSURE / 2.0)
+        for events in _clusters(same_pressure, duration, POINT_DURATION / 2.0)
+    ]
 
 
 def _clusters(

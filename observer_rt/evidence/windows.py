@@ -12,6 +12,7 @@ from observer_rt.evidence.measurement import (
     MARGIN,
     RESTING,
     START_MEAN,
+    JudgedEvent,
     Measurement,
     shut_mask,
 )
@@ -21,6 +22,7 @@ from observer_rt.model.line.interface import rest_line
 from observer_rt.model.seat import normalised_area
 
 RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
+MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
 FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
 
 
@@ -50,6 +52,17 @@ class Batch(NamedTuple):
         )
 
 
+def in_mass_window(
+    measurement: Measurement, event: JudgedEvent, samples: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Which samples (n,) of a recording an event's mass is summed over."""
+    lead, tail = (round(t / measurement.interval) for t in (MASS_LEAD, MASS_TAIL))
+    inside = np.zeros(samples.size, np.bool_)
+    for opening in event.openings:
+        inside |= (samples >= opening.first - lead) & (samples <= opening.last + tail)
+    return inside
+
+
 class Rows:
     """Where the samples of a recording lie in its batch."""
 
@@ -75,6 +88,15 @@ class Rows:
         low pressure, say little of how the sac begins to fill.
         """
         self.rate_samples = np.concatenate(times)
+        self._injecting = np.concatenate(
+            [in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events]
+        )
+        self._interval = measurement.interval
+
+    def volumes(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Volume of every event (w,) [m3] by the injection rate (n,) [m3/s] of its rows."""
+        inside = np.where(self._injecting, rate, 0.0)
+        return np.add.reduceat(inside, self.bounds[:-1]) * self._interval
 
 
 class TrueInputs:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.evidence.measurement import JudgedEvent, Measurement
+from observer_rt.evidence.measurement import COUNTED_LEAD, JudgedEvent, Measurement
 from observer_rt.evidence.operating_points import events_by_point
 
 RAIL_MEAN = 0.11e-3  # s over which the rail pressure is averaged, centred: 11 samples at 100 kHz
@@ -76,7 +76,9 @@ def parts_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> tu
 
 def thinned(part: Part, most: int) -> Part:
     """At most so many events of each operating point, spread evenly."""
-    kept = [(event, share) for point in events_by_point(part.measurement) for event, share in _spread(point, most)]
+    kept = [
+        (event, share) for point in events_by_point(part.measurement) for event, share in _spread(point, most)
+    ]
     kept.sort(key=lambda item: item[0].start)
     events = tuple(event for event, _ in kept)
     return replace(
@@ -91,11 +93,18 @@ def _spread(events: Sequence[JudgedEvent], most: int) -> list[tuple[JudgedEvent,
     return [(events[place], len(events) / len(places)) for place in places]
 
 
+def as_recorded(part: Part, measurement: Measurement) -> Part:
+    """The part with the rail pressure of its recording as it was measured."""
+    return replace(part, measurement=replace(part.measurement, recording=measurement.recording))
+
+
 def standstill_offset(part: Part) -> float:
     """Mean of line minus rail pressure before the injections [Pa]."""
-    recording, rate = part.measurement.recording, part.measurement.recording.sample_rate
-    before = [slice(e.openings[0].first - math.ceil(1e-3 * rate), e.openings[0].first) for e in part.measurement.events]
-    return float(np.mean([np.mean(recording.line_pressure[s] - recording.rail_pressure[s]) for s in before]))
+    recording = part.measurement.recording
+    difference = recording.line_pressure - recording.rail_pressure
+    before = math.ceil(COUNTED_LEAD * recording.sample_rate)
+    firsts = [event.openings[0].first for event in part.measurement.events]
+    return float(np.mean([np.mean(difference[first - before : first]) for first in firsts]))
 
 
 def _shortened(one: Measurement) -> Measurement:

@@ -27,7 +27,9 @@ class Calibration:
     What a part's residuals depend on is its own offset only, so those of the others are taken from memory.
     """
 
-    def __init__(self, start: InjectorParameters, free: Sequence[FreeParameter], parts: Sequence[Part]) -> None:
+    def __init__(
+        self, start: InjectorParameters, free: Sequence[FreeParameter], parts: Sequence[Part]
+    ) -> None:
         """start: the injector in the structure to be fitted, which the prior is centred at."""
         self.free = tuple(free)
         self.parts = tuple(parts)

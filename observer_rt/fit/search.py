@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from observer_rt.evidence.bounded_fit import Minimum, fit
 from observer_rt.evidence.likelihood import Judged
 from observer_rt.fit.held_out import HeldOut, Unexplained, held_out, line_statistics, unexplained
@@ -41,8 +39,7 @@ class Fitted:
     @property
     def certainty(self) -> Certainty:
         """What is told of the parameters; residuals that are more than noise tell less."""
-        colours = [c for c in self.left.colour.values() if np.isfinite(c)]
-        return certainty(self.calibration, self.minimum.at, max(1.0, *colours))
+        return certainty(self.calibration, self.minimum.at, max(1.0, self.left.mean))
 
 
 @dataclass(frozen=True)
@@ -83,7 +80,9 @@ def fine(parts: Sequence[Part]) -> tuple[Part, ...]:
     return tuple(thinned(part, FINE_EVENTS) for part in parts)
 
 
-def settled(best: Fitted, start: InjectorParameters, parts: Sequence[Part]) -> tuple[Fitted, tuple[FreeParameter, ...]]:
+def settled(
+    best: Fitted, start: InjectorParameters, parts: Sequence[Part]
+) -> tuple[Fitted, tuple[FreeParameter, ...]]:
     """The chosen structure fitted to `parts`, and the parameters left to the file since the data do not tell them.
 
     start: the file's injector. One parameter at a time is left to the file, the one told worst: with it fixed the

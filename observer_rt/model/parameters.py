@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -132,3 +132,4 @@ class InjectorParameters(_Section):
     chamber: Chamber
     scaling: Scaling = Scaling()
     needle: Needle
+    baseline: Mapping[str, Any] | None = None  # of the healthy injector, as `fit.baseline` has it

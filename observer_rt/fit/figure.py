@@ -81,8 +81,9 @@ def _phases(axes: Axes, done: Calibrated) -> None:
         heights = [one.chi2[which] for one in residuals]
         axes.bar(places + shift, heights, 0.38, color=colour, label=label, bottom=0.0)
     axes.axhline(GATE, color="#59636e", lw=1.0, ls=":")
-    axes.text(len(residuals) - 0.45, GATE, " limit", va="center", fontsize=8, color="#59636e")
+    axes.text(len(residuals) - 0.55, GATE, "limit", va="bottom", ha="right", fontsize=8, color="#59636e")
     axes.axhline(1.0, color="#59636e", lw=0.6)
+    axes.grid(visible=False, axis="x")
     axes.set_yscale("log")
     axes.set_ylim(bottom=_LEAST)
     names = {Signal.LINE_PRESSURE: "line pressure", Signal.INJECTION_RATE: "injection rate"}

@@ -7,6 +7,7 @@ from typing import Any
 
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import Float, Trivia
 
 from observer_rt.config.bench import load_injector
 from observer_rt.fit.baseline import Baseline, NoiseFigures, PhaseFigures
@@ -41,7 +42,7 @@ def write_fitted(path: Path, document: tomlkit.TOMLDocument, done: Calibrated, b
             _section(document, "line")[key] = chosen
     for parameter in fitted.calibration.free:
         value = parameter.of(done.injector)
-        _section(document, parameter.section)[parameter.key] = tomlkit.float_(f"{value:.{_DIGITS}g}")
+        _section(document, parameter.section)[parameter.key] = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
     document.pop(BASELINE, None)
     table = tomlkit.table()
     for key, entry in baseline.model_dump(mode="json", exclude_none=True).items():

@@ -99,7 +99,7 @@ def _without(calibration: Calibration, at: Quadratic, number: int) -> NDArray[np
     kept = np.flatnonzero(np.arange(at.theta.size) != len(calibration.free) + number)
     information = (at.information - part.information)[np.ix_(kept, kept)]
     theta = at.theta.copy()
-    theta[kept] -= np.linalg.solve(information, (at.gradient - part.gradient)[kept])
+    theta[kept] -= np.linalg.pinv(information, hermitian=True) @ (at.gradient - part.gradient)[kept]
     lowest = np.array([r.lowest for r in calibration.ranges])
     highest = np.array([r.highest for r in calibration.ranges])
     return np.clip(theta, lowest, highest)

@@ -28,7 +28,7 @@ def as_json(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> di
         "structure": {
             "name": done.fitted.structure.name,
             "line_outflow": done.fitted.structure.outflow.value,
-            "line": dict(done.fitted.structure.line),
+            "line_model": done.fitted.structure.line,
             "reason": done.choice.reason,
         },
         "structures": [_structure(one) for one in done.choice.tried],
@@ -79,7 +79,7 @@ def _parameters(done: Calibrated) -> dict[str, Any]:
     result = {}
     for one, sigma in zip(done.fitted.calibration.free, done.fitted.certainty.sigmas, strict=True):
         value = one.of(done.injector)
-        before = getattr(getattr(done.file, one.section), one.key)
+        before = one.stated(done.file)
         result[one.name] = {
             "symbol": one.symbol,
             "value": value / one.si,

@@ -15,6 +15,7 @@ from observer_rt.fit.identifiability import interval
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.baseline import Baseline, NoiseFigures, PhaseFigures
+from observer_rt.model.parameters import Line
 
 ORIGIN = "observer-rt fit"
 BASELINE = "baseline"
@@ -33,15 +34,12 @@ def read_document(path: Path) -> tomlkit.TOMLDocument:
 def write_fitted(path: Path, document: tomlkit.TOMLDocument, done: Calibrated, baseline: Baseline) -> None:
     """Write the fitted file and see that it loads. Raises `RunError` when it would not be taken back."""
     fitted = done.fitted
-    changed = fitted.structure.of(done.file)
-    if changed.line_outflow != done.file.line_outflow:
-        document["line_outflow"] = changed.line_outflow.value
-    for key in fitted.structure.line:
-        chosen = getattr(changed.line, key)
-        if chosen != getattr(done.file.line, key):
-            _section(document, "line")[key] = chosen
+    injector = done.injector
+    if injector.line_outflow != done.file.line_outflow:
+        document["line_outflow"] = injector.line_outflow.value
+    _state_line(_section(document, "line"), done.file.line, injector.line)
     for parameter in fitted.calibration.free:
-        value = parameter.of(done.injector)
+        value = parameter.of(injector)
         _section(document, parameter.section)[parameter.key] = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
     document.pop(BASELINE, None)
     table = tomlkit.table()
@@ -53,6 +51,16 @@ def write_fitted(path: Path, document: tomlkit.TOMLDocument, done: Calibrated, b
         load_injector(path)
     except UserError as error:
         raise RunError(f"{path}: the fitted model would not load: {error.problem}") from None
+
+
+def _state_line(section: Any, before: Line, after: Line) -> None:
+    """What a structure changes in [line]."""
+    for key in ("model", "cells", "impedance_ratio"):
+        value = getattr(after, key)
+        if value is None:
+            section.pop(key, None)
+        elif value != getattr(before, key) or key in section:
+            section[key] = value
 
 
 def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:

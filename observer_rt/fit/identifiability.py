@@ -11,7 +11,7 @@ from observer_rt.evidence.bounded_fit import NORMAL_975, Quadratic
 from observer_rt.fit.problem import Calibration
 from observer_rt.fit.structures import FreeParameter
 
-LARGEST_SIGMA = 0.15  # of the logarithm; a parameter known worse is left to the file
+TOLD = 1.0 / 3.0  # of what was unknown before, above which a parameter is left to the file
 _WEAK_SHARE = 0.3  # of a weak direction, from which a parameter is named in it
 
 
@@ -45,8 +45,9 @@ class Certainty:
     @property
     def untold(self) -> FreeParameter | None:
         """The parameter told worst of those that are not told."""
-        worst = int(np.argmax(self.sigmas)) if self.sigmas.size else 0
-        return self.free[worst] if self.sigmas.size and self.sigmas[worst] > LARGEST_SIGMA else None
+        shares = self.sigmas / [one.spread for one in self.free]
+        worst = int(np.argmax(shares))
+        return self.free[worst] if shares[worst] > TOLD else None
 
 
 def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Certainty:

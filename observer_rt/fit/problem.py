@@ -13,9 +13,10 @@ from observer_rt.fit.structures import FreeParameter, values_of, with_values
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
+from observer_rt.model.line.wave import STABLE
+from observer_rt.model.line.wave import STEP as STEP_OF_WAVES
 from observer_rt.model.parameters import InjectorParameters
 
-PRIOR_SIGMA = 0.7  # of the logarithm of a parameter: the file is right but for a factor of two
 OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
 STEP = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
 _MOST_KEPT = 64  # residuals kept of a part: those of a linearisation
@@ -52,7 +53,7 @@ class Calibration:
     @property
     def prior_sigmas(self) -> NDArray[np.float64]:
         """(p + parts,)"""
-        return np.array([PRIOR_SIGMA] * len(self.free) + [OFFSET_SIGMA / MEGAPASCAL] * len(self.parts))
+        return np.array([one.spread for one in self.free] + [OFFSET_SIGMA / MEGAPASCAL] * len(self.parts))
 
     @property
     def ranges(self) -> list[Range]:
@@ -78,7 +79,8 @@ class Calibration:
         if key not in kept:
             if len(kept) >= _MOST_KEPT:
                 kept.pop(next(iter(kept)))
-            kept[key] = self._trials[number].judge(self.model(theta, number))
+            model = self.model(theta, number)
+            kept[key] = self._trials[number].judge(model) if _is_stable(model) else None
         return kept[key]
 
     def judge_all(self, theta: NDArray[np.float64]) -> list[Judged] | None:
@@ -104,6 +106,12 @@ class Calibration:
         """Of one part, without the prior."""
         judged = self.judge(theta, number)
         return None if judged is None else _joined(self._groups(number, judged))
+
+
+def _is_stable(model: EffectiveModel) -> bool:
+    """Whether a line in which pressure travels can be stepped: sound crosses less than a cell."""
+    line = model.coefficients.line
+    return not line.staggered or line.strain(STEP_OF_WAVES) < STABLE
 
 
 class OnePart:

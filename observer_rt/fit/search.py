@@ -9,7 +9,7 @@ from observer_rt.fit.held_out import HeldOut, Unexplained, held_out, line_statis
 from observer_rt.fit.identifiability import Certainty, certainty
 from observer_rt.fit.parts import Part, thinned
 from observer_rt.fit.problem import Calibration
-from observer_rt.fit.structures import FreeParameter, Structure
+from observer_rt.fit.structures import FreeParameter, Structure, values_of, with_values
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import InjectorParameters
 
@@ -108,8 +108,4 @@ def _numbers_of(
     injector: InjectorParameters, file: InjectorParameters, left_out: Sequence[FreeParameter]
 ) -> InjectorParameters:
     """An injector with the file's values of the parameters that are left to it."""
-    for one in left_out:
-        value = getattr(getattr(file, one.section), one.key)
-        section = getattr(injector, one.section).model_copy(update={one.key: value})
-        injector = injector.model_copy(update={one.section: section})
-    return injector
+    return with_values(injector, left_out, values_of(file, left_out))

@@ -61,7 +61,7 @@ def _parameters(done: Calibrated) -> Table:
     table = _table(("parameter", "", "file", "fitted", "95 % interval", "unit"), left=(0, 1, 5))
     sigmas = done.fitted.certainty.sigmas
     for one, sigma in zip(done.fitted.calibration.free, sigmas, strict=True):
-        before = getattr(getattr(done.file, one.section), one.key)
+        before = one.stated(done.file)
         value = one.of(done.injector)
         low, high = (limit / one.si for limit in interval(value, float(sigma)))
         shown = "" if before is None else f"{before / one.si:.5g}"

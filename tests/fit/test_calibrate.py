@@ -21,7 +21,7 @@ from observer_rt.simulation.simulate import Simulation
 from tests.fit.healthy import NOMINAL, of_independent_plant, off_by_ten_percent, simulations
 from tools.benchmarks.plant_parameters import Injector
 
-LUMPS = tuple(one for one in STRUCTURES if one.line["model"] == "lump")
+LUMPS = tuple(one for one in STRUCTURES if one.line == "lump")
 UNSEEN = simulations([(80e6, 1.2e-3)], seed=9)
 
 

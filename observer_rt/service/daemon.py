@@ -202,9 +202,17 @@ class Daemon:
     def _status(self, now: int) -> list[OutputFrame]:
         state, reason = self.state(now)
         troubled = next((n for n, port in enumerate(self.ports, 1) if port.is_in_trouble), 0)
-        ages = (self.arrivals.age_of(role, now) for role in Role)
-        foreign = self.arrivals.foreign_frames
-        figures = OutsideFigures(self.dropped, self.troubles, troubled, foreign, *ages, self._failed_writes())
+        rail, lift, line = (self.arrivals.age_of(role, now) for role in Role)
+        figures = OutsideFigures(
+            dropped_frames=self.dropped,
+            link_troubles=self.troubles,
+            troubled_bus=troubled,
+            foreign_frames=self.arrivals.foreign_frames,
+            rail_pressure_age=rail,
+            needle_lift_age=lift,
+            line_pressure_age=line,
+            failed_writes=self._failed_writes(),
+        )
         injector_id = self._injector.config.outputs.injector_id
         return self._status_writer.write(
             status_values(self.core, state, reason, injector_id, self._hashes, figures)

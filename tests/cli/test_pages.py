@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from observer_rt.check.findings import Level
+from observer_rt.check.interface import interface_findings
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.config.signals import SignalConfig
 from observer_rt.recording.formats import read_recording
@@ -102,14 +104,16 @@ def test_every_other_command_is_looked_after() -> None:
     assert on_pages == set(NOT_RUN)
 
 
-def test_the_interface_is_brought_up_as_check_tells(command: Command, desk: Path) -> None:
-    """Where there is no can0, or it is down: the same command, with the bit rates of the bench file."""
-    link = load_bench(Path("bench.toml")).config.buses[0].config
-    (line,) = (line for line in NOT_RUN if "ip link" in line)
-    assert line == (
-        f"sudo ip link set {link.channel} up type can bitrate {link.bit_rate:.0f} "
-        f"dbitrate {link.data_bit_rate:.0f} fd on restart-ms 100"
-    )
+def test_the_interface_is_brought_up_as_check_tells(tmp_path: Path) -> None:
+    """With the bit rates of the example bench file."""
+    network = tmp_path / "can0"
+    network.mkdir()
+    for name, content in {"type": "280", "flags": "0x40040", "mtu": "72", "tx_queue_len": "1000"}.items():
+        (network / name).write_text(content)
+    (network / "operstate").write_text("down")
+    down = interface_findings(load_bench(EXAMPLE_BENCH).config.buses[0].config, network=tmp_path)[0]
+    assert down.level is not Level.OK
+    assert next(line for line in NOT_RUN if "ip link" in line) in str(down)
 
 
 def test_the_state_section_is_one(tmp_path: Path) -> None:
@@ -126,6 +130,16 @@ def test_the_keys_of_a_signal_are_those_there_are() -> None:
     keys = set(re.findall(r"^\| `(\w+)` \|", section, re.M))
     assert len(keys) > 5
     assert keys <= set(SignalConfig.model_fields)
+
+
+def test_the_description_of_the_package_has_no_link_into_the_repository() -> None:
+    """On a package index it would lead nowhere."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    text = Page("README.md").text
+    for each in project["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]["substitutions"]:
+        text = re.sub(each["pattern"], each["replacement"], text)
+    assert re.findall(r"\]\((?!https?:)", text) == []
+    assert "`docs/operating.md` of the sources" in text
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.path)

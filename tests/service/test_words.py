@@ -2,7 +2,6 @@
 
 import logging
 import re
-from pathlib import Path
 
 import cantools.database
 import pytest
@@ -11,8 +10,9 @@ from observer_rt.bus.mapping.output_messages import StatusValues, signals_of
 from observer_rt.config.bench import PACKAGE_DATA
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.words import COUNTERS, REASONS, STATES, TOPICS, Topic, named
+from tests.pages import Page
 
-PAGE = Path(__file__).parents[2] / "docs" / "operating.md"
+PAGE = Page("docs/operating.md")
 NO_COUNTERS = {  # of the status; the rest counts something
     *("sample_index", "valid", "learning", "state", "reason", "injector_id", "model_hash", "database_hash"),
     *("version_major", "version_minor", "version_patch", "troubled_bus"),
@@ -22,7 +22,7 @@ NO_COUNTERS = {  # of the status; the rest counts something
 
 def table(heading: str) -> list[tuple[str, ...]]:
     """Cells of the rows of the page's table below a heading."""
-    section = PAGE.read_text().split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    section = PAGE.text.split(f"\n## {heading}\n")[1].split("\n## ")[0]
     rows = re.findall(r"^\| `(.*?)` \| (.*) \|$", section, re.MULTILINE)
     return [(name, *rest.split(" | ")) for name, rest in rows]
 

@@ -21,8 +21,8 @@ def test_the_needle_never_opens_more_often_than_told(
         survey.take("needle_lift", part)
     is_open, openings = False, 0
     for value in lift:
-        openings += not is_open and value > opens
-        is_open = value > (0.5 * opens if is_open else opens)
+        openings += int(not is_open and value > opens)
+        is_open = bool(value > (0.5 * opens if is_open else opens))
     assert openings <= survey.openings.most <= lift.size
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer.main
 
 from observer_rt.check.findings import Level
 from observer_rt.check.interface import interface_findings
@@ -17,6 +18,7 @@ from observer_rt.config.signals import SignalConfig
 from observer_rt.recording.formats import read_recording
 from tests.cli.conftest import Command
 from tests.pages import PAGES, ROOT, Page, needs_bus, words_of
+from tools.benchmarks.__main__ import app as bench
 
 NOT_RUN = {  # with the reason, and what looks after it instead
     "tools/demo": "it is `observer-rt demo`, which test_demo.py runs, in a virtual environment of its own",
@@ -140,6 +142,13 @@ def test_the_description_of_the_package_has_no_link_into_the_repository() -> Non
         text = re.sub(each["pattern"], each["replacement"], text)
     assert re.findall(r"\]\((?!https?:)", text) == []
     assert "`docs/operating.md` of the sources" in text
+
+
+def test_the_benchmarks_that_are_named_are_there() -> None:
+    named = {name for page in PAGES for name in re.findall(r"`tools/bench (\w[\w-]*)", page.text)}
+    there = typer.main.get_command(bench).commands  # type: ignore[attr-defined]
+    assert len(named) > 4
+    assert named <= set(there)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.path)

@@ -14,7 +14,7 @@ import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
@@ -60,9 +60,9 @@ class Shell:
         assert done.returncode == 0, f"{command}\n{done.stderr}"
 
     @contextmanager
-    def going(self, command: str, is_ready: Callable[[str], bool]) -> Iterator[Path]:
-        """A command that runs until Ctrl-C, once it is ready by what it says; gives the file of its stdout."""
-        out, err = self.folder / "out", self.folder / f"err_{command.split()[1]}"
+    def going(self, command: str, ready: str) -> Iterator[Path]:
+        """A command that runs until Ctrl-C, once it has told that it is ready; gives the file of its stdout."""
+        out, err = (self.folder / f"{command.split()[1]}.{stream}" for stream in ("out", "err"))
         with out.open("w") as stdout, err.open("w") as stderr:
             process = subprocess.Popen(
                 ["bash", "-c", f"set -o pipefail; {command}"],
@@ -74,7 +74,7 @@ class Shell:
             )
         try:
             end = time.monotonic() + START_TIMEOUT
-            while not is_ready(err.read_text()):
+            while ready not in err.read_text():
                 assert process.poll() is None, err.read_text()
                 assert time.monotonic() < end, err.read_text()
                 time.sleep(0.1)
@@ -110,7 +110,7 @@ def test_the_commands_that_need_a_bus(shell: Shell, vcan: str) -> None:
         assert (shell.folder / "learned.json").exists()
         _run_and_record(shell, kept, rotated, log_played)
         assert (shell.folder / "bus_0001.blf").exists()
-        with shell.going(piped, lambda told: "ready" in told) as out:
+        with shell.going(piped, "start: ready") as out:
             shell.do(played)
         injections = [json.loads(line) for line in out.read_text().splitlines()]
         assert [number for _, number, _, _ in injections] == [1, 2, 3, 4]
@@ -121,10 +121,7 @@ def test_the_commands_that_need_a_bus(shell: Shell, vcan: str) -> None:
 
 
 def _run_and_record(shell: Shell, run: str, record: str, replay: str) -> None:
-    with (
-        shell.going(run, lambda told: "ready" in told),
-        shell.going(record, lambda _: any(shell.folder.glob("bus*.blf"))),
-    ):
+    with shell.going(run, "start: ready"), shell.going(record, "recording socketcan can0"):
         shell.do(replay)
 
 

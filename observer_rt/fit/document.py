@@ -6,13 +6,13 @@ from typing import Any
 
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.pooled import Signal
-from observer_rt.fit.baseline import Baseline
 from observer_rt.fit.calibrate import CALM_GATE, GATE, Calibrated
 from observer_rt.fit.choice import judged_by
 from observer_rt.fit.identifiability import interval
 from observer_rt.fit.search import Failed, Fitted
 from observer_rt.fit.words import level_words, oddities, phase_name, verdict_words
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
+from observer_rt.model.baseline import Baseline
 
 SCHEMA = 1
 

@@ -10,11 +10,11 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Float, Trivia
 
 from observer_rt.config.bench import load_injector
-from observer_rt.fit.baseline import Baseline, NoiseFigures, PhaseFigures
 from observer_rt.fit.calibrate import Calibrated
 from observer_rt.fit.identifiability import interval
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.model.baseline import Baseline, NoiseFigures, PhaseFigures
 from observer_rt.model.parameters import Line
 
 ORIGIN = "observer-rt fit"
@@ -76,9 +76,9 @@ def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
         sample_rate_Hz=rounded(found[0].recording.sample_rate),
         injections=sum(len(part.measurement.events) for part in done.fitted.calibration.parts),
         rail_pressure_MPa=_rounded_pair((min(pressures), max(pressures))),
-        variance=PhaseFigures.of({phase: rounded(v) for phase, v in left.variance.items()}),
-        chi2=PhaseFigures.of({phase: rounded(v) for phase, v in left.chi2.items()}),
-        colour=PhaseFigures.of({phase: rounded(v) for phase, v in left.colour.items()}),
+        variance=PhaseFigures.of({phase.name: rounded(v) for phase, v in left.variance.items()}),
+        chi2=PhaseFigures.of({phase.name: rounded(v) for phase, v in left.chi2.items()}),
+        colour=PhaseFigures.of({phase.name: rounded(v) for phase, v in left.colour.items()}),
         noise=NoiseFigures(
             rail_pressure_MPa=_mean([one.rail_pressure for one in noise]) / MEGAPASCAL,
             line_pressure_MPa=_mean([one.line_pressure for one in noise]) / MEGAPASCAL,

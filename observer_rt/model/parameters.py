@@ -3,11 +3,12 @@
 import math
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 import observer_rt.model.line.lump  # noqa: F401 - the lines every injector may have
+from observer_rt.model.baseline import Baseline
 from observer_rt.model.line.interface import known_line
 from observer_rt.model.line.wave import FEWEST_CELLS, MOST_CELLS
 
@@ -140,4 +141,4 @@ class InjectorParameters(_Section):
     chamber: Chamber
     scaling: Scaling = Scaling()
     needle: Needle
-    baseline: Mapping[str, Any] | None = None  # of the healthy injector, as `fit.baseline` has it
+    baseline: Baseline | None = None  # of the healthy injector, where the file was fitted

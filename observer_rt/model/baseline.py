@@ -5,8 +5,6 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from observer_rt.estimation.phases import Phase
-
 FORMAT = 1
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -27,13 +25,13 @@ class PhaseFigures(_Section):
     after: Quotient | None = None
 
     @classmethod
-    def of(cls, figures: Mapping[Phase, float]) -> "PhaseFigures":
-        """From figures by phase, nan where a phase was not seen."""
-        return cls(**{phase.name.lower(): value for phase, value in figures.items() if value == value})
+    def of(cls, figures: Mapping[str, float]) -> "PhaseFigures":
+        """From figures by the name of the phase, nan where it was not seen."""
+        return cls(**{name.lower(): value for name, value in figures.items() if value == value})
 
-    def at(self, phase: Phase) -> float:
-        """The figure of a phase, 1 where it was not seen."""
-        value = getattr(self, phase.name.lower())
+    def at(self, phase: str) -> float:
+        """The figure of a phase by its name, 1 where it was not seen."""
+        value = getattr(self, phase.lower())
         return 1.0 if value is None else float(value)
 
 

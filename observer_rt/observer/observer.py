@@ -102,7 +102,7 @@ def make_observer(constants: Constants, knowledge: Knowledge, learner: EventLear
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version
-    memory["innovation_sigma"] = learner.schedule.innovation_sigma
+    _expect(memory, learner.schedule.innovation_sigma)
     _put_in_force(observer, knowledge)
     return observer
 
@@ -195,12 +195,17 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
     _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
     if outcome is None:
         return
-    memory["innovation_sigma"] = outcome.schedule.innovation_sigma
+    _expect(memory, outcome.schedule.innovation_sigma)
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge)
     put_into(observer.phi, outcome.phi)
     if outcome.adoption is Adoption.ADOPTED:
         memory["phi_version"] += 1
+
+
+def _expect(memory: np.void, innovation_sigma: float) -> None:
+    memory["innovation_sigma"] = innovation_sigma
+    memory["innovation_weight"] = 1.0 / innovation_sigma**2
 
 
 def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:

@@ -8,7 +8,12 @@ import pytest
 from numpy.typing import ArrayLike
 
 from observer_rt.foundation.continuity import Doubt
+from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.observer.learning.knowledge import no_knowledge
+from observer_rt.observer.learning.learner import Learner
+from observer_rt.observer.observer import Durations, constants_for, make_observer
 from observer_rt.observer.stream.surprise import watch
+from tests.observer.sample_stream import NOISE, NOMINAL
 
 SIGMA = 0.002  # of p_0
 
@@ -71,3 +76,18 @@ def test_what_is_not_to_be_trusted_contradicts_nothing() -> None:
     doubted = memory()
     doubted.doubted = 16
     assert contradicted_at([9.0] * 100, doubted) is None
+
+
+@pytest.mark.parametrize(("healthy", "contradicts"), [(NOT_FITTED, True), (Healthy(np.full(5, 9.0)), False)])
+def test_what_a_fitted_model_leaves_of_a_healthy_injector_is_no_contradiction(
+    healthy: Healthy, contradicts: bool
+) -> None:
+    constants = constants_for(NOMINAL, 100e3, Durations(), 2)
+    knowledge = no_knowledge(NOISE, constants.coefficients.pressure_scale)
+    learner = Learner(constants, knowledge)
+    observer = make_observer(constants, knowledge, learner, healthy)
+    scale = learner.schedule.innovation_sigma / SIGMA
+    record = observer.memory.view(np.recarray)[0]
+    record.synchronised = True
+    swing = 3.0 * scale * np.cos(2.0 * np.pi * np.arange(100) / 10_000)
+    assert (contradicted_at(swing, record) is not None) == contradicts

@@ -14,7 +14,8 @@ from observer_rt.config.bench import load_injector
 from observer_rt.config.effects import effect_named
 from observer_rt.discovery.answer import AskObserver, Question, answer
 from observer_rt.discovery.evidence.coverage import coverage
-from observer_rt.discovery.evidence.measurement import Measurement, measurements
+from observer_rt.discovery.evidence.excerpts import measured
+from observer_rt.discovery.evidence.measurement import Measurement
 from observer_rt.discovery.evidence.plausible import refuse_rates_missing, refuse_sample_rates
 from observer_rt.discovery.findings import Findings, Sources
 from observer_rt.discovery.injector_text import InjectorText, write_amended
@@ -25,10 +26,9 @@ from observer_rt.discovery.report.text import as_text
 from observer_rt.discovery.search.fit_store import FitStore, file_hash, problem_key
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
-from observer_rt.recording.formats import read_recording
+from observer_rt.recording.formats import open_recording
 from observer_rt.recording.signals.plausible import refuse_implausible
-from observer_rt.recording.signals.recording import Recording
-from observer_rt.recording.signals.stream import HeldSignals
+from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import check_folder
 
@@ -57,11 +57,11 @@ def discover_files(
     options: DiscoverOptions,
     ask_observer: AskObserver,
     console: Console,
-    read: Callable[[Path], Recording] = read_recording,
+    read: Callable[[Path], SignalStream] = open_recording,
 ) -> None:
     """Find the missing effect in recordings; write everything into a folder, print the answer.
 
-    read: takes a file the user named, and refuses one that is none.
+    read: looks through a file the user named, and refuses one that is none.
 
     Raises `UserError` for files that will not do, before the work begins; `RunError` when it fails or is interrupted.
     """
@@ -70,11 +70,11 @@ def discover_files(
     chosen = _chosen(options.chosen)
     _refuse_replacing(options)
     source = InjectorText(options.model)
-    measured = _measured([*paths, *options.healthy], read)
-    refuse_rates_missing([one.recording for one in measured[: len(paths)]])
-    question = Question(parameters, measured[: len(paths)], measured[len(paths) :], _hashes(paths), chosen)
+    taken = _measured([*paths, *options.healthy], read, console)
+    refuse_rates_missing([one.recording for one in taken[: len(paths)]])
+    question = Question(parameters, taken[: len(paths)], taken[len(paths) :], _hashes(paths), chosen)
     _make_folder(options.out)
-    for one in measured:
+    for one in taken:
         say(console, coverage(one))
     say_if_compiling(console)
     with file_errors(options.out):
@@ -101,16 +101,22 @@ def discover_files(
         say(console, f"{options.out}: {', '.join([REPORT, FINDINGS, *more])}")
 
 
-def _measured(paths: Sequence[Path], read: Callable[[Path], Recording]) -> tuple[Measurement, ...]:
+def _measured(
+    paths: Sequence[Path], read: Callable[[Path], SignalStream], console: Console
+) -> tuple[Measurement, ...]:
     """Recordings, read and looked through; refused before anything is written."""
     for number, path in enumerate(paths):
         if path.resolve() in {other.resolve() for other in paths[:number]}:
             raise UserError(str(path), "is given twice", "give every recording once")
-    recordings = [read(path) for path in paths]
-    refuse_sample_rates(recordings)
-    for recording in recordings:
-        refuse_implausible(recording.path, HeldSignals(recording).survey)
-    return measurements(recordings)
+    sources = [read(path) for path in paths]
+    refuse_sample_rates(sources)
+    for source in sources:
+        refuse_implausible(source.path, source.survey, source.names)
+    found = []
+    for path, source in zip(paths, sources, strict=True):
+        with progress_bar(console, f"finding injections in {path.name}", source.grid_samples) as progress:
+            found.append(measured(source, progress))
+    return tuple(found)
 
 
 def _hashes(paths: Sequence[Path]) -> dict[str, str]:

@@ -34,7 +34,7 @@ from observer_rt.recording.signals.chunks import copied, cut, followed
 from observer_rt.recording.signals.recording import Chunk, Recording
 from observer_rt.recording.signals.stream import SignalStream
 
-MOST_SAMPLES = 1 << 20  # of a recording that are kept: 10 s at 100 kHz
+MOST_SAMPLES = 1 << 19  # of a recording that are kept: 5 s at 100 kHz, some 100 injections of a longer one
 BLOCK = 1 << 18  # samples looked at together
 STANDSTILL = 30e-3  # s after the last closing that are kept
 APART = 10e-3  # s between two excerpts: no sample belongs to both

@@ -19,7 +19,7 @@ def told(**changed: float) -> list[str]:
 def test_values_out_of_range_are_told_by_role() -> None:
     assert told(needle_lift=605.334e-6) == []  # rounds to the largest value
     (lift,) = told(needle_lift=605.336e-6)
-    assert lift.startswith("needle_lift: reaches 0.605336 mm, beyond 0.605335 mm")
+    assert lift.startswith("needle_lift: reaches 0.605336 mm, beyond 0.60533 mm")
     (above,) = told(line_pressure=400e6)
     assert above.startswith("line_pressure: reaches 400 MPa, beyond 317.665 MPa, the limit of ")
     (below,) = told(line_pressure=-10.1e6)

@@ -1,6 +1,7 @@
 """Recordings as frames: parts, windows, loops; decoded by plain cantools."""
 
 import math
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.recording_frames import RecordingPart
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals
+from tests.recording.signals.generated import Repeated
 
 RATE = 100e3
 DATABASE = cantools.database.load_file(EXAMPLE_BENCH.with_name("observer_fd.dbc"))
@@ -166,6 +168,32 @@ def test_an_empty_part(bus: BusMap, start: float | None, stop: float | None) -> 
 def test_an_empty_part_names_the_range(bus: BusMap) -> None:
     with pytest.raises(UserError, match=r"recorded\.csv, which runs from 2 to 2\.00999 s"):
         part_of(recording_of(1000, start=2.0), bus, False, start=7.0).frames()
+
+
+def test_a_recording_split_into_stretches_is_sent_as_on_one_grid(bus: BusMap) -> None:
+    split = Repeated(recording_of(5003, open_at=(200, 4950)), 4, 2)
+    for windowed in (False, True):
+        for start, stop in ((None, None), (0.03, 1.25)):
+            found = RecordingPart(split, bus, windowed, start, stop).frames(loop=2)
+            expected = part_of(split.collected(), bus, windowed, start, stop).frames(loop=2)
+            assert list(found) == list(expected)
+
+
+@pytest.mark.parametrize("windowed", [False, True])
+def test_memory_does_not_depend_on_the_length(bus: BusMap, windowed: bool) -> None:
+    """Of what is sent last, the samples before have been read and forgotten."""
+
+    def peak(times: int) -> int:
+        long = Repeated(recording_of(10_000, open_at=(500,)), times)
+        tracemalloc.start()
+        frames = RecordingPart(long, bus, windowed, start=0.1 * (times - 1)).frames()
+        assert sum(1 for _ in frames) in ((1112,) if not windowed else range(60, 100))
+        size = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return size
+
+    peak(3)
+    assert peak(300) < 1.1 * peak(30)
 
 
 def changed_map(folder: Path, **changes: tuple[str, str]) -> BusMap:

@@ -30,8 +30,11 @@ from observer_rt.recording.replay.remapping import (
 )
 from observer_rt.recording.replay.traffic import refuse_traffic
 from observer_rt.recording.signals.plausible import refuse_implausible
+from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.terminal.console import progress_bar, say
 from observer_rt.terminal.stop import stop_on_signals
+
+HELD_SAMPLES = 1 << 20  # of a recording that is read before it is sent: reading meanwhile may delay a frame
 
 
 @dataclass(frozen=True)
@@ -167,6 +170,8 @@ def _recording(bench: Bench, path: Path, bus: BusMap, options: ReplayOptions, co
     bench_for(bench, stream)
     for warning in clamped_in(stream.survey, bus):
         say(console, f"warning: {warning}")
+    if stream.grid_samples <= HELD_SAMPLES:
+        stream = HeldSignals(stream.collected())
     with progress_bar(console, f"looking through {path.name}", None):
         part = RecordingPart(stream, bus, options.windowed, options.start, options.stop)
     inputs = frozenset(Sent(layout.bus, layout.frame_id, layout.is_extended) for layout in bus.input_layouts)

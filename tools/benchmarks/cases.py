@@ -200,7 +200,7 @@ def make_case(class_name: str, master_seed: int, number: int) -> Case:
     rng = np.random.default_rng([master_seed, zlib.crc32(class_name.encode()), number])
     seed = int(rng.integers(2**62))
     needle = Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
-    schedule = _schedule(rng, varying=rng.random() < VARYING_SHARE or fault_class.group is Group.STABILITY)
+    schedule = drawn_events(rng, varying=rng.random() < VARYING_SHARE or fault_class.group is Group.STABILITY)
     faults = fault_class.faults(rng)
     change_event = int(rng.integers(6, 14)) if fault_class.jumps else None
     noise = float(2.0 ** rng.uniform(-1.0, 1.0)) if fault_class.group is Group.STABILITY else 1.0
@@ -225,7 +225,7 @@ def _faults_at(event: int, faults: Faults, change_event: int | None, grows: floa
     return faults
 
 
-def _schedule(rng: Generator, varying: bool) -> tuple[Event, ...]:
+def drawn_events(rng: Generator, varying: bool) -> tuple[Event, ...]:
     """Events of one case: one operating point, or a new one every time."""
     pilot = rng.random() < PILOT_SHARE
     post = pilot and rng.random() < POST_SHARE

@@ -223,7 +223,8 @@ def _single_values(values: Array, every: int) -> Array:
 def _block_means(values: Array, every: int) -> Array:
     """Mean over the block that ends at every `every`-th value, the first block made up of the first value."""
     whole = values[: (values.size - 1) // every * every + 1]
-    return np.concatenate((np.full(every - 1, values[0]), whole)).reshape(-1, every).mean(axis=1)
+    blocks = np.concatenate((np.full(every - 1, values[0]), whole)).reshape(-1, every)
+    return np.asarray(blocks.mean(axis=1), np.float64)
 
 
 def _coded(values: Array, step: float, floor: float) -> Array:

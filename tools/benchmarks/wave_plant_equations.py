@@ -28,7 +28,6 @@ from tools.benchmarks.plant_equations import (
 from tools.benchmarks.plant_parameters import Faults, Injector
 
 NODES = 4  # of an element
-_NODE = np.array([-1.0, -math.sqrt(0.2), math.sqrt(0.2), 1.0])
 EDGE = 12.0  # 2 / weight of an outer node: what a jump of the flux does to it
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # of SDIRK2
 STEPS = 12  # per sample of 10 us
@@ -37,17 +36,13 @@ STEEPEST = 1.0  # Pa, difference of pressure at which Newton's slope of a root e
 EMPTY = 5e3  # Pa above the chamber's at which a shut sac counts as empty: it has less than 0.1 us to go
 
 
-def _differences() -> Array:
-    """Derivative (4, 4) of a polynomial at the nodes over an element of length 1 from its values there."""
-    apart = _NODE[:, None] - _NODE[None, :] + np.eye(NODES)
-    barycentric = 1.0 / np.prod(apart, axis=1)
-    matrix = barycentric[None, :] / barycentric[:, None] / apart
-    np.fill_diagonal(matrix, 0.0)
-    np.fill_diagonal(matrix, -matrix.sum(axis=1))
-    return np.asarray(2.0 * matrix, np.float64)
+# Derivative of a cubic over an element of length 1 from its values at the Gauss-Lobatto nodes -1, -sqrt(1/5),
+# sqrt(1/5), 1: first and second row of the matrix; the others are their mirror image, with the other sign.
+OUTER = (-6.0, 2.5 * (1.0 + math.sqrt(5.0)), 2.5 * (1.0 - math.sqrt(5.0)), 1.0)
+INNER = (-0.5 * (1.0 + math.sqrt(5.0)), 0.0, math.sqrt(5.0), 0.5 * (1.0 - math.sqrt(5.0)))
 
 
-SLOPES = _differences()
+Four = tuple[float, float, float, float]
 
 
 class Lattice(NamedTuple):
@@ -96,67 +91,70 @@ def line_rates(
     elements = lattice.inertance.shape[0]
     n = elements * NODES
     p_end = y[2 * n]
-    pressure_before, flow_before = rail, y[0] + (rail - y[n]) / lattice.impedance[0]
-    stress_before = 0.0  # the rail holds its pressure
+    even = faults.bulk_modulus_slope == 0.0 and faults.entrained_air == 0.0
+    stiffness = line_stiffness(p_end, part, faults)
+    pressure0, flow0 = rail, y[0] + (rail - y[n]) / lattice.impedance[0]
+    stress0 = 0.0  # the rail holds its pressure
+    s = _stresses(y, 0, lattice)
     for e in range(elements):
-        q0, p0 = e * NODES, n + e * NODES
-        q3, p3 = q0 + 3, p0 + 3
+        i, j = e * NODES, n + e * NODES
         z = lattice.impedance[e]
         if e + 1 < elements:
-            after = lattice.impedance[e + 1]
-            flow = (y[p3] - y[p3 + 1] + z * y[q3] + after * y[q3 + 1]) / (z + after)
+            beyond = lattice.impedance[e + 1]
+            flow1 = (y[j + 3] - y[j + 4] + z * y[i + 3] + beyond * y[i + 4]) / (z + beyond)
+            pressure1 = y[j + 3] + z * (y[i + 3] - flow1)
+            s_after = _stresses(y, e + 1, lattice)
+            stress1 = 0.5 * (s[3] + s_after[0])
         else:
-            flow = y[q3] + (y[p3] - p_end) / z
-        pressure = y[p3] + z * (y[q3] - flow) if e + 1 < elements else p_end
-        stress = _outer_stress(y, e, lattice)
-        stretch0, stretch1, stretch2, stretch3 = _stretch(y, e, elements)
-        s0, s1 = lattice.stress[e] * stretch0, lattice.stress[e] * stretch1
-        s2, s3 = lattice.stress[e] * stretch2, lattice.stress[e] * stretch3
-        t0, t1, t2, t3 = y[p0] - s0, y[p0 + 1] - s1, y[p0 + 2] - s2, y[p3] - s3
-        if e + 1 == elements:
-            stress = s3
-        for j in range(NODES):
-            q = y[q0 + j]
-            along_q = SLOPES[j, 0] * y[q0] + SLOPES[j, 1] * y[q0 + 1] + SLOPES[j, 2] * y[q0 + 2]
-            along_q += SLOPES[j, 3] * y[q3]
-            along_t = SLOPES[j, 0] * t0 + SLOPES[j, 1] * t1 + SLOPES[j, 2] * t2 + SLOPES[j, 3] * t3
-            if j == 0:
-                along_q -= EDGE * (flow_before - y[q0])
-                along_t -= EDGE * (pressure_before - stress_before - t0)
-            elif j == 3:
-                along_q += EDGE * (flow - y[q3])
-                along_t += EDGE * (pressure - stress - t3)
-            rate[q0 + j] = -along_t / lattice.inertance[e] - lattice.loss[e] * q * math.fabs(q) - pull[q0 + j]
-            stiffness = line_stiffness(y[p0 + j], part, faults)
-            rate[p0 + j] = -along_q * stiffness / lattice.volume[e]
-        pressure_before, flow_before, stress_before = pressure, flow, stress
+            pressure1, flow1 = p_end, y[i + 3] + (y[j + 3] - p_end) / z
+            s_after, stress1 = s, s[3]
+        force = _slopes(y[j] - s[0], y[j + 1] - s[1], y[j + 2] - s[2], y[j + 3] - s[3])
+        force0 = force[0] - EDGE * (pressure0 - stress0 - y[j] + s[0])
+        force3 = force[3] + EDGE * (pressure1 - stress1 - y[j + 3] + s[3])
+        ease, loss = 1.0 / lattice.inertance[e], lattice.loss[e]
+        rate[i] = -ease * force0 - loss * y[i] * math.fabs(y[i]) - pull[i]
+        rate[i + 1] = -ease * force[1] - loss * y[i + 1] * math.fabs(y[i + 1]) - pull[i + 1]
+        rate[i + 2] = -ease * force[2] - loss * y[i + 2] * math.fabs(y[i + 2]) - pull[i + 2]
+        rate[i + 3] = -ease * force3 - loss * y[i + 3] * math.fabs(y[i + 3]) - pull[i + 3]
+        gain = stiffness / lattice.volume[e]
+        spread = _slopes(y[i], y[i + 1], y[i + 2], y[i + 3])
+        rate[j] = -gain * (spread[0] - EDGE * (flow0 - y[i]))
+        rate[j + 1] = -gain * spread[1]
+        rate[j + 2] = -gain * spread[2]
+        rate[j + 3] = -gain * (spread[3] + EDGE * (flow1 - y[i + 3]))
+        if not even:
+            for k in range(j, j + NODES):
+                rate[k] *= line_stiffness(y[k], part, faults) / stiffness
+        pressure0, flow0, stress0, s = pressure1, flow1, stress1, s_after
     leak = faults.guide_leakage * (p_end - part.chamber_pressure)
-    rate[2 * n] = (flow_before - drain - leak) * line_stiffness(p_end, part, faults) / lattice.end_volume
+    rate[2 * n] = (flow0 - drain - leak) * stiffness / lattice.end_volume
 
 
 @njit(cache=True, nogil=True)
-def _stretch(y: Array, e: int, elements: int) -> tuple[float, float, float, float]:
-    """Slope of the flow over an element of length 1, at its nodes; flows beside an edge are averaged."""
-    i = e * NODES
-    a, b, c, d = y[i], y[i + 1], y[i + 2], y[i + 3]
-    left = 0.5 * (y[i - 1] - a) if e > 0 else 0.0
-    right = 0.5 * (y[i + 4] - d) if e + 1 < elements else 0.0
+def _slopes(a: float, b: float, c: float, d: float) -> Four:
+    """Derivative over an element of length 1 at its nodes, from the values there."""
     return (
-        SLOPES[0, 0] * a + SLOPES[0, 1] * b + SLOPES[0, 2] * c + SLOPES[0, 3] * d - EDGE * left,
-        SLOPES[1, 0] * a + SLOPES[1, 1] * b + SLOPES[1, 2] * c + SLOPES[1, 3] * d,
-        SLOPES[2, 0] * a + SLOPES[2, 1] * b + SLOPES[2, 2] * c + SLOPES[2, 3] * d,
-        SLOPES[3, 0] * a + SLOPES[3, 1] * b + SLOPES[3, 2] * c + SLOPES[3, 3] * d + EDGE * right,
+        OUTER[0] * a + OUTER[1] * b + OUTER[2] * c + OUTER[3] * d,
+        INNER[0] * a + INNER[2] * c + INNER[3] * d,
+        -INNER[3] * a - INNER[2] * b - INNER[0] * d,
+        -OUTER[3] * a - OUTER[2] * b - OUTER[1] * c - OUTER[0] * d,
     )
 
 
 @njit(cache=True, nogil=True)
-def _outer_stress(y: Array, e: int, lattice: Lattice) -> float:
-    """Stress at the far edge of an element inside the line: the mean of both sides."""
-    elements = lattice.inertance.shape[0]
-    if e + 1 == elements:
-        return 0.0
-    here, beyond = _stretch(y, e, elements), _stretch(y, e + 1, elements)
-    return 0.5 * (lattice.stress[e] * here[3] + lattice.stress[e + 1] * beyond[0])
+def _stresses(y: Array, e: int, lattice: Lattice) -> Four:
+    """What damps waves, at the nodes of an element [Pa]; the flow at an inner edge is the mean of both sides."""
+    i = e * NODES
+    damping = lattice.stress[e]
+    slopes = _slopes(y[i], y[i + 1], y[i + 2], y[i + 3])
+    before = 0.5 * (y[i - 1] - y[i]) if e > 0 else 0.0
+    after = 0.5 * (y[i + 4] - y[i + 3]) if e + 1 < lattice.stress.shape[0] else 0.0
+    return (
+        damping * (slopes[0] - EDGE * before),
+        damping * slopes[1],
+        damping * slopes[2],
+        damping * (slopes[3] + EDGE * after),
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -208,14 +206,16 @@ def line_step(
 @njit(cache=True, nogil=True)
 def signed_root(difference: float) -> float:
     """Root of a pressure difference [Pa], with its sign."""
-    return math.copysign(math.sqrt(math.fabs(difference)), difference)
+    root: float = math.copysign(math.sqrt(math.fabs(difference)), difference)
+    return root
 
 
 @njit(cache=True, nogil=True)
 def _through_seat(difference: float, resistance: float) -> float:
     """x of x + resistance signed_root(x) = difference."""
     root = 0.5 * (math.sqrt(resistance * resistance + 4.0 * math.fabs(difference)) - resistance)
-    return math.copysign(root * root, difference)
+    drop: float = math.copysign(root * root, difference)
+    return drop
 
 
 @njit(cache=True, nogil=True)
@@ -303,9 +303,9 @@ def run_wave(
     steps: int,
     result: Array,
 ) -> None:
-    """Integrate over the samples of the rail pressure, in `steps` a sample; result (n, 6) as of `plant_equations.run`.
+    """Integrate over the samples of the rail pressure, each in `steps`, for which the lattice was made.
 
-    The lattice's friction that remembers belongs to the same step.
+    result (n, 6) as of `plant_equations.run`.
     """
     start, interval, rail = drive
     y, sac_and_sensor = state.line, state.sac_and_sensor

@@ -27,6 +27,7 @@ from observer_rt.config.links import (
 )
 from observer_rt.config.toml_file import Section, place_in, read_toml, unknown_key, validated
 from observer_rt.foundation.errors import UserError
+from observer_rt.model.line.wave import with_cells
 from observer_rt.model.parameters import InjectorParameters
 
 PACKAGE_DATA = Path(str(files("observer_rt.data")))
@@ -166,7 +167,7 @@ class Bench:
 
 def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     """Read `injector.toml`. Raises `UserError` naming file, key, problem and remedy."""
-    parameters = validated(InjectorParameters, read_toml(path), place_in(path), "injector")
+    parameters = with_cells(validated(InjectorParameters, read_toml(path), place_in(path), "injector"))
     check_effects(f"{path}: ", parameters.effects)
     return parameters
 

@@ -64,6 +64,7 @@ def gain_schedule(
     covariance = np.zeros((m + 1, m + 1))
     covariance[[0, 0, m, m], [0, m, 0, m]] = measurement
     covariance[1, 1] = (START_FLOW_SIGMA / c.flow_scale) ** 2
+    covariance[range(2, m), range(2, m)] = c.line.further_variance(covariance[1, 1])
     process = np.outer(rail_effect, rail_effect) * rail_every * (noise.rail_pressure / c.pressure_scale) ** 2
     gains = np.zeros((max(2, round(START_DURATION * sample_rate)), m + 1))
     variance = _riccati(transition, process, measurement, late, covariance, gains)

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.open_loop import OpenLoop
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.model.line.interface import line_slopes, no_slopes
 from observer_rt.model.seat import seat_area_slope
 from observer_rt.model.sensor import lagged_slopes
 
@@ -29,14 +28,12 @@ def input_variance(window: Window, run: OpenLoop, setting: Setting, noise: Noise
     c = setting.coefficients
     line_pressure = noise.line_pressure / c.pressure_scale
     pressure = setting.gain[0] * line_pressure**2
-    slopes = no_slopes(c.line)
-    line_slopes((0.0,) * c.states, 0.0, 0.0, 0.0, c.line, slopes)
     _propagate(
         window,
         run,
         setting,
         (pressure, pressure / c.line.impedance**2),
-        slopes.by_rail * (setting.interval * noise.rail_pressure / c.pressure_scale),
+        c.line.by_rail * (setting.interval * noise.rail_pressure / c.pressure_scale),
         noise.needle_lift / c.area_scale,
         result.rate,
         result.volume,

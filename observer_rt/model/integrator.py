@@ -14,6 +14,7 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.leapfrog import leapfrog, move_end, move_line
 from observer_rt.model.line.interface import line_fastest
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import is_at_rest, right_hand_side, tangent_rates
@@ -202,7 +203,7 @@ def _steps_in(x: Any, interval: Interval, c: Coefficients) -> int:
 def runge_kutta(
     x: NDArray[np.float64], interval: Interval, c: Coefficients, network: Network, tangent: Any
 ) -> None:
-    """`advance` of a line that is an ordinary differential equation."""
+    """`advance` without what empties the sac."""
     steps = _steps_in(x, interval, c)
     system, length = System(c, network), interval.length
     integrate(
@@ -210,22 +211,12 @@ def runge_kutta(
     )
 
 
-def _line_step(x: Any, interval: Any, c: Any, network: Any, tangent: Any) -> None:
-    """The step of the line at hand: its own, or RK4."""
-
-
-@overload(_line_step, strict=False)
-def _line_step_compiled(x: Any, interval: Any, c: Any, network: Any, tangent: Any) -> Any:
-    step = c.types[c.fields.index("line")].instance_class.step or runge_kutta
-    return lambda x, interval, c, network, tangent: step(x, interval, c, network, tangent)
-
-
 @njit(cache=True, nogil=True, inline="always")
 def advance(
     x: NDArray[np.float64], interval: Interval, c: Coefficients, network: Network, tangent: Any
 ) -> None:
     """State x (n,) one sample interval later, in place; tangent: the `Tangent` that moves with it, None for none."""
-    _line_step(x, interval, c, network, tangent)
+    runge_kutta(x, interval, c, network, tangent)
     empty_if_drained(x, interval.start, interval.end, tangent)
 
 
@@ -255,11 +246,47 @@ def advance_over(
     network: Network,
     tangent: Any,
 ) -> None:
-    """`advance` where the area is linear only up to a knot within the interval, and from it on.
+    """State x (n,) one sample interval later, in place, of any line, where the area may bend at a knot.
 
     knot: the share (0..1) of the interval it comes after, and the normalised area there; a share of 0 is none. It
-    means nothing where the needle is shut all through the interval.
+    means nothing where the needle is shut all through the interval. tangent: as of `advance`.
     """
+    _over(x, interval, knot, c, network, tangent)
+
+
+def _over(x: Any, interval: Any, knot: Any, c: Any, network: Any, tangent: Any) -> None:
+    """The way the line at hand goes over an interval."""
+
+
+@overload(_over, strict=False)
+def _over_compiled(x: Any, interval: Any, knot: Any, c: Any, network: Any, tangent: Any) -> Any:
+    line = c.types[c.fields.index("line")].instance_class
+    return _leapfrog_over.py_func if line.staggered else _runge_kutta_over.py_func
+
+
+@njit(cache=True, nogil=True)
+def _leapfrog_over(
+    x: NDArray[np.float64],
+    interval: Interval,
+    knot: tuple[float, float],
+    c: Coefficients,
+    network: Network,
+    tangent: Any,
+) -> None:
+    leapfrog(x, interval, knot, c, network, tangent)
+    empty_if_drained(x, interval.start, interval.end, tangent)
+
+
+@njit(cache=True, nogil=True)
+def _runge_kutta_over(
+    x: NDArray[np.float64],
+    interval: Interval,
+    knot: tuple[float, float],
+    c: Coefficients,
+    network: Network,
+    tangent: Any,
+) -> None:
+    """`advance` up to the knot and from it on."""
     share = knot[0]
     flows = interval.start[1] > 0.0 or knot[1] > 0.0 or interval.end[1] > 0.0
     if 0.0 < share < 1.0 and flows:
@@ -283,3 +310,31 @@ def _advance_in_two(
     length, substeps = interval.length, interval.substeps
     advance(x, Interval(start, u_knot, share * length, math.ceil(share * substeps)), c, network, tangent)
     advance(x, Interval(u_knot, end, rest * length, math.ceil(rest * substeps)), c, network, tangent)
+
+
+def fine_step(
+    x: NDArray[np.float64],
+    u_start: tuple[float, float],
+    u_middle: tuple[float, float],
+    u_end: tuple[float, float],
+    step: float,
+    c: Coefficients,
+    network: Network,
+) -> None:
+    """A single step [s] of any line, in place, its inputs known in its middle too. For compiled code."""
+    raise NotImplementedError
+
+
+@overload(fine_step, strict=False)
+def _fine_step_compiled(
+    x: Any, u_start: Any, u_middle: Any, u_end: Any, step: Any, c: Any, network: Any
+) -> Any:
+    def staggered(x: Any, u_start: Any, u_middle: Any, u_end: Any, step: Any, c: Any, network: Any) -> None:
+        move_line(x, u_start[0], step, c.line, None)
+        move_end(x, u_middle, u_end, step, c, network, None)
+
+    def ordinary(x: Any, u_start: Any, u_middle: Any, u_end: Any, step: Any, c: Any, network: Any) -> None:
+        state, system = _state(x, c.line), System(c, network)
+        _store(runge_kutta_step(injector_rates, state, u_start, u_middle, u_end, step, system, None), x, 0)
+
+    return staggered if c.types[c.fields.index("line")].instance_class.staggered else ordinary

@@ -99,3 +99,20 @@ def flow_changes(
         nozzle += network.output[0, neuron] * sigma
         seat += network.output[1, neuron] * sigma
     return nozzle, seat
+
+
+@njit(cache=True, nogil=True, inline="always")
+def flow_changes_by_sac(
+    x: tuple[float, float, float], u: tuple[float, float], network: Network
+) -> tuple[float, float, float, float]:
+    """`flow_changes` and their derivatives with respect to x_3."""
+    nozzle, nozzle_slope = network.bias[0], 0.0
+    seat, seat_slope = network.bias[1], 0.0
+    for neuron in range(network.hidden.shape[0]):
+        sigma = activation(x, u, network.hidden, neuron)
+        bend = (1.0 - sigma * sigma) * network.hidden[neuron, 2]
+        nozzle += network.output[0, neuron] * sigma
+        seat += network.output[1, neuron] * sigma
+        nozzle_slope += network.output[0, neuron] * bend
+        seat_slope += network.output[1, neuron] * bend
+    return nozzle, seat, nozzle_slope, seat_slope

@@ -7,8 +7,9 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-import observer_rt.model.line.lump  # noqa: F401 - the line every injector may have
+import observer_rt.model.line.lump  # noqa: F401 - the lines every injector may have
 from observer_rt.model.line.interface import known_line
+from observer_rt.model.line.wave import FEWEST_CELLS, MOST_CELLS
 
 FORMAT = 1  # of `injector.toml`; raised when an older program would misread a newer file
 
@@ -47,6 +48,13 @@ class Line(_Section):
     volume: Positive  # V_L, m3
     loss_factor: NonNegative  # xi, -
     model: Annotated[str, AfterValidator(known_line)] = "lump"  # a name of `model.line`
+    # of a line in which pressure travels, see `line.wave`
+    cells: Annotated[int, Field(ge=FEWEST_CELLS, le=MOST_CELLS)] | None = (
+        None  # by sound speed where left out
+    )
+    damping: NonNegative | None = None  # nu, m2/s
+    end_volume: NonNegative | None = None  # of the injector's body, beyond the pipe's end, m3
+    impedance_ratio: Annotated[float, Field(ge=0.2, le=5.0)] | None = None  # injector's half over the rail's
 
     @property
     def area(self) -> float:

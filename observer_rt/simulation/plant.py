@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import EffectiveModel, SensorTerms
-from observer_rt.model.integrator import System, injector_rates, runge_kutta_step
+from observer_rt.model.integrator import fine_step
 from observer_rt.model.line.interface import rest_line
+from observer_rt.model.line.wave import cells_for
 from observer_rt.model.network import Network, constant_network
 from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.model.seat import normalised_area
@@ -20,6 +21,7 @@ from observer_rt.model.stability import fastest_rate
 from observer_rt.simulation.needle import CORNER_ROUNDING, Stroke, lift_of_stroke
 
 LONGEST_STEP = 1e-6  # s
+LONGEST_WAVE_STEP = 2e-6  # s, of a line of cells
 STEP_TIMES_RATE = 1.0  # step times fastest rate: accurate, RK4 would be stable to 2.78
 EMPTY_SAC = 1e-9  # of the pressure scale, below which a shut sac is at chamber pressure
 SAMPLES_PER_CHUNK = 10_000  # between two reports of progress
@@ -62,23 +64,23 @@ def run_plant(
     `rail_pressure` [Pa], shape (n,), is linear between samples; the lift is exact at every stage of every
     step. The steps are at most 1 us, an integer number per sample.
     """
+    longest_step, model = _longest_step(model)
     c = model.coefficients
     network = constant_network()
     period = float(time[-1] - time[0]) / (time.size - 1)
-    longest_step = min(LONGEST_STEP, STEP_TIMES_RATE / fastest_rate(model.injector, model.departures))
     steps = math.ceil(period / longest_step)
     rail = (rail_pressure - c.chamber_pressure) / c.pressure_scale
     table = np.array(strokes, dtype=np.float64).reshape(len(strokes), len(Stroke._fields))
-    states = np.empty((time.size, c.states))
-    start = np.zeros(c.states)
-    rest_line(start, float(rail[0]), c.line)
+    states = np.empty((time.size, 3))
+    x = np.zeros(c.states)
+    rest_line(x, float(rail[0]), c.line)
     lift = np.empty(time.size)
     rate = np.empty(time.size)
     recorded = np.empty(time.size)
-    x, number, indicated, due = tuple(start.tolist()), 0, float(rail[0]), 0
+    number, indicated, due = 0, float(rail[0]), 0
     for first in range(0, time.size, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, time.size)
-        x, number, indicated, due = _run(
+        number, indicated, due = _run(
             x,
             number,
             indicated,
@@ -111,6 +113,15 @@ def run_plant(
     )
 
 
+def _longest_step(model: EffectiveModel) -> tuple[float, EffectiveModel]:
+    """The longest step [s], and the model for it: a line of cells gets more of them."""
+    injector = model.injector
+    if not model.coefficients.line.staggered:
+        return min(LONGEST_STEP, STEP_TIMES_RATE / fastest_rate(injector, model.departures)), model
+    line = injector.line.model_copy(update={"cells": cells_for(injector, LONGEST_WAVE_STEP)})
+    return LONGEST_WAVE_STEP, replace(model, injector=injector.model_copy(update={"line": line}))
+
+
 @njit(cache=True, nogil=True)
 def _inputs(rail: float, lift: float, c: Coefficients) -> tuple[float, float]:
     return rail, normalised_area(lift, c.seat)
@@ -127,7 +138,7 @@ def _stroke(strokes: NDArray[np.float64], number: int) -> Stroke:
 
 @njit(cache=True, nogil=True)
 def _run(
-    x: tuple[float, ...],
+    x: NDArray[np.float64],
     number: int,
     indicated: float,
     due: int,
@@ -144,8 +155,8 @@ def _run(
     lift: NDArray[np.float64],
     rate: NDArray[np.float64],
     recorded: NDArray[np.float64],
-) -> tuple[tuple[float, ...], int, float, int]:
-    """Record samples first..last-1 and step on to `last`; `number` is the stroke under way or next.
+) -> tuple[int, float, int]:
+    """Record samples first..last-1 and step the state x (n,) on to `last`; `number` is the stroke under way or next.
 
     `indicated` is what the sensor shows, `due` the first sample of the line pressure not recorded yet.
     """
@@ -154,8 +165,9 @@ def _run(
         lift[n] = lift_of_stroke(time[n], s)
         u = _inputs(rail[n], lift[n], c)
         if u[1] == 0.0 and math.fabs(x[2]) < EMPTY_SAC:
-            x = (x[0], x[1], 0.0) + x[3:]  # noqa: RUF005 - at rest, not decaying towards denormal numbers
-        states[n] = x
+            x[2] = 0.0  # at rest, not decaying towards denormal numbers
+        for i in range(3):
+            states[n, i] = x[i]
         rate[n] = injection_rate(x, u, c, network)
         if n + 1 == time.size:
             recorded[due:] = indicated
@@ -171,7 +183,7 @@ def _run(
             u_middle = _inputs(rail_middle, lift_of_stroke(start + 0.5 * step, s), c)
             u_end = _inputs(rail_end, lift_of_stroke(start + step, s), c)
             before, shown = x[0], indicated
-            x = runge_kutta_step(injector_rates, x, u, u_middle, u_end, step, System(c, network), None)
+            fine_step(x, u, u_middle, u_end, step, c, network)
             indicated = lagged(shown, before, x[0], step, sensor.lag)
             end = time[n] + (i + 1) * step if i + 1 < steps else time[n + 1]
             while due < time.size and time[due] - sensor.delay < end:
@@ -179,4 +191,4 @@ def _run(
                 recorded[due] = shown + share * (indicated - shown)
                 due += 1
             u = u_end
-    return x, number, indicated, due
+    return number, indicated, due

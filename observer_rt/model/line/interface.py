@@ -40,16 +40,19 @@ class Line(Protocol):
     rates(x, p_R, q_H, q_S, line): x' [1/s] of its states, a tuple; slopes(x, p_R, q_H, q_S, line, result): the
     derivatives of `rates` into `Slopes` that hold 0, but for by_state what an earlier call may have left;
     fastest(line): the angular frequency [rad/s] its steps must follow; rest(x, pressure): the array x (n,) with the
-    line at rest; step, where RK4 on `rates` will not do: as `integrator.runge_kutta`. All are compiled.
+    line at rest. All are compiled. A staggered line has no rates: `model.leapfrog` steps it.
     """
 
-    further: ClassVar[int]  # states beyond p_L and Q_L
+    staggered: ClassVar[bool]  # like `line.wave`
     rates: ClassVar[Callable[..., Any]]
     slopes: ClassVar[Callable[..., Any]]
     fastest: ClassVar[Callable[..., Any]]
-    step: ClassVar[Callable[..., Any] | None]
     rest: ClassVar[Callable[..., Any]]
     _fields: ClassVar[tuple[str, ...]]
+
+    @property
+    def further(self) -> int:
+        """States beyond p_L and Q_L."""
 
     @property
     def a1(self) -> float: ...
@@ -71,6 +74,13 @@ class Line(Protocol):
     @property
     def impedance(self) -> float:
         """p_L that goes with an x_2 of 1 in that motion."""
+
+    @property
+    def by_rail(self) -> NDArray[np.float64]:
+        """Derivative of x' [1/s] with respect to the rail pressure, (states,)."""
+
+    def further_variance(self, flow: float) -> NDArray[np.float64]:
+        """Variances of the further states of a line that rings; flow: that of x_2."""
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The line at rest over an interval [s]: its states' (m, m) matrix, the effect of the rail pressure (m,)."""

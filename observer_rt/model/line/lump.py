@@ -126,7 +126,7 @@ class LumpLine(_LumpCoefficients):
     rates = staticmethod(rates)
     slopes = staticmethod(slopes)
     fastest = staticmethod(fastest)
-    step = None
+    staggered = False
     rest = staticmethod(rest)
 
     @classmethod
@@ -159,6 +159,15 @@ class LumpLine(_LumpCoefficients):
     def impedance(self) -> float:
         """Amplitude of p_L over that of x_2."""
         return math.sqrt(self.a1 / self.a3)
+
+    @property
+    def by_rail(self) -> NDArray[np.float64]:
+        """See `interface.Line`."""
+        return np.array([0.0, self.a3, 0.0])
+
+    def further_variance(self, flow: float) -> NDArray[np.float64]:
+        """There are none."""
+        return np.zeros(self.further)
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Exact without friction."""

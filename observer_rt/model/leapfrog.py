@@ -1,0 +1,393 @@
+"""The injector on a line whose pressures and flows are staggered (`line.wave`), over a sample interval.
+
+Flows and pressures of the line take turns, explicitly. At the closed end the line's last cell and the sac are stepped
+together, implicitly: p_L by the midpoint rule, p_S by backward Euler over each half step. So a sac of any volume will
+do; one that relaxes far faster than the step is where its flows balance, its filling included.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.line.lump import stiffness, stiffness_slopes
+from observer_rt.model.line.wave import (
+    WaveLine,
+    cell_compliance,
+    cell_compliance_slopes,
+    flow_at,
+    pressure_at,
+    steps_over,
+)
+from observer_rt.model.network import Network, back_pressure_at, flow_changes_by_sac
+from observer_rt.model.nozzle import nozzle_law, nozzle_law_slopes
+from observer_rt.model.right_hand_side import Tangent, flow_slopes, is_at_rest
+from observer_rt.model.seat import seat_law, seat_law_slopes
+
+CLOSE = 1e-9  # of p_0: pressures this close solve the step at the closed end
+MOST_ITERATIONS = 40
+SPARE = 0.1  # of p_0, by which p_S may leave the range of the pressures round it
+
+
+@njit(cache=True, nogil=True)
+def open_area(interval: Any, knot: tuple[float, float], first: float, last: float) -> tuple[float, float]:
+    """Normalised seat area of a part (shares first to last) of an interval: its mean, and that at its end."""
+    start, end = interval.start[1], interval.end[1]
+    share = knot[0]
+    if start <= 0.0 and end <= 0.0 and not (0.0 < share < 1.0 and knot[1] > 0.0):
+        return 0.0, 0.0
+    if not 0.0 < share < 1.0:
+        at_first = start + first * (end - start)
+        at_last = start + last * (end - start)
+        return _mean_of_open(at_first, at_last), max(at_last, 0.0)
+    at_first = _bent(start, knot, end, first)
+    at_last = _bent(start, knot, end, last)
+    if first < share < last:
+        before = (share - first) / (last - first)
+        mean = before * _mean_of_open(at_first, knot[1]) + (1.0 - before) * _mean_of_open(knot[1], at_last)
+        return mean, max(at_last, 0.0)
+    return _mean_of_open(at_first, at_last), max(at_last, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _bent(start: float, knot: tuple[float, float], end: float, share: float) -> float:
+    """Area at a share of an interval that bends at a knot."""
+    if share <= knot[0]:
+        return start + share / knot[0] * (knot[1] - start)
+    return knot[1] + (share - knot[0]) / (1.0 - knot[0]) * (end - knot[1])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _mean_of_open(first: float, last: float) -> float:
+    """Mean of max(area, 0) where the area goes straight from one to the other."""
+    if first >= 0.0 and last >= 0.0:
+        return 0.5 * (first + last)
+    if first <= 0.0 and last <= 0.0:
+        return 0.0
+    highest = max(first, last)
+    return 0.5 * highest * highest / abs(last - first)
+
+
+@njit(cache=True, nogil=True)
+def leapfrog(
+    x: NDArray[np.float64],
+    interval: Any,
+    knot: tuple[float, float],
+    c: Coefficients,
+    network: Network,
+    tangent: Any,
+) -> None:
+    """`integrator.advance_over` of a staggered line."""
+    steps = steps_over(interval.length)
+    ends = max(1, interval.substeps // steps)
+    step = interval.length / steps
+    part = 1.0 / (steps * ends)
+    rail_start, rail_rise = interval.start[0], interval.end[0] - interval.start[0]
+    for i in range(steps):
+        rail = rail_start + i / steps * rail_rise
+        move_line(x, rail, step, c.line, tangent)
+        for j in range(ends):
+            first = i / steps + j * part
+            mean, last = open_area(interval, knot, first, first + part)
+            move_end(x, (rail, mean), (rail, last), step / ends, c, network, tangent)
+
+
+@njit(cache=True, nogil=True)
+def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, tangent: Any) -> None:
+    """All flows a step [s] on, then all pressures but that of the end cell."""
+    cells = (x.shape[0] - 1) // 2
+    ahead_flow, ahead_pressure = x[flow_at(1, cells)], rail
+    for i in range(1, cells + 1):
+        place, here = flow_at(i, cells), pressure_at(i, cells)
+        behind = flow_at(min(i + 1, cells), cells)
+        flow, pressure, drop = x[place], x[here], ahead_pressure - x[here]
+        inertia = line.a3_near if 2 * i > cells else line.a3
+        uneven = ahead_flow - 2.0 * flow + x[behind]
+        if tangent is not None:
+            keep = 1.0 - step * (2.0 * line.a4 * math.fabs(flow) + 2.0 * line.damping)
+            there = -1 if i == 1 else pressure_at(i - 1, cells)
+            _flow_row(
+                tangent.by,
+                tangent.moved,
+                place,
+                there,
+                here,
+                behind,
+                keep,
+                step * line.damping,
+                step * inertia,
+            )
+            by_coefficient = tangent.slopes.by_coefficient
+            by_coefficient[place, _A3_NEAR if 2 * i > cells else _A3] = step * drop
+            by_coefficient[place, _A4] = -step * flow * math.fabs(flow)
+            by_coefficient[place, _DAMPING] = step * uneven
+        x[place] = flow + step * (inertia * drop - line.a4 * flow * math.fabs(flow) + line.damping * uneven)
+        ahead_flow, ahead_pressure = flow, pressure
+    if tangent is not None:
+        _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, cells + 2, 2 * cells + 1)
+        _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, 1, 2)
+    for i in range(1, cells):
+        place, inflow, outflow = pressure_at(i, cells), flow_at(i, cells), flow_at(i + 1, cells)
+        compliance = step * cell_compliance(i, cells, line.b, line.b_near)
+        soft, net = stiffness(x[place], line), x[inflow] - x[outflow]
+        if tangent is not None:
+            by_pressure, by_air, by_slope = stiffness_slopes(x[place], line)
+            keep = 1.0 + compliance * by_pressure * net
+            _pressure_row(tangent.by, place, inflow, outflow, keep, compliance * soft)
+            far, near = cell_compliance_slopes(i, cells, line.b, line.b_near)
+            by_coefficient = tangent.slopes.by_coefficient
+            by_coefficient[place, _B] = step * soft * far * net
+            by_coefficient[place, _B_NEAR] = step * soft * near * net
+            by_coefficient[place, _AIR] = compliance * by_air * net
+            by_coefficient[place, _STIFFNESS_SLOPE] = compliance * by_slope * net
+        x[place] += compliance * soft * net
+    if tangent is not None:
+        _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, 3, cells + 2)
+
+
+@njit(cache=True, nogil=True)
+def _flow_row(
+    by: NDArray[np.float64],
+    scratch: NDArray[np.float64],
+    place: int,
+    there: int,
+    here: int,
+    behind: int,
+    keep: float,
+    even: float,
+    push: float,
+) -> None:
+    """The derivatives of a face's flow; there: place of the pressure ahead, -1 of the rail's. Row 0 of `scratch`
+    holds those of the flow ahead as it was."""
+    if there < 0:
+        for j in range(by.shape[1]):
+            scratch[0, j] = by[place, j]
+            scratch[1, j] = 0.0
+    else:
+        for j in range(by.shape[1]):
+            scratch[1, j] = by[there, j]
+    for j in range(by.shape[1]):
+        old = by[place, j]
+        drop = scratch[1, j] - by[here, j]
+        by[place, j] = keep * old + even * (scratch[0, j] + by[behind, j]) + push * drop
+        scratch[0, j] = old
+
+
+@njit(cache=True, nogil=True)
+def _pressure_row(
+    by: NDArray[np.float64], place: int, inflow: int, outflow: int, keep: float, fill: float
+) -> None:
+    """The derivatives of a cell's pressure."""
+    for j in range(by.shape[1]):
+        by[place, j] = keep * by[place, j] + fill * (by[inflow, j] - by[outflow, j])
+
+
+@njit(cache=True, nogil=True)
+def _add_coefficients(
+    by: NDArray[np.float64], by_coefficient: NDArray[np.float64], theta: Any, first: int, last: int
+) -> None:
+    """What theta does to rows first .. last - 1 by the line's coefficients."""
+    columns, coefficients, slopes = theta.line_columns, theta.line_coefficients, theta.line_slopes
+    for k in range(slopes.shape[0]):
+        for row in range(first, last):
+            by[row, columns[k]] += by_coefficient[row, coefficients[k]] * slopes[k]
+
+
+@njit(cache=True, nogil=True)
+def move_end(
+    x: NDArray[np.float64],
+    u_mean: tuple[float, float],
+    u_end: tuple[float, float],
+    step: float,
+    c: Coefficients,
+    network: Network,
+    tangent: Any,
+) -> None:
+    """The end cell's pressure and p_S a step [s] on, with the flow into the cell as it is.
+
+    u_mean, u_end: inputs over the step and at its end.
+    """
+    half = 0.5 * step
+    before = x[0]
+    soft = stiffness(before, c.line)
+    if is_at_rest(x, u_mean) and u_end[1] <= 0.0:
+        middle = (before + half * soft * c.line.a1 * x[1]) / (1.0 + half * soft * c.line.leak)
+        sac = 0.0
+    else:
+        middle, sac = _solve_end(x, u_mean, half, half * soft, c, network)
+    if tangent is not None:
+        _end_rows(tangent, x, (middle, x[1], sac), u_mean, half, half, c, network)
+    x[0], x[2] = middle, sac
+    if tangent is not None:
+        _beyond_middle(tangent)
+    x[0] = 2.0 * middle - before
+    if is_at_rest(x, u_end):
+        return
+    _, sac = _solve_end(x, u_end, half, 0.0, c, network)
+    if tangent is not None:
+        _end_rows(tangent, x, (x[0], x[1], sac), u_end, half, 0.0, c, network)
+    x[2] = sac
+
+
+@njit(cache=True, nogil=True)
+def _solve_end(
+    x: NDArray[np.float64],
+    u: tuple[float, float],
+    sac_step: float,
+    line_step: float,
+    c: Coefficients,
+    network: Network,
+) -> tuple[float, float]:
+    """p_L and p_S after implicit steps [s] at the inputs u; a line_step of 0 leaves p_L where it is.
+
+    Newton's method; phi's network counts by its slope along p_S only. A step out of the range in which p_S must lie
+    goes half the way to its end instead.
+    """
+    line, seat, nozzle, sac = c.line, c.seat, c.nozzle, c.sac
+    p_0, flow, s_0 = x[0], x[1], x[2]
+    p, s = p_0, s_0
+    lowest, highest = min(s_0, p_0, 0.0) - SPARE, max(s_0, p_0, 0.0) + SPARE
+    back_pressure = back_pressure_at(u[1], network)
+    for _ in range(MOST_ITERATIONS):
+        nozzle_change, seat_change, by_sac_h, by_sac_s = flow_changes_by_sac((p, flow, s), u, network)
+        through_nozzle = nozzle_law(s, u[1], back_pressure, nozzle)
+        through_seat = seat_law(p, s, u[1], seat)
+        q_h, q_s = through_nozzle * (1.0 + nozzle_change), through_seat * (1.0 + seat_change)
+        h_s = nozzle_law_slopes(s, u[1], back_pressure, nozzle)[0] * (1.0 + nozzle_change)
+        h_s += through_nozzle * by_sac_h
+        s_p = seat_law_slopes(p, s, u[1], seat)[0] * (1.0 + seat_change)
+        s_s = through_seat * by_sac_s - s_p
+        line_error = (
+            p - p_0 - line_step * (line.a1 * flow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s)
+        )
+        sac_error = s - s_0 - sac_step * (sac.a5 * q_s - sac.a6 * q_h)
+        pp = 1.0 + line_step * (line.leak + line.a2_seat * s_p)
+        ps = line_step * (line.a2_nozzle * h_s + line.a2_seat * s_s)
+        sp = -sac_step * sac.a5 * s_p
+        ss = 1.0 + sac_step * (sac.a6 * h_s - sac.a5 * s_s)
+        whole = pp * ss - ps * sp
+        by_p = (ps * sac_error - ss * line_error) / whole
+        by_s = (sp * line_error - pp * sac_error) / whole
+        if s + by_s < lowest:
+            by_s = 0.5 * (lowest - s)
+        elif s + by_s > highest:
+            by_s = 0.5 * (highest - s)
+        p += by_p
+        s += by_s
+        if math.fabs(by_p) + math.fabs(by_s) < CLOSE:
+            break
+    return p, s
+
+
+@njit(cache=True, nogil=True)
+def _end_rows(
+    tangent: Tangent,
+    x: NDArray[np.float64],
+    solved: tuple[float, float, float],
+    u: tuple[float, float],
+    sac_step: float,
+    line_step: float,
+    c: Coefficients,
+    network: Network,
+) -> None:
+    """Derivatives of p_L and p_S through the implicit steps [s] from x to `solved`, by implicit differentiation."""
+    line, sac, by = c.line, c.sac, tangent.by
+    theta = tangent.theta
+    line_row, sac_row = tangent.moved[0], tangent.moved[1]
+    p, flow, _ = solved
+    soft = stiffness(x[0], line)
+    rest = is_at_rest(solved, u) and x[2] == 0.0
+    fill = line_step * soft
+    q_h, q_s = 0.0, 0.0
+    pp, ps, sp, ss = 1.0 + fill * line.leak, 0.0, 0.0, 1.0
+    h_flow, s_flow = 0.0, 0.0
+    for j in range(by.shape[1]):
+        line_row[j] = by[0, j]
+        sac_row[j] = by[2, j]
+    if not rest:
+        flows = flow_slopes(solved, u, c, network, tangent.sigmas)
+        q_h, q_s = flows.q_h, flows.q_s
+        h_flow, s_flow = flows.h_x[1], flows.s_x[1]
+        pp += fill * (line.a2_nozzle * flows.h_x[0] + line.a2_seat * flows.s_x[0])
+        ps = fill * (line.a2_nozzle * flows.h_x[2] + line.a2_seat * flows.s_x[2])
+        sp = -sac_step * (sac.a5 * flows.s_x[0] - sac.a6 * flows.h_x[0])
+        ss = 1.0 - sac_step * (sac.a5 * flows.s_x[2] - sac.a6 * flows.h_x[2])
+        line_by_h, sac_by_h = -fill * line.a2_nozzle, -sac_step * sac.a6
+        line_by_s, sac_by_s = -fill * line.a2_seat, sac_step * sac.a5
+        _add_flow(line_row, sac_row, theta.nozzle_bias, line_by_h, sac_by_h, flows.h_change)
+        for neuron in range(tangent.sigmas.shape[0]):
+            by_weight = flows.h_change * tangent.sigmas[neuron]
+            _add_flow(line_row, sac_row, theta.nozzle_weight + neuron, line_by_h, sac_by_h, by_weight)
+        _add_flow(line_row, sac_row, theta.seat_bias, line_by_s, sac_by_s, flows.s_change)
+        back = theta.back_pressure
+        _add_flow(line_row, sac_row, back, line_by_h, sac_by_h, flows.h_back_pressure)
+        _add_flow(line_row, sac_row, back + 1, line_by_h, sac_by_h, flows.h_back_pressure * u[1])
+    if line_step > 0.0:
+        net = line.a1 * flow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
+        by_pressure, by_air, by_slope = stiffness_slopes(x[0], line)
+        by_coefficient = tangent.slopes.by_coefficient
+        by_coefficient[0, _A1] = fill * flow
+        by_coefficient[0, _A2_NOZZLE] = -fill * q_h
+        by_coefficient[0, _A2_SEAT] = -fill * q_s
+        by_coefficient[0, _LEAK] = -fill * p
+        by_coefficient[0, _AIR] = line_step * by_air * net
+        by_coefficient[0, _STIFFNESS_SLOPE] = line_step * by_slope * net
+        columns, coefficients, slopes = theta.line_columns, theta.line_coefficients, theta.line_slopes
+        for k in range(slopes.shape[0]):
+            line_row[columns[k]] += by_coefficient[0, coefficients[k]] * slopes[k]
+        soften = line_step * by_pressure * net
+        by_flow = fill * (line.a1 - line.a2_nozzle * h_flow - line.a2_seat * s_flow)
+        for j in range(by.shape[1]):
+            line_row[j] += soften * by[0, j] + by_flow * by[1, j]
+    sac_by_flow = sac_step * (sac.a5 * s_flow - sac.a6 * h_flow)
+    whole = pp * ss - ps * sp
+    for j in range(by.shape[1]):
+        of_sac = sac_row[j] + sac_by_flow * by[1, j]
+        of_line = line_row[j]
+        tangent.moved[2, j] = by[0, j]
+        by[0, j] = (ss * of_line - ps * of_sac) / whole
+        by[2, j] = (pp * of_sac - sp * of_line) / whole
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _add_flow(
+    line_row: NDArray[np.float64],
+    sac_row: NDArray[np.float64],
+    column: int,
+    by_line: float,
+    by_sac: float,
+    change: float,
+) -> None:
+    """What a parameter that changes a flow does to both rows."""
+    line_row[column] += by_line * change
+    sac_row[column] += by_sac * change
+
+
+@njit(cache=True, nogil=True)
+def _beyond_middle(tangent: Tangent) -> None:
+    """The derivatives of p_L from the middle of the step to its end; row 2 of `moved` holds those before it."""
+    by, before = tangent.by, tangent.moved
+    for j in range(by.shape[1]):
+        by[0, j] = 2.0 * by[0, j] - before[2, j]
+
+
+_A1, _A2_NOZZLE, _A2_SEAT, _A3, _A3_NEAR, _A4, _B, _B_NEAR, _DAMPING, _LEAK, _AIR, _STIFFNESS_SLOPE = (
+    WaveLine._fields.index(name)
+    for name in (
+        "a1",
+        "a2_nozzle",
+        "a2_seat",
+        "a3",
+        "a3_near",
+        "a4",
+        "b",
+        "b_near",
+        "damping",
+        "leak",
+        "air",
+        "stiffness_slope",
+    )
+)

@@ -1,0 +1,251 @@
+"""The feed line as a pipe in which pressure travels: cells of volume between faces with inertia, staggered.
+
+Pressures p_1 .. p_n at i L/n, p_n at the closed end, the rail's p_0 in front; flows q_1 .. q_n at the faces before
+them, half a step earlier than the pressures. Stepped by `model.leapfrog`: with n such that sound crosses most of a
+cell in a step, the errors of space and of time cancel. The end cell is half a cell and the volume beyond the pipe.
+
+x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1)].
+"""
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.model.line.interface import register
+from observer_rt.model.line.lump import STIFFNESS_PRESSURE
+
+if TYPE_CHECKING:
+    from observer_rt.model.departures import Departures
+    from observer_rt.model.parameters import InjectorParameters
+
+NAMES = ("wave", "wave_two_part")  # of `line.model`; in two parts where their impedances differ
+STEP = 10e-6  # s, internal, whatever the sample period
+CROSSED = 0.84  # share of a cell that sound crosses in a step, for which cells are chosen
+STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
+FEWEST_CELLS, MOST_CELLS = 4, 64
+DAMPING = 0.5  # m2/s, of a line whose file does not say
+
+
+@njit(cache=True, nogil=True, inline="always")
+def steps_over(interval: float) -> int:
+    """Steps of about `STEP` in an interval [s]."""
+    return max(1, round(interval / STEP))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def pressure_at(cell: int, cells: int) -> int:
+    """Place in x of p_i, i = 1 .. n."""
+    return 0 if cell == cells else 2 + cell
+
+
+@njit(cache=True, nogil=True, inline="always")
+def flow_at(face: int, cells: int) -> int:
+    """Place in x of q_i, i = 1 .. n."""
+    return 1 if face == cells else 1 + cells + face
+
+
+@njit(cache=True, nogil=True)
+def rest(x: NDArray[np.float64], pressure: float) -> None:
+    """No flow, one pressure; p_S is left."""
+    sac = x[2]
+    x[:] = 0.0
+    cells = (x.shape[0] - 1) // 2
+    for cell in range(1, cells + 1):
+        x[pressure_at(cell, cells)] = pressure
+    x[2] = sac
+
+
+@njit(cache=True, nogil=True, inline="always")
+def fastest(line: "WaveLine") -> float:
+    """Neighbours against each other [rad/s]."""
+    return 2.0 * math.sqrt(max(line.a3, line.a3_near) * max(line.b, line.b_near, line.a1))
+
+
+class _WaveCoefficients(NamedTuple):
+    """Rates [1/s] normalised by (24), of one cell or face; "near" is the half at the injector."""
+
+    a1: float  # end cell, inflow
+    a2_nozzle: float  # end cell, drained by the nozzle flow
+    a2_seat: float  # end cell, drained by the seat flow
+    a3: float  # inertia of a face
+    a3_near: float
+    a4: float  # friction, over the whole line that of the lump
+    b: float  # compliance of a cell
+    b_near: float
+    damping: float  # nu/h2: what evens out the flows of neighbouring faces
+    leak: float  # end cell, drained by p_L - p_C
+    air: float  # as of the lump, and the following
+    stiffness_slope: float
+    stiffness_pressure: float
+    chamber_pressure: float
+    cells: float  # n
+
+
+class WaveLine(_WaveCoefficients):
+    """See `interface.Line`."""
+
+    __slots__ = ()
+    staggered = True
+    fastest = staticmethod(fastest)
+    rest = staticmethod(rest)
+
+    @property
+    def further(self) -> int:
+        """All but p_n and q_n."""
+        return 2 * int(self.cells) - 2
+
+    @classmethod
+    def of(
+        cls, parameters: "InjectorParameters", departures: "Departures", nozzle_flow: float, seat_flow: float
+    ) -> "WaveLine":
+        """See `interface.Line.of`."""
+        fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
+        compliance = fluid.bulk_modulus_line / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
+        inertia = line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow)
+        damping = DAMPING if line.damping is None else line.damping
+        cells = line.cells or cells_for(parameters, STEP)
+        step = math.sqrt(1.0 if line.impedance_ratio is None else line.impedance_ratio)
+        end = compliance * step * cells / (0.5 + cells * (line.end_volume or 0.0) / line.volume)
+        drained_by_nozzle = parameters.line_outflow == "nozzle"
+        return cls(
+            a1=end * scaling.flow,
+            a2_nozzle=end * nozzle_flow if drained_by_nozzle else 0.0,
+            a2_seat=0.0 if drained_by_nozzle else end * seat_flow,
+            a3=cells * inertia * step,
+            a3_near=cells * inertia / step,
+            a4=line.loss_factor * scaling.flow / (2 * line.area * line.length),
+            b=cells * compliance * scaling.flow / step,
+            b_near=cells * compliance * scaling.flow * step,
+            damping=damping * (cells / line.length) ** 2,
+            leak=end * departures.leakage * scaling.pressure,
+            air=departures.air * fluid.bulk_modulus_line / scaling.pressure,
+            stiffness_slope=departures.stiffness_slope * scaling.pressure / fluid.bulk_modulus_line,
+            stiffness_pressure=(STIFFNESS_PRESSURE - parameters.chamber.pressure) / scaling.pressure,
+            chamber_pressure=parameters.chamber.pressure / scaling.pressure,
+            cells=float(cells),
+        )
+
+    @property
+    def crossing(self) -> float:
+        """Rate [1/s] at which sound crosses cells."""
+        return math.sqrt(self.a3 * self.b)
+
+    @property
+    def mode(self) -> float:
+        """A quarter wave along the pipe."""
+        return 0.5 * math.pi * self.crossing / self.cells
+
+    @property
+    def impedance(self) -> float:
+        """p_L of a wave over x_2 of it."""
+        return math.sqrt(self.b_near / self.a3_near)
+
+    @property
+    def by_rail(self) -> NDArray[np.float64]:
+        """See `interface.Line`."""
+        result = np.zeros(3 + self.further)
+        result[flow_at(1, int(self.cells))] = self.a3
+        return result
+
+    def strain(self, step: float) -> float:
+        """What must stay below 1 for a step [s] to be stable."""
+        return float((self.crossing * step) ** 2 + 2.0 * self.damping * step)
+
+    def further_variance(self, flow: float) -> NDArray[np.float64]:
+        """See `interface.Line`."""
+        cells = int(self.cells)
+        pressures = np.full(cells - 1, flow * self.impedance**2)
+        return np.concatenate([pressures, np.full(cells - 1, flow)])
+
+    def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Of the steps themselves, without friction."""
+        n = int(self.cells)
+        steps = steps_over(interval)
+        step = interval / steps
+        size = 2 * n
+        places = [*range(2), *range(3, 2 * n + 1)]  # of x without p_S, in rows of the matrix
+        row = {place: k for k, place in enumerate(places)}
+        flows = np.eye(size + 1)  # the rail pressure comes last
+        pressures = np.eye(size + 1)
+        for i in range(1, n + 1):
+            near = i > n // 2
+            q, p = row[flow_at(i, n)], row[pressure_at(i, n)]
+            before = size if i == 1 else row[pressure_at(i - 1, n)]
+            inertia = self.a3_near if near else self.a3
+            flows[q, before] += step * inertia
+            flows[q, p] -= step * inertia
+            for neighbour in {max(i - 1, 1), min(i + 1, n)} - {i}:
+                flows[q, row[flow_at(neighbour, n)]] += step * self.damping
+                flows[q, q] -= step * self.damping
+            if i < n:
+                compliance = cell_compliance(i, n, self.b, self.b_near)
+                pressures[p, q] += step * compliance
+                pressures[p, row[flow_at(i + 1, n)]] -= step * compliance
+            else:
+                pressures[p, q] += step * self.a1
+        moved = np.linalg.matrix_power(pressures @ flows, steps)
+        return moved[:size, :size], moved[:size, size]
+
+    def with_friction(self, k: float) -> "WaveLine":
+        """See `interface.Line`."""
+        return self._replace(a4=self.a4 * (1.0 + k))
+
+    def with_leakage(self, c: float) -> "WaveLine":
+        """See `interface.Line`."""
+        return self._replace(leak=self.leak + self.a1 * c)
+
+    def with_stiffness(self, r: float) -> "WaveLine":
+        """See `interface.Line`."""
+        names = ("a1", "a2_nozzle", "a2_seat", "b", "b_near", "leak")
+        return self._replace(**{name: getattr(self, name) * (1.0 + r) for name in names})
+
+    def with_air(self, g: float) -> "WaveLine":
+        """See `interface.Line`."""
+        return self._replace(air=self.air + g)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def cell_compliance(cell: int, cells: int, far: float, near: float) -> float:
+    """Of a cell before the end one; where the halves meet, of half a cell each."""
+    if 2 * cell < cells:
+        return far
+    if 2 * cell > cells:
+        return near
+    return 2.0 * far * near / (far + near)
+
+
+@njit(cache=True, nogil=True)
+def cell_compliance_slopes(cell: int, cells: int, far: float, near: float) -> tuple[float, float]:
+    """Derivatives of `cell_compliance` with respect to that of a cell far from the injector, and near it."""
+    if 2 * cell < cells:
+        return 1.0, 0.0
+    if 2 * cell > cells:
+        return 0.0, 1.0
+    square = (far + near) ** 2
+    return 2.0 * near * near / square, 2.0 * far * far / square
+
+
+def cells_for(parameters: "InjectorParameters", step: float) -> int:
+    """Cells for a step [s]: sound crosses `CROSSED` of one, less where damping leaves no more."""
+    fluid, line = parameters.fluid, parameters.line
+    along = math.sqrt(fluid.bulk_modulus_line * line.area / (line.volume * fluid.density_line * line.length))
+    damping = DAMPING if line.damping is None else line.damping
+    calm = math.sqrt(STABLE / ((along * step) ** 2 + 2.0 * damping * step / line.length**2))
+    cells = int(max(FEWEST_CELLS, min(MOST_CELLS, CROSSED / (along * step), calm)))
+    return cells - cells % 2  # halves of as many
+
+
+def with_cells(parameters: "InjectorParameters") -> "InjectorParameters":
+    """The number of cells stated, so that effects on sound speed do not change it."""
+    line = parameters.line
+    if line.cells is not None or line.model not in NAMES:
+        return parameters
+    stated = line.model_copy(update={"cells": cells_for(parameters, STEP)})
+    return parameters.model_copy(update={"line": stated})
+
+
+for _name in NAMES:
+    register(_name, WaveLine)

@@ -1,7 +1,7 @@
 """Recordings of the richer plant as files, for `fit` and for trying things out; the truth beside them."""
 
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -21,7 +21,7 @@ from observer_rt.recording.signals.csv_file import (
 )
 from observer_rt.simulation.simulate import SAC_PRESSURE, truth_path
 from tools.benchmarks.cases import drawn_events
-from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, record
+from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.scoring import recording_of
 from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
@@ -71,12 +71,11 @@ def parsed_faults(texts: Sequence[str]) -> Faults:
     return Faults(**values)
 
 
-def write_recordings(folder: Path, benches: dict[str, Bench]) -> Iterator[Path]:
-    """Write recordings and truths, and the maker's injector file beside them; yields what is complete."""
+def write_recordings(folder: Path, outcomes: Iterable[tuple[str, Outcome]]) -> Iterator[Path]:
+    """Write recordings by name, and truths, and the maker's injector file beside them; yields what is complete."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / NEW_PART).write_text(maker_file())
-    for name, bench in benches.items():
-        outcome = record(bench)
+    for name, outcome in outcomes:
         path = folder / f"{name}.csv"
         write_recording(path, recording_of(outcome))
         _write_truth(path, outcome)

@@ -133,7 +133,7 @@ def test_line_rings_as_its_two_parts_and_gallery_must(variant: Variant) -> None:
         turn = math.tan(omega * (travel[-1] - travel[narrow - 1]))
         near = z[0] * math.tan(omega * travel[narrow - 1])
         seen = z[1] * (near + z[1] * turn) / (z[1] - near * turn)
-        return 1.0 / seen - omega * compliance
+        return float(1.0 / seen - omega * compliance)
 
     omega = brentq(mismatch, 9e3, 14e3)
     assert ringing_frequency(once(line)) == pytest.approx(omega / (2.0 * math.pi), rel=2e-3)

@@ -71,7 +71,8 @@ def root(difference: float, transition: float) -> float:
 def between(x1: float, area: float, theta: Array, m: Model) -> float:
     """x3 at which as much flows through the seat as through the nozzle."""
     seat, nozzle = m.a5 * (1.0 + theta[V_S]) * area, m.a6 * (1.0 + theta[V_H])
-    return x1 * seat * seat / (seat * seat + nozzle * nozzle)
+    share: float = seat * seat / (seat * seat + nozzle * nozzle)
+    return x1 * share
 
 
 @njit(cache=True, nogil=True)

@@ -1,4 +1,4 @@
-"""`tools/bench accuracy --tier B`: a model fitted to healthy recordings of the richer plant, and the classes on it."""
+"""`tools/bench accuracy --tier B`: a model fitted to healthy recordings of the richer plant; all classes."""
 
 import subprocess
 import sys

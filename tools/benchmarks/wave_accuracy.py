@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import RunError
 from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.accuracy import Results, joined
@@ -42,8 +43,9 @@ class WavePlan:
 def run_wave_accuracy(wave: WavePlan, console: Console) -> Results:
     """Record, fit, and score the cases not yet scored with this model; progress goes to `console`."""
     plan, variant = wave.plan, wave.variant
-    healthy = _recorded(wave, console)
+    healthy = _recorded(wave, console) if plan.peers or wave.model is None else {}
     model = wave.model or _fitted(plan.out, healthy, console)
+    load_injector(model)  # refused here, not in every process
     crashes: list[Crash[Task]] = []
     store = Store(plan.out / f"observer-{variant}.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS, model)))
     work, ready = partial(score_wave_task, variant, model), partial(warm_up_model, model)

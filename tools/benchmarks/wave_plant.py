@@ -58,7 +58,7 @@ def new_part() -> Injector:
 def real_part(seed: int) -> Injector:
     """What is on the bench: stiffness, loss, flow coefficients and sac differ from the maker's."""
     rng = np.random.default_rng([seed, 0x7E57])
-    stiffness, loss, seat, nozzle, sac = 1.0 + HIDDEN_SHARE * rng.uniform(-1.0, 1.0, 5)
+    stiffness, loss, seat, nozzle, sac = (1.0 + HIDDEN_SHARE * rng.uniform(-1.0, 1.0, 5)).tolist()
     part = new_part()
     return part._replace(
         bulk_modulus_line=part.bulk_modulus_line * stiffness,

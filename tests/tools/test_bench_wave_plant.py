@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from tests.tools.blocked import run_alone
@@ -56,7 +57,7 @@ def once(line: WaveLine, faults: Faults = EVENT.faults) -> Outcome:
     return record(Bench(new_part(), Needle(), (replace(EVENT, faults=faults),), noise=0.0, line=line))
 
 
-def fine(line: WaveLine, steps: int, samples: int = 200) -> tuple[np.ndarray, WavePlant]:
+def fine(line: WaveLine, steps: int, samples: int = 200) -> tuple[NDArray[np.float64], WavePlant]:
     """Signals of one opening at the start of 2 ms at a steady rail, in `steps` a sample."""
     event = replace(EVENT, rail_pressure=120e6)
     strokes = strokes_of(event, 0.0, Needle(), new_part().max_lift)

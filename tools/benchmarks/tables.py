@@ -80,8 +80,8 @@ def _interval(found: Sequence[bool]) -> str:
 
 
 def has_peer(score: CaseScore) -> bool:
-    """Whether anything but our observer and the model beside it ran on the case."""
-    return any(e.name not in (OBSERVER, NOMINAL) for e in score.estimators)
+    """Whether anything but our observer and the model beside it ran on the case, or was worked out for it."""
+    return bool(score.limits_mg) or any(e.name not in (OBSERVER, NOMINAL) for e in score.estimators)
 
 
 def peer_tables(scores: Sequence[CaseScore]) -> tuple[Table, Table]:

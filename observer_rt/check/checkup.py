@@ -15,8 +15,8 @@ from observer_rt.check.model import plausibility_findings
 from observer_rt.check.observer import observer_findings
 from observer_rt.check.time import time_findings
 from observer_rt.config.bench import Bench, BenchInjector
-from observer_rt.discovery.search.fit_store import file_hash
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_hash import file_hash
 from observer_rt.model.parameters import EffectValue
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.state_file import StateDoesNotFitError, load_knowledge, model_hash

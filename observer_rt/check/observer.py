@@ -10,6 +10,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
 from observer_rt.model.effects import effective_model
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
+from observer_rt.observer.learning.healthy import holds_at
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.paper_scheme.gain import doubts_about_gain
@@ -24,7 +25,7 @@ LARGEST_DEAD_BAND = 0.1  # of the full lift
 
 def observer_findings(fitted: BenchInjector) -> list[Finding]:
     """All findings about the observer of an injector."""
-    return _integration(fitted) + _observer(fitted)
+    return _integration(fitted) + _fitted_model(fitted) + _observer(fitted)
 
 
 def _integration(fitted: BenchInjector) -> list[Finding]:
@@ -41,6 +42,33 @@ def _integration(fitted: BenchInjector) -> list[Finding]:
             f"for a fastest rate of {fastest_rate(model.injector, model.departures):.3g} 1/s",
         ),
         *fuel_findings(fitted),
+    ]
+
+
+def _fitted_model(fitted: BenchInjector) -> list[Finding]:
+    """What the injector's file remembers of being fitted; nothing where it was not."""
+    baseline, rate = fitted.parameters.baseline, fitted.config.sampling.rate_hz
+    if baseline is None:
+        return []
+    name = fitted.parameters_path.name
+    if not baseline.adequate:
+        trusted = fitted.config.learning.on_inadequate_model
+        so = "learned with all the same" if trusted else "nothing is learned, no injection is valid"
+        remedy = "fit again with another structure or more recordings; see its report"
+        return [graded("fitted model", trusted, f"{name} was found inadequate by its own fit: {so}", remedy)]
+    holds = holds_at(baseline, rate)
+    judged = (
+        "injections are judged against it"
+        if holds
+        else f"not comparable at {rate:g} Hz: nothing is judged against it"
+    )
+    return [
+        graded(
+            "fitted model",
+            holds,
+            f"{name}: {baseline.injections} healthy injections at {baseline.sample_rate_Hz:g} Hz; {judged}",
+            "fit recordings of the bench's own sample rate",
+        )
     ]
 
 

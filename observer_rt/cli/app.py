@@ -15,6 +15,7 @@ from observer_rt import __version__
 from observer_rt.cli.compare import compare
 from observer_rt.cli.discover import discover
 from observer_rt.cli.effects import effects
+from observer_rt.cli.fit import fit
 from observer_rt.cli.help import WordedCommand, first_sentence
 from observer_rt.cli.journal import journal
 from observer_rt.cli.live import check, demo, run
@@ -93,6 +94,7 @@ for _command, _example in (
     (journal, "injections.sqlite --csv > injections.csv"),
     (record, "--bench bench.toml --out bus.blf --rotate-size 500"),
     (convert, "bus.blf recording.csv --bench bench.toml"),
+    (fit, "healthy_*.csv --model injector.toml --output fitted.toml --plot fit.png"),
     (discover, "--model injector.toml --out found worn_1.csv worn_2.csv"),
     (compare, "found_spring found_autumn"),
     (effects, "channel_skew seat_area"),

@@ -52,6 +52,9 @@ class Training(StrEnum):
 
 class LearningConfig(Section):
     enabled: bool = True
+    on_inadequate_model: bool = (
+        False  # learn, and publish as valid, with a model whose own fit was inadequate
+    )
     training: Training = Training.PREDICTION_ERROR
     identification_gain: Positive | None = None  # 1/s, l of (5)
     event_gap_ms: Annotated[float, Field(ge=2, le=50)] = 10.0

@@ -13,7 +13,8 @@ OneCharacter = Annotated[str, Field(min_length=1, max_length=1)]
 class ColumnConfig(Section):
     """A column of a CSV or Parquet file, or a channel of an MDF4 file: `(value * factor + offset)` is in `unit`."""
 
-    column: Annotated[str, Field(min_length=1)]
+    column: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)]
+    """A number: its place, from 1, in a CSV file that names none."""
     unit: str | None = None  # None: as the file says
     factor: float = 1.0
     offset: float = 0.0
@@ -27,6 +28,25 @@ class ColumnConfig(Section):
             raise ValueError("'factor' must not be 0")
         return self
 
+    @property
+    def name(self) -> str:
+        """What it is called; `column 3` where the file has no names."""
+        return self.column if isinstance(self.column, str) else f"column {self.column}"
+
+
+class TimeConfig(ColumnConfig):
+    """The column of the time: numbers in `unit`, or in CSV stamps of a calendar, written in `format`."""
+
+    format: Annotated[str, Field(min_length=1)] | None = None  # as of strptime; None: numbers, or ISO 8601
+
+    @model_validator(mode="after")
+    def _is_one_kind(self) -> Self:
+        if self.format is not None and self.model_fields_set & {"unit", "factor", "offset"}:
+            raise ValueError(
+                "stamps of a calendar have no 'unit', 'factor' or 'offset': leave out these, or 'format'"
+            )
+        return self
+
 
 class RecordingConfig(Section):
     """The mapping of recordings that are not in a layout of our own."""
@@ -35,11 +55,25 @@ class RecordingConfig(Section):
     needle_lift: ColumnConfig
     line_pressure: ColumnConfig
     injection_rate: ColumnConfig | None = None
-    time: ColumnConfig | None = None  # MDF4 files bring their own
+    time: TimeConfig | None = None  # MDF4 files bring their own
     separator: OneCharacter | None = None  # of CSV, as are the next two; None: as the file looks
     decimal: OneCharacter | None = None
     comment: OneCharacter = "#"
     bridge_ms: Annotated[float, Field(ge=0.0, le=100.0)] = 0.05  # gaps up to this become a straight line
+
+    @model_validator(mode="after")
+    def _names_or_places(self) -> Self:
+        columns = [column for _, column in self.signals] + ([self.time] if self.time else [])
+        if len({type(column.column) for column in columns}) > 1:
+            raise ValueError(
+                "columns must all be named, or all be given by their places in a CSV file without names"
+            )
+        return self
+
+    @property
+    def by_place(self) -> bool:
+        """Whether columns are given by their places, not by names."""
+        return isinstance(self.rail_pressure.column, int)
 
     @property
     def signals(self) -> Iterator[tuple[str, ColumnConfig]]:

@@ -7,17 +7,17 @@ from datetime import date
 
 import numpy as np
 
-from observer_rt.discovery.evidence.measurement import Measurement
 from observer_rt.discovery.report.printed_units import printed
-from observer_rt.discovery.search.bounded_fit import NORMAL_975
 from observer_rt.discovery.search.hypothesis import Sizing, minimum_from
-from observer_rt.discovery.search.likelihood import evidence_of
 from observer_rt.discovery.search.result import (
     Discovery,
     FittedEffect,
     FittedParameter,
     Verdict,
 )
+from observer_rt.evidence.bounded_fit import NORMAL_975
+from observer_rt.evidence.likelihood import evidence_of
+from observer_rt.evidence.measurement import Measurement
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.effects import effective_model, sized_in_force
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters

@@ -11,16 +11,16 @@ from observer_rt.discovery.comparison.disagreement import disagreements
 from observer_rt.discovery.comparison.gaps import gaps_of
 from observer_rt.discovery.comparison.overlays import typical_overlays
 from observer_rt.discovery.comparison.standstill import standstill_checks
-from observer_rt.discovery.evidence.measurement import Measurement
-from observer_rt.discovery.evidence.operating_points import by_operating_point
 from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.opinion import Opinion
 from observer_rt.discovery.report.text import headline
 from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline
 from observer_rt.discovery.search.candidates import FitMemory
-from observer_rt.discovery.search.likelihood import evidence_of
 from observer_rt.discovery.search.result import Verdict
 from observer_rt.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.evidence.likelihood import evidence_of
+from observer_rt.evidence.measurement import Measurement
+from observer_rt.evidence.operating_points import by_operating_point
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from observer_rt.discovery.evidence.operating_points import distinct
 from observer_rt.discovery.search.result import Discovery, Verdict
 from observer_rt.discovery.search.search import indistinguishable
+from observer_rt.evidence.operating_points import distinct
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY

@@ -2,7 +2,6 @@
 
 import json
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -13,22 +12,21 @@ from rich.console import Console
 from observer_rt.config.bench import load_injector
 from observer_rt.config.effects import effect_named
 from observer_rt.discovery.answer import AskObserver, Question, answer
-from observer_rt.discovery.evidence.coverage import coverage
-from observer_rt.discovery.evidence.measurement import Measurement, measurements
-from observer_rt.discovery.evidence.plausible import refuse_rates_missing, refuse_sample_rates
 from observer_rt.discovery.findings import Findings, Sources
 from observer_rt.discovery.injector_text import InjectorText, write_amended
 from observer_rt.discovery.report.data import remove_data, write_data
 from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.report import report
 from observer_rt.discovery.report.text import as_text
-from observer_rt.discovery.search.fit_store import FitStore, file_hash, problem_key
+from observer_rt.discovery.search.fit_store import FitStore, problem_key
+from observer_rt.evidence.coverage import coverage
+from observer_rt.evidence.plausible import refuse_rates_missing
+from observer_rt.evidence.reading import hashes, read_measured
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.file_hash import file_hash
 from observer_rt.recording.formats import read_recording
-from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import check_folder
 
@@ -70,9 +68,9 @@ def discover_files(
     chosen = _chosen(options.chosen)
     _refuse_replacing(options)
     source = InjectorText(options.model)
-    measured = _measured([*paths, *options.healthy], read)
+    measured = read_measured([*paths, *options.healthy], read)
     refuse_rates_missing([one.recording for one in measured[: len(paths)]])
-    question = Question(parameters, measured[: len(paths)], measured[len(paths) :], _hashes(paths), chosen)
+    question = Question(parameters, measured[: len(paths)], measured[len(paths) :], hashes(paths), chosen)
     _make_folder(options.out)
     for one in measured:
         say(console, coverage(one))
@@ -99,24 +97,6 @@ def discover_files(
             name for name, is_there in ((AMENDED, bool(found.in_force)), (DATA, options.data)) if is_there
         ]
         say(console, f"{options.out}: {', '.join([REPORT, FINDINGS, *more])}")
-
-
-def _measured(paths: Sequence[Path], read: Callable[[Path], Recording]) -> tuple[Measurement, ...]:
-    """Recordings, read and looked through; refused before anything is written."""
-    for number, path in enumerate(paths):
-        if path.resolve() in {other.resolve() for other in paths[:number]}:
-            raise UserError(str(path), "is given twice", "give every recording once")
-    recordings = [read(path) for path in paths]
-    refuse_sample_rates(recordings)
-    for recording in recordings:
-        refuse_implausible(recording.path, HeldSignals(recording).survey)
-    return measurements(recordings)
-
-
-def _hashes(paths: Sequence[Path]) -> dict[str, str]:
-    """SHA-256 of recordings by file name, by path where two have one name."""
-    names = Counter(path.name for path in paths)
-    return {path.name if names[path.name] == 1 else str(path): file_hash(path) for path in paths}
 
 
 def _chosen(text: str) -> tuple[str, ...]:

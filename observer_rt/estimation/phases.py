@@ -95,6 +95,12 @@ class PhaseStatistics:
             self.blocks,
         )
 
+    def relative_to(self, variance: NDArray[np.float64], colour: NDArray[np.float64]) -> "PhaseStatistics":
+        """These statistics where what they come to is `variance` (PHASES,) and `colour` (PHASES, len(BLOCKS))."""
+        return PhaseStatistics(
+            self.squares / variance, self.samples, self.block_squares / colour, self.blocks
+        )
+
     def variance(self, phase: Phase) -> float:
         """Mean square of the normalised innovations, 1 without samples."""
         return _quotient(self.squares[phase], self.samples[phase])

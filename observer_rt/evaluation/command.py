@@ -11,7 +11,7 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.curves import numbers_shown
+from observer_rt.evaluation.curves import numbers_shown, refuse_beyond
 from observer_rt.evaluation.document import write_document
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.replacing import replacing
@@ -197,6 +197,8 @@ def _evaluated(
         if not isinstance(source, LoggedSignals):
             for warning in clamped_in(source.survey, map_bus(bench)):
                 say(console, f"warning: {source.path}, {warning}")
+    openings = [source.survey.openings.most for source in sources]
+    refuse_beyond(options.injections, sum(openings) if options.chain else max(openings))
     runs = in_runs(sources) if options.chain else [[source] for source in sources]
     if options.chain:
         _refuse_several_rates(sources, benches)

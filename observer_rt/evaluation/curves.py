@@ -73,6 +73,14 @@ def numbers_shown(chosen: Sequence[int], there: Collection[int]) -> list[int]:
     return list(chosen) or [ordered[place] for place in shown_numbers(len(ordered))]
 
 
+def refuse_beyond(chosen: Sequence[int], most: int) -> None:
+    """Before the long work: raises `UserError` for a number that no injection of at most so many can have."""
+    if chosen and max(chosen) > most:
+        raise UserError(
+            OPTION, f"there is no injection {max(chosen)}", f"the needle opens {most} times at the most"
+        )
+
+
 def rate_curves(
     report: InjectionReport,
     first_index: int,

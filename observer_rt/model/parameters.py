@@ -8,6 +8,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 import observer_rt.model.line.lump  # noqa: F401 - the lines every injector may have
+from observer_rt.model.baseline import Baseline
 from observer_rt.model.line.interface import known_line
 from observer_rt.model.line.wave import FEWEST_CELLS, MOST_CELLS
 
@@ -140,3 +141,4 @@ class InjectorParameters(_Section):
     chamber: Chamber
     scaling: Scaling = Scaling()
     needle: Needle
+    baseline: Baseline | None = None  # of the healthy injector, where the file was fitted

@@ -16,7 +16,7 @@ from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
-from observer_rt.service.core.status import LinkFigures, status_values
+from observer_rt.service.core.status import OutsideFigures, status_values
 from observer_rt.service.outbox import RETRY
 from observer_rt.service.port import Port
 from observer_rt.service.reports.news import Listener, Notice, to_all
@@ -42,14 +42,17 @@ class Daemon:
         knowledge: Knowledge | None = None,
         listeners: Sequence[Listener] = (),
         on_alive: Callable[[], None] = lambda: None,
+        failed_writes: Callable[[], int] = lambda: 0,
     ) -> None:
         """links: of all buses, in order. knowledge: restored from an earlier run.
 
-        on_alive: called some ten times a second by the loop, for whoever watches that it goes round.
+        on_alive: called some ten times a second by the loop, for whoever watches that it goes round. failed_writes:
+        so far, of whoever writes files beside the loop; for the status.
         """
         self._links = links
         self._tell = tell = to_all(listeners)
         self._on_alive = on_alive
+        self._failed_writes = failed_writes
         self.ports = tuple(
             Port(
                 named.label,
@@ -199,8 +202,17 @@ class Daemon:
     def _status(self, now: int) -> list[OutputFrame]:
         state, reason = self.state(now)
         troubled = next((n for n, port in enumerate(self.ports, 1) if port.is_in_trouble), 0)
-        ages = (self.arrivals.age_of(role, now) for role in Role)
-        figures = LinkFigures(self.dropped, self.troubles, troubled, self.arrivals.foreign_frames, *ages)
+        rail, lift, line = (self.arrivals.age_of(role, now) for role in Role)
+        figures = OutsideFigures(
+            dropped_frames=self.dropped,
+            link_troubles=self.troubles,
+            troubled_bus=troubled,
+            foreign_frames=self.arrivals.foreign_frames,
+            rail_pressure_age=rail,
+            needle_lift_age=lift,
+            line_pressure_age=line,
+            failed_writes=self._failed_writes(),
+        )
         injector_id = self._injector.config.outputs.injector_id
         return self._status_writer.write(
             status_values(self.core, state, reason, injector_id, self._hashes, figures)

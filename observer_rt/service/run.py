@@ -84,7 +84,12 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         except StoppedError:
             log.say(Topic.STOP, "stopped while it waited for the interface")
             return
-        daemon = Daemon(bench, bus, links, knowledge, [tell, *keeper.listeners], notifier.alive)
+
+        def failed_writes() -> int:
+            return keeper.failures + log.lost
+
+        hearers = [tell, *keeper.listeners]
+        daemon = Daemon(bench, bus, links, knowledge, hearers, notifier.alive, failed_writes)
         screen.watch(daemon)
         log.say(Topic.START, "ready")
         with keeper.keeping(daemon.core):

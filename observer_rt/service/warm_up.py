@@ -34,7 +34,8 @@ def warm_up(bench: Bench, bus: BusMap) -> None:
     scale = constants.coefficients.pressure_scale
     knowledge = no_knowledge(configured_noise(bench.injector), scale)
     learner = make_learner(bench.injector, constants, knowledge)
+    start = np.zeros(constants.coefficients.states + 1)
     window = Window(
-        np.full((_SAMPLES, 2), 0.5), np.full(_SAMPLES, 0.5), np.zeros(_SAMPLES, np.bool_), np.zeros(4), 1
+        np.full((_SAMPLES, 2), 0.5), np.full(_SAMPLES, 0.5), np.zeros(_SAMPLES, np.bool_), start, 1
     )
     learner.learn(window, Standstill(0, 0.0, None), knowledge.in_force)

@@ -153,6 +153,10 @@ COUNTERS: Mapping[str, Words] = {
         "a faster computer, or a longer learning_delay_ms",
     ),
     "foreign_frames": Words("frames of another node under our identifiers", "as SECOND_SENDER"),
+    "failed_writes": Words(
+        "failed writes of state or journal, and log lines given up",
+        "room and rights on the disk; the log says which: `kept`, `stream`",
+    ),
     "missing_injections": Words("commands after which the needle did not open", "injector, driver stage"),
     "uncommanded_injections": Words("injections without a command", "a command message that is lost; a leak"),
 }

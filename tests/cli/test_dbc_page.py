@@ -8,11 +8,11 @@ import pytest
 from observer_rt.bus.links.link import Frame
 from observer_rt.recording.canlog.can_log import LogFrame
 from tests.cli.conftest import Command
+from tests.pages import ROOT, Page
 from tests.recording.canlog.log_cases import START, write_log
 from tests.service.foreign_frames import classic_frames, fd_frames, multiplexed_frames, recording
 
-ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "dbc.md").read_text(encoding="utf-8")
+PAGE = Page("docs/dbc.md")
 DATABASES = ROOT / "tests" / "bus" / "databases"
 EXAMPLES = ("testbed_classic", "fast_daq_fd", "adc_multiplexed")
 DEVICES = {
@@ -26,12 +26,6 @@ _INJECTION = re.compile(
 )
 
 
-def transcript(line: str) -> list[str]:
-    """The lines shown after a command line."""
-    _, _, after = PAGE.partition(f"    $ {line}\n")
-    return re.match(r"(?:    .*\n)+", after).group(0).splitlines()  # type: ignore[union-attr]
-
-
 def words(text: str) -> str:
     return " ".join(text.split())
 
@@ -42,7 +36,7 @@ def test_what_check_prints(name: str, command: Command, monkeypatch: pytest.Monk
     monkeypatch.chdir(DATABASES)
     outcome = command("check", "--bench", f"{name}.toml")
     printed = {words(line) for line in outcome.out.splitlines()}
-    shown = transcript(f"observer-rt check --bench {name}.toml")
+    shown = PAGE.shown(f"observer-rt check --bench {name}.toml")
     assert len(shown) >= 5
     assert [
         line for line in shown if words(line) not in printed and words(line) not in _continued(printed)
@@ -69,7 +63,7 @@ def with_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_what_evaluate_prints(name: str, command: Command, with_logs: Path) -> None:
-    shown = transcript(f"observer-rt evaluate {name}.log --bench {name}.toml")
+    shown = PAGE.shown(f"observer-rt evaluate {name}.log --bench {name}.toml")
     outcome = command("evaluate", f"{name}.log", "--bench", f"{name}.toml")
     assert outcome.code == 0
     assert [_without_learned(line) for line in shown] == [
@@ -87,7 +81,7 @@ def _without_learned(line: str) -> str:
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_what_replay_prints(name: str, command: Command, with_logs: Path) -> None:
     on_bus = ("--interface", "virtual", "--channel", "try", "--speed", "0")
-    shown = transcript(f"observer-rt replay {name}.log --bench {name}.toml {' '.join(on_bus)}")
+    shown = PAGE.shown(f"observer-rt replay {name}.log --bench {name}.toml {' '.join(on_bus)}")
     outcome = command("replay", f"{name}.log", "--bench", f"{name}.toml", *on_bus)
     assert outcome.code == 0
     duration = re.compile(r"\d+\.\d{3} s")
@@ -105,7 +99,7 @@ def _continued(printed: set[str]) -> set[str]:
 def test_the_files_say_what_the_page_quotes(name: str) -> None:
     bench = (DATABASES / f"{name}.toml").read_text()
     database = (DATABASES / f"{name}.dbc").read_text()
-    section = PAGE[: PAGE.index(f"check --bench {name}.toml")].rsplit("\n### ", 1)[1]
+    section = PAGE.text[: PAGE.text.index(f"check --bench {name}.toml")].rsplit("\n### ", 1)[1]
     quoted = [line.strip() for line in section.splitlines() if line.startswith("    ") and "$" not in line]
     assert len(quoted) > 5
     for line in quoted:
@@ -122,7 +116,7 @@ def test_an_overlap(command: Command, tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.chdir(tmp_path)
     outcome = command("run", "--bench", "testbed_classic.toml")
     assert outcome.code == 2
-    shown = transcript("observer-rt run --bench testbed_classic.toml")
+    shown = PAGE.shown("observer-rt run --bench testbed_classic.toml")
     assert [words(line) for line in shown] == [
         words(line) for line in outcome.err.splitlines() if line.strip()
     ]

@@ -10,14 +10,15 @@ import pytest
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.config.own_effects import use_effects
 from tests.cli.conftest import Command
+from tests.pages import Page, words_of
 
-PAGE = (Path(__file__).parents[2] / "docs" / "effects.md").read_text(encoding="utf-8")
+PAGE = Page("docs/effects.md")
 
 
 @pytest.fixture
 def example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The folder the user is in, with the page's file in it."""
-    found = re.search(r"`(\w+\.py)`:\n\n```python\n(.*?)```", PAGE, re.DOTALL)
+    found = re.search(r"`(\w+\.py)`:\n\n```python\n(.*?)```", PAGE.text, re.DOTALL)
     assert found is not None
     monkeypatch.chdir(tmp_path)
     path = tmp_path / found[1]
@@ -28,10 +29,9 @@ def example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 @pytest.mark.slow
 def test_the_example_is_found_and_works_in_every_command(command: Command, example: Path) -> None:
-    lines = re.findall(r"^    \$ observer-rt (.*)$", PAGE, re.MULTILINE)
-    assert len(lines) == 4
-    done = {line.split()[0]: command(*shlex.split(line)) for line in lines}
-    assert [outcome.code for outcome in done.values()] == [0] * 4
+    lines = [words_of(line)[0] for line in PAGE.commands]
+    done = {words[0]: command(*words) for words in lines}
+    assert [outcome.code for outcome in done.values()] == [0] * 4 == [0] * len(lines)
     assert re.search(r"sac_volume +The sac holds more fuel", done["effects"].out)
     assert ":r = -0.5 to 4" in done["effects"].out
     assert done["discover"].out.startswith("named: sac_volume")

@@ -4,10 +4,12 @@ import csv
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from observer_rt.recording.formats import read_recording, write_recording
 from tests.cli.conftest import Command, document
 
 INJECTION_KEYS = {
@@ -151,10 +153,26 @@ def test_chosen_injections_are_drawn_with_units(command: Command, worn: Path, tm
         assert re.search(rf"{name} \[{unit}\]", words), name
 
 
-def test_an_injection_that_is_not_there_costs_no_result(command: Command, worn: Path, tmp_path: Path) -> None:
+def test_an_injection_that_cannot_be_there_is_refused_before(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
     outcome = command("evaluate", worn, "--plot", tmp_path / "x.png", "--injections", "2,9")
     assert outcome.code == 2
     assert "--injections: there is no injection 9" in outcome.err
+    assert "opens 4 times" in outcome.err
+    assert outcome.out == ""
+
+
+def test_one_that_is_not_there_after_all_costs_no_result(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
+    """A lift that rises for a single sample is no injection, which only the observer knows."""
+    recording = read_recording(worn)
+    lift = recording.needle_lift.copy()
+    lift[100] = 40e-6
+    write_recording(tmp_path / "odd.csv", replace(recording, needle_lift=lift))
+    outcome = command("evaluate", tmp_path / "odd.csv", "--plot", tmp_path / "x.png", "--injections", "5")
+    assert outcome.code == 2
     assert "there are 1 to 4" in outcome.err
     assert "mass" in outcome.out
 

@@ -13,10 +13,11 @@ from observer_rt.recording.formats import write_recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
+from tests.pages import Page
 
-PAGE = (Path(__file__).parents[2] / "docs" / "library.md").read_text("utf-8")
-PROGRAMS = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
-NAMES = re.findall(r"^\|[^|]*\| `(observer_rt[\w.]+)` \| (.*) \|$", PAGE, flags=re.MULTILINE)
+PAGE = Page("docs/library.md")
+PROGRAMS = PAGE.fenced("python")
+NAMES = re.findall(r"^\|[^|]*\| `(observer_rt[\w.]+)` \| (.*) \|$", PAGE.text, flags=re.MULTILINE)
 
 
 def printed(program: str, folder: Path) -> list[str]:

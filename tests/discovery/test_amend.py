@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.discovery.amend import amended_effects
-from observer_rt.discovery.evidence.measurement import measurements
 from observer_rt.discovery.injector_text import InjectorText, write_amended
 from observer_rt.discovery.search.verdict import SearchOptions, name_effects
+from observer_rt.evidence.measurement import measurements
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import EffectInForce, EffectValue

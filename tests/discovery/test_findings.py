@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from observer_rt.discovery.evidence.measurement import measurements
 from observer_rt.discovery.findings import gap_share
 from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.search.verdict import SearchOptions, name_effects
+from observer_rt.evidence.measurement import measurements
 from observer_rt.model.effects import effective_model, sized
 from tests.discovery.conftest import SOURCES, WEAR, Worn
 from tests.discovery.hidden import NOMINAL, recordings

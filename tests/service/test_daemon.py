@@ -163,3 +163,13 @@ def test_learning_that_is_switched_off(
     assert heard.rates == payloads(expected, RATE.frame_id)
     last = heard.last_status()
     assert (last["Learning"], last["Adoptions"], last["State"]) == (0, 0, State.DEGRADED)  # worn
+
+
+def test_writes_that_failed_are_counted_in_the_status(bench: Path, frames: list[TimedFrame]) -> None:
+    """Of those who write files beside the loop; the count stays at its largest value."""
+    loaded = load_bench(bench)
+    for failed, shown in ((3, 3), (100_000, 65535)):
+        link = ScriptedLink(frames[:10])
+        with serving(Daemon(loaded, map_bus(loaded), [link], failed_writes=lambda: failed)):  # noqa: B023
+            until(link.empty.is_set)
+        assert link.statuses()[-1]["FailedWrites"] == shown

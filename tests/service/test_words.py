@@ -1,18 +1,26 @@
 """One table of words: docs/operating.md, the databases' value tables and the log say the same."""
 
+import io
+import json
 import logging
 import re
-from pathlib import Path
 
 import cantools.database
 import pytest
+from rich.console import Console
 
 from observer_rt.bus.mapping.output_messages import StatusValues, signals_of
-from observer_rt.config.bench import PACKAGE_DATA
+from observer_rt.config.bench import PACKAGE_DATA, load_injector
+from observer_rt.model.effects import effective_model
 from observer_rt.observer.stream.state import Reason, State
+from observer_rt.service.log import ServiceLog
+from observer_rt.service.notify import Notifier
+from observer_rt.service.reports.telling import Teller
 from observer_rt.service.words import COUNTERS, REASONS, STATES, TOPICS, Topic, named
+from tests.pages import Page
+from tests.service.keeping.report_samples import some_report
 
-PAGE = Path(__file__).parents[2] / "docs" / "operating.md"
+PAGE = Page("docs/operating.md")
 NO_COUNTERS = {  # of the status; the rest counts something
     *("sample_index", "valid", "learning", "state", "reason", "injector_id", "model_hash", "database_hash"),
     *("version_major", "version_minor", "version_patch", "troubled_bus"),
@@ -22,7 +30,7 @@ NO_COUNTERS = {  # of the status; the rest counts something
 
 def table(heading: str) -> list[tuple[str, ...]]:
     """Cells of the rows of the page's table below a heading."""
-    section = PAGE.read_text().split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    section = PAGE.text.split(f"\n## {heading}\n")[1].split("\n## ")[0]
     rows = re.findall(r"^\| `(.*?)` \| (.*) \|$", section, re.MULTILINE)
     return [(name, *rest.split(" | ")) for name, rest in rows]
 
@@ -50,6 +58,15 @@ def test_the_page_says_the_same_of_counters() -> None:
 def test_the_page_says_the_same_of_log_lines() -> None:
     expected = [(str(t), logging.getLevelName(w.level), w.what, w.remedy) for t, w in TOPICS.items()]
     assert table("The log") == expected
+
+
+def test_the_page_names_every_key_of_the_records() -> None:
+    stream = io.StringIO()
+    with ServiceLog(Console(file=io.StringIO()), stream=stream) as log:
+        teller = Teller(log, Notifier({}), effective_model(load_injector()).coefficients)
+        teller.hear(some_report())
+    section = PAGE.text.split("\n## Injections as JSON\n")[1].split("\n    ")[0]
+    assert set(re.findall(r"`(\w+)`", section)) - {"null"} == set(json.loads(stream.getvalue()))
 
 
 @pytest.mark.parametrize("database", ["observer_fd.dbc", "observer_classic.dbc"])

@@ -1,5 +1,6 @@
 """How regularly the input messages come, and how well the time of their samples is known."""
 
+import math
 from dataclasses import dataclass
 
 from observer_rt.bus.alignment.clock import Jitter, jitter_of
@@ -34,20 +35,21 @@ class MessageTiming:
         return self.unknown * LINE_SLOPE
 
     def as_text(self) -> str:
-        """One line for the screen."""
+        """One line for the screen: delays, drift, and what they do to the samples."""
         if self.jitter.frames == 0:
             return f"{self.name}: times not known yet"
-        text = (
-            f"{self.name}: jitter {self.jitter.sigma / MICROSECOND:.1f} us, at most "
-            f"{self.jitter.greatest / MICROSECOND:.0f} us ({self.jitter.sigma * LINE_SLOPE / MEGAPASCAL:.2g} MPa, "
-            f"were it in the samples), {self._drift_as_text()}"
+        return (
+            f"{self.name}: frames came late by up to {self.jitter.greatest / MICROSECOND:.0f} us, their jitter is "
+            f"{self.jitter.sigma / MICROSECOND:.1f} us, {self._drift_as_text()}; {self._placed_as_text()}"
         )
-        if self.unknown > 0.0:
-            text += (
-                f"; in the samples {self.unknown / MICROSECOND:.2g} us, "
-                f"{self.pressure_error / MEGAPASCAL:.2g} MPa"
-            )
-        return text
+
+    def _placed_as_text(self) -> str:
+        """What that means for the samples."""
+        if self.unknown == 0.0:
+            return "no sample is displaced by that: they are counted"
+        if math.isinf(self.unknown):
+            return "its samples cannot be placed: its clock is not known yet"
+        return f"by its clock, its samples are placed to {self.unknown / MICROSECOND:.2g} us"
 
     def _drift_as_text(self) -> str:
         if abs(self.drift) < LARGEST_DRIFT:

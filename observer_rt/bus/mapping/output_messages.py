@@ -77,6 +77,7 @@ class StatusValues(NamedTuple):
     rail_pressure_age: float  # s, nan: none came yet
     needle_lift_age: float
     line_pressure_age: float
+    failed_writes: int
     # our layouts have no room for these; a status message of a user's own may have them
     missing_injections: int
     uncommanded_injections: int

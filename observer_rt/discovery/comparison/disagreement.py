@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 from observer_rt.discovery.search.adequacy import SIGNIFICANT, cells_of
-from observer_rt.discovery.search.likelihood import Evidence
-from observer_rt.discovery.search.result import Cell, Discovery, Signal, Verdict
+from observer_rt.discovery.search.result import Cell, Discovery, Verdict
 from observer_rt.estimation.phases import Phase
+from observer_rt.evidence.likelihood import Evidence
+from observer_rt.evidence.pooled import Signal
 from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
 

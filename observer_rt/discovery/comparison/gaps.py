@@ -7,19 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.evidence.measurement import Measurement, every_second_point
-from observer_rt.discovery.evidence.open_loop import (
+from observer_rt.discovery.search.hypothesis import Sizing
+from observer_rt.discovery.search.result import Candidate, Discovery
+from observer_rt.evidence.bounded_fit import fit
+from observer_rt.evidence.likelihood import GAIN_ERROR, evidence_of
+from observer_rt.evidence.measurement import Measurement, every_second_point
+from observer_rt.evidence.open_loop import (
     Simulated,
-    in_mass_window,
     mass,
     measured_mass,
     noisier,
     simulated,
 )
-from observer_rt.discovery.search.bounded_fit import fit
-from observer_rt.discovery.search.hypothesis import Sizing
-from observer_rt.discovery.search.likelihood import GAIN_ERROR, evidence_of
-from observer_rt.discovery.search.result import Candidate, Discovery
+from observer_rt.evidence.windows import in_mass_window
 from observer_rt.model.effective import EffectiveModel
 
 NOISE_RUNS = 3  # with noise added, for the noise floor
@@ -122,7 +122,7 @@ def _rate_gap(
     measured = measurement.recording.injection_rate
     if measured is None:
         return None
-    spraying = [in_mass_window(measurement, one) for one in before]
+    spraying = [in_mass_window(measurement, one.event, one.rate_samples) for one in before]
 
     def rms(parts: Sequence[NDArray[np.float64]]) -> float:
         return _rms(

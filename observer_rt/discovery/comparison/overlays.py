@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.discovery.comparison.gaps import Gaps, PointGap
-from observer_rt.discovery.evidence.measurement import Measurement
-from observer_rt.discovery.evidence.open_loop import Simulated, simulated
 from observer_rt.discovery.search.result import Discovery
+from observer_rt.evidence.measurement import Measurement
+from observer_rt.evidence.open_loop import Simulated, simulated
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.model.effective import EffectiveModel
 

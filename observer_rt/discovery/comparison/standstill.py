@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.evidence.measurement import Measurement
 from observer_rt.discovery.search.adequacy import SIGNIFICANT
-from observer_rt.discovery.search.likelihood import Evidence
 from observer_rt.estimation.phases import Phase
+from observer_rt.evidence.likelihood import Evidence
+from observer_rt.evidence.measurement import Measurement
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effect import Apparent, Effect, Place

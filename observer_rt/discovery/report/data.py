@@ -12,7 +12,8 @@ from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.report.figures import overlay_figure
 from observer_rt.discovery.report.printed_units import printed
 from observer_rt.discovery.report.views import held_out_figure, with_words
-from observer_rt.discovery.search.result import Cell, Signal
+from observer_rt.discovery.search.result import Cell
+from observer_rt.evidence.pooled import Signal
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 _TABLES = ("effects.csv", "candidates.csv", "disagreement.csv", "gaps.csv", "standstill.csv")

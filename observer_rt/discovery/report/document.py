@@ -15,8 +15,8 @@ from observer_rt.discovery.search.result import (
     Discovery,
     FittedEffect,
     FittedParameter,
-    Signal,
 )
+from observer_rt.evidence.pooled import Signal
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effects import VOCABULARY
 

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from observer_rt.discovery.comparison.disagreement import PHASE_NAMES, Disagreement
-from observer_rt.discovery.evidence.operating_points import point_name
 from observer_rt.discovery.report.printed_units import UNITS
 from observer_rt.discovery.search.adequacy import SIGNIFICANT
-from observer_rt.discovery.search.result import Cell, Signal
+from observer_rt.discovery.search.result import Cell
 from observer_rt.estimation.phases import Phase
+from observer_rt.evidence.operating_points import point_name
+from observer_rt.evidence.pooled import Signal
 
 _NAMES = {Signal.LINE_PRESSURE: "line pressure", Signal.INJECTION_RATE: "injection rate"}
 _UNITS = {Signal.LINE_PRESSURE: "MPa", Signal.INJECTION_RATE: "mm³/ms"}

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from observer_rt.discovery.caveats import LEAST_MASS
 from observer_rt.discovery.comparison.gaps import Gap, Gaps
 from observer_rt.discovery.comparison.standstill import StandstillFigure
-from observer_rt.discovery.evidence.operating_points import point_name
 from observer_rt.discovery.findings import Findings, explained_share
 from observer_rt.discovery.opinion import Indicator
 from observer_rt.discovery.report.figures import Bars, gap_figure
@@ -15,6 +14,7 @@ from observer_rt.discovery.report.printed_units import UNITS, Printed, printed, 
 from observer_rt.discovery.report.text import candidate_words, where_words
 from observer_rt.discovery.search import search
 from observer_rt.discovery.search.result import Candidate, Consequence, Discovery, FittedParameter, Verdict
+from observer_rt.evidence.operating_points import point_name
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effect import Apparent
 from observer_rt.model.effects import VOCABULARY

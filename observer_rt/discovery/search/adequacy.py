@@ -4,19 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from observer_rt.discovery.search.likelihood import Evidence, Judged, Trial
-from observer_rt.discovery.search.result import Cell, Signal
-from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics, phase_statistics
+from observer_rt.discovery.search.result import Cell
+from observer_rt.estimation.phases import Phase, phase_statistics
+from observer_rt.evidence.likelihood import Evidence, Judged
+from observer_rt.evidence.pooled import Pool, Signal, normalised, phases_by_signal
 from observer_rt.model.effective import EffectiveModel
 
 VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
 COLOUR_LIMIT = {Signal.LINE_PRESSURE: 2.0, Signal.INJECTION_RATE: 4.0}
 SIGNIFICANT = 5.0  # standard deviations
-
-Pool = Mapping[Signal, PhaseStatistics]
-"""Statistics of each signal, pooled over recordings."""
 
 
 @dataclass(frozen=True)
@@ -36,28 +33,6 @@ class HealthyBaseline:
 NO_BASELINE = HealthyBaseline({}, {})
 
 
-def _normalised(one: Judged) -> dict[Signal, NDArray[np.float64]]:
-    """Normalised residuals by signal, without the rate's gain error at the end."""
-    parts = {Signal.LINE_PRESSURE: one.z}
-    if one.rate_z.size:
-        parts[Signal.INJECTION_RATE] = one.rate_z[:-1]
-    return parts
-
-
-def _phases(trial: Trial) -> dict[Signal, NDArray[np.int8]]:
-    return {Signal.LINE_PRESSURE: trial.phases, Signal.INJECTION_RATE: trial.rate_phases}
-
-
-def pool_of(evidence: Evidence, judged: Sequence[Judged]) -> Pool:
-    """Statistics of all recordings together."""
-    pool: dict[Signal, PhaseStatistics] = {}
-    for trial, one in zip(evidence.trials, judged, strict=True):
-        for signal, z in _normalised(one).items():
-            found = phase_statistics(z, 1.0, _phases(trial)[signal], 0)
-            pool[signal] = pool.get(signal, no_statistics()).faded(1.0, found)
-    return pool
-
-
 def cells_of(evidence: Evidence, judged: Sequence[Judged], model: EffectiveModel) -> tuple[Cell, ...]:
     """Every signal in every phase of every recording."""
     result = []
@@ -67,8 +42,8 @@ def cells_of(evidence: Evidence, judged: Sequence[Judged], model: EffectiveModel
             Signal.LINE_PRESSURE: float(np.exp(one.log_sigma)) * model.coefficients.pressure_scale,
             Signal.INJECTION_RATE: measurement.rate_noise,
         }
-        for signal, z in _normalised(one).items():
-            phases = _phases(trial)[signal]
+        for signal, z in normalised(one).items():
+            phases = phases_by_signal(trial)[signal]
             statistics = phase_statistics(z, 1.0, phases, 0)
             for phase in Phase:
                 if not (phases == phase).any():

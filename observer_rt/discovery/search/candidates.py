@@ -9,10 +9,10 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.search.bounded_fit import MAX_ITERATIONS, Residuals, linearise
 from observer_rt.discovery.search.hypothesis import Hypothesis, Sizing, minimum_from
-from observer_rt.discovery.search.likelihood import Evidence
 from observer_rt.discovery.search.result import Candidate
+from observer_rt.evidence.bounded_fit import MAX_ITERATIONS, Residuals, linearise
+from observer_rt.evidence.likelihood import Evidence
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from observer_rt.discovery.evidence.measurement import Measurement
-from observer_rt.discovery.evidence.open_loop import mass, simulated
 from observer_rt.discovery.search.result import Consequence
+from observer_rt.evidence.measurement import Measurement
+from observer_rt.evidence.open_loop import mass, simulated
 from observer_rt.model.effective import EffectiveModel
 
 

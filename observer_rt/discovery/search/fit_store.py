@@ -26,12 +26,6 @@ def problem_key(parameters: InjectorParameters, recording_hashes: Sequence[str])
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file's content, hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 class FitStore:
     """JSON lines: what the fits belong to, then a fit a line. A `candidates.FitMemory`, used by several threads."""
 

@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.search.bounded_fit import MAX_ITERATIONS, Minimum, Range, Residuals, fit
-from observer_rt.discovery.search.likelihood import Evidence
+from observer_rt.evidence.bounded_fit import MAX_ITERATIONS, Minimum, Range, Residuals, fit
+from observer_rt.evidence.likelihood import Evidence
 from observer_rt.model.effect import Effect, EffectParameter
 from observer_rt.model.effective import EffectiveModel
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.discovery.search.hypothesis import Hypothesis
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.phases import Phase
+from observer_rt.evidence.pooled import Signal
 from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
 
@@ -22,13 +23,6 @@ class Verdict(StrEnum):
     NONE = "none"
     AMBIGUOUS = "ambiguous"
     UNKNOWN = "unknown"
-
-
-class Signal(StrEnum):
-    """A signal whose innovations are judged."""
-
-    LINE_PRESSURE = "line_pressure"
-    INJECTION_RATE = "injection_rate"
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,10 @@ from itertools import combinations
 
 import numpy as np
 
-from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, pool_of, worst
+from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, worst
 from observer_rt.discovery.search.candidates import Fitter
 from observer_rt.discovery.search.result import Candidate
+from observer_rt.evidence.pooled import pool_of
 from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effects import VOCABULARY
 

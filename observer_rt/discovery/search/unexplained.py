@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.discovery.search.adequacy import SIGNIFICANT, Worst
-from observer_rt.discovery.search.likelihood import Evidence, Judged
-from observer_rt.discovery.search.result import Candidate, Signal, Unexplained
+from observer_rt.discovery.search.result import Candidate, Unexplained
+from observer_rt.evidence.likelihood import Evidence, Judged
+from observer_rt.evidence.pooled import Signal
 from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
 

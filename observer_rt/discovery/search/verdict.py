@@ -6,22 +6,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from observer_rt.discovery.evidence.measurement import Measurement, every_second_point
 from observer_rt.discovery.search.adequacy import (
     NO_BASELINE,
     HealthyBaseline,
     baseline_of,
     cells_of,
-    pool_of,
     worst,
 )
-from observer_rt.discovery.search.bounded_fit import NORMAL_975, Minimum, fit, linearise
 from observer_rt.discovery.search.candidates import FitMemory, Fitter
 from observer_rt.discovery.search.confidence import METHOD, WITH_A_WRONG_MODEL, confidence_of
 from observer_rt.discovery.search.consequences import consequence
 from observer_rt.discovery.search.decisive import decide_by
 from observer_rt.discovery.search.hypothesis import Sizing
-from observer_rt.discovery.search.likelihood import Evidence, evidence_of
 from observer_rt.discovery.search.result import (
     Candidate,
     Cell,
@@ -34,6 +30,10 @@ from observer_rt.discovery.search.result import (
 from observer_rt.discovery.search.search import Outcome, Search, indistinguishable, representatives
 from observer_rt.discovery.search.unexplained import unexplained
 from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.evidence.bounded_fit import NORMAL_975, Minimum, fit, linearise
+from observer_rt.evidence.likelihood import Evidence, evidence_of
+from observer_rt.evidence.measurement import Measurement, every_second_point
+from observer_rt.evidence.pooled import pool_of
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.effective import EffectiveModel
 

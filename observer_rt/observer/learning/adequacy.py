@@ -17,6 +17,7 @@ from observer_rt.estimation.phases import (
     phases_of,
 )
 from observer_rt.estimation.predictor import Window
+from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.stream.state import Reason
 
 # A phase is coloured when some statistic, pooled over recent events, exceeds white noise by this many of its
@@ -55,10 +56,13 @@ class Innovations(NamedTuple):
     sigma: float
 
 
-def event_statistics(window: Window, innovations: Innovations, interval: float) -> PhaseStatistics:
-    """What the innovations over a window say, phase by phase; interval [s]."""
+def event_statistics(
+    window: Window, innovations: Innovations, interval: float, healthy: Healthy
+) -> PhaseStatistics:
+    """What the innovations over a window say, phase by phase, against a healthy injector's; interval [s]."""
     phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
-    return phase_statistics(innovations.values, innovations.sigma, phases, round(BURN_IN / interval))
+    found = phase_statistics(innovations.values, innovations.sigma, phases, round(BURN_IN / interval))
+    return healthy.relative(found)
 
 
 def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
@@ -91,8 +95,10 @@ def tempering(statistics: PhaseStatistics) -> float:
     )
 
 
-def objections(statistics: PhaseStatistics, offset: float, lag: float) -> list[Objection]:
-    """What speaks against an event; offset [Pa] and lag [s] as identified.
+def objections(
+    statistics: PhaseStatistics, offset: float, lag: float, healthy: Healthy = NOT_FITTED
+) -> list[Objection]:
+    """What speaks against an event; offset [Pa] and lag [s] as identified; of a model that fits nobody, always.
 
     Empty: it passed. What names a cause comes first.
     """
@@ -102,7 +108,7 @@ def objections(statistics: PhaseStatistics, offset: float, lag: float) -> list[O
     if lag > LARGEST_LAG:
         result.append(Objection(Reason.SENSOR_LAG))
     phase = inadequate_phase(statistics)
-    if phase is not None:
+    if phase is not None or not healthy.adequate:
         result.append(Objection(Reason.MODEL_INADEQUATE, phase))
     return result
 

@@ -14,14 +14,16 @@ from observer_rt.observer.learning.adequacy import (
     objections,
     pooled,
 )
+from observer_rt.observer.learning.healthy import Healthy
 from observer_rt.observer.stream.state import Constants, Reason
 
 
 class Examiner:
     """What speaks against an event with the parameters in force. Pure: no clock, no thread."""
 
-    def __init__(self, statistics: PhaseStatistics) -> None:
+    def __init__(self, statistics: PhaseStatistics, healthy: Healthy) -> None:
         """statistics: over the events before the first."""
+        self._healthy = healthy
         self.statistics = statistics
         """Over recent events; whoever learns from an event replaces them by what it found."""
 
@@ -34,9 +36,10 @@ class Examiner:
         """
         if window is None:
             return (Objection(Reason.NOT_JUDGED),)
-        self.statistics = pooled(self.statistics, event_statistics(window, innovations, constants.interval))
+        event = event_statistics(window, innovations, constants.interval, self._healthy)
+        self.statistics = pooled(self.statistics, event)
         lag = float(in_force[Parameter.SENSOR_LAG]) * LAG_UNIT
-        return tuple(objections(self.statistics, _offset(window, constants), lag))
+        return tuple(objections(self.statistics, _offset(window, constants), lag, self._healthy))
 
 
 def _offset(window: Window, constants: Constants) -> float:

@@ -24,7 +24,7 @@ class Resimulated:
 
     run: over the event's window; by_inputs: by the noise of the inputs. covariance: of the error of the theta it was
     run with (m, m); carried_covariance: of the theta in force when the rate was published. interval: of the samples
-    [s].
+    [s]. systematic: standard deviation, as a share, of what the model gets wrong of a healthy injector.
     """
 
     run: OpenLoop
@@ -32,6 +32,7 @@ class Resimulated:
     covariance: NDArray[np.float64]
     carried_covariance: NDArray[np.float64]
     interval: float
+    systematic: float = 0.0
 
 
 def resimulated(
@@ -55,7 +56,8 @@ def volume_interval(event: Resimulated, window: slice) -> tuple[float, float]:
     gradient = np.trapezoid(event.run.slopes[window], axis=0) * event.interval
     by_parameters = float(gradient @ event.covariance @ gradient)
     by_inputs = float(event.by_inputs.volume[window][-1])
-    sigma = float(np.sqrt(by_parameters + by_inputs))
+    by_model = (event.systematic * volume) ** 2
+    sigma = float(np.sqrt(by_parameters + by_inputs + by_model))
     return volume - 1.96 * sigma, volume + 1.96 * sigma
 
 
@@ -70,7 +72,9 @@ def rate_sigma(event: Resimulated, window: slice) -> NDArray[np.float64]:
     slopes = event.run.slopes[window]
     by_parameters = np.einsum("ki,ij,kj->k", slopes, event.carried_covariance, slopes)
     by_hold = HOLD_SHARE * np.gradient(event.run.rate)[window]
-    return np.asarray(np.sqrt(by_parameters + event.by_inputs.rate[window] + by_hold**2), np.float64)
+    by_model = event.systematic * event.run.rate[window]
+    variance = by_parameters + event.by_inputs.rate[window] + by_hold**2 + by_model**2
+    return np.asarray(np.sqrt(variance), np.float64)
 
 
 def _volume(event: Resimulated, window: slice) -> float:

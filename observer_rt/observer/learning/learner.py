@@ -31,6 +31,7 @@ from observer_rt.observer.learning.adequacy import (
     tempering,
 )
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
+from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.indicators import nozzle_change
 from observer_rt.observer.learning.interval import resimulated
 from observer_rt.observer.learning.knowledge import (
@@ -58,8 +59,16 @@ CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 class Learner:
     """Learns event after event. Pure: no clock, no thread; the caller decides where it runs."""
 
-    def __init__(self, constants: Constants, knowledge: Knowledge, scalars: Scalars = SCALARS) -> None:
+    def __init__(
+        self,
+        constants: Constants,
+        knowledge: Knowledge,
+        scalars: Scalars = SCALARS,
+        healthy: Healthy = NOT_FITTED,
+    ) -> None:
+        """healthy: what the model leaves unexplained of a healthy injector."""
         self._constants = constants
+        self._healthy = healthy
         self._scalars = scalars
         self._scale = constants.coefficients.pressure_scale
         self._belief = knowledge.belief
@@ -107,7 +116,7 @@ class Learner:
             if fit is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
             innovations = Innovations(fit.innovations, self._schedule.innovation_sigma)
-            statistics = event_statistics(window, innovations, self._constants.interval)
+            statistics = event_statistics(window, innovations, self._constants.interval, self._healthy)
             wide = self._scalars.prior(self._scale)
             lag = lag_score(window, self._setting(), fit, cost, wide, self._scalars)
             carried = carried_covariance(in_force, fit.prior, self._scalars.gate, self._active)
@@ -135,6 +144,7 @@ class Learner:
             return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=found)
         now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried, self._scalars)
+        event = replace(event, systematic=self._healthy.mass_share)
         return replace(outcome, resimulated=event)
 
     def _prior(self, standstill: Standstill) -> Belief:
@@ -240,7 +250,7 @@ class Learner:
             return (Objection(Reason.NOT_LEARNED),)
         offset = float(self._theta[Parameter.LINE_PRESSURE_OFFSET]) * self._scale
         lag = float(self._theta[Parameter.SENSOR_LAG]) * LAG_UNIT
-        result = objections(self._statistics, offset, lag)
+        result = objections(self._statistics, offset, lag, self._healthy)
         result.extend(Objection(reason) for reason in doubts)
         if looks_like_inertance(self._open_nozzle_change(window), float(self._theta[Parameter.BULK_MODULUS])):
             result.append(Objection(Reason.AMBIGUOUS_SCALE))

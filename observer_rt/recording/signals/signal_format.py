@@ -27,7 +27,7 @@ class Layouts:
     def is_own(self, path: Path, config: RecordingConfig) -> bool:
         """Whether a file is in our own layout although another is mapped, which it is not in."""
         names = self.names(path)
-        return self.own <= set(names) and any(column.column not in names for _, column in config.signals)
+        return self.own <= set(names) and any(column.name not in names for _, column in config.signals)
 
 
 @dataclass(frozen=True)

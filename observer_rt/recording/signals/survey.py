@@ -41,12 +41,40 @@ class SignalSurvey:
         return self.change / self.count if self.count else math.nan
 
 
+class Openings:
+    """How often a lift rises: at least as often as the observer finds the needle opening.
+
+    Its dead band follows the noise, with a hysteresis of a factor of two, and is 2 um at least: so an opening rises
+    through one of the levels, wherever the dead band is.
+    """
+
+    _LEVELS = 2e-6 * 2.0 ** np.arange(11)  # m
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(self._LEVELS.size, np.int64)
+        self._is_above = np.zeros((1, self._LEVELS.size), np.bool_)
+
+    def take(self, lift: NDArray[np.float64]) -> None:
+        """Go on with further samples (n,) [m], none of them NaN."""
+        above = np.concatenate((self._is_above, lift[:, None] > self._LEVELS))
+        self._counts += np.count_nonzero(above[1:] & ~above[:-1], axis=0)
+        self._is_above = above[-1:]
+
+    @property
+    def most(self) -> int:
+        """That there can be."""
+        return int(self._counts.max())
+
+
 @dataclass
 class Survey:
     """Of all signals by their names in a `Recording`."""
 
     signals: dict[str, SignalSurvey] = field(default_factory=dict)
+    openings: Openings = field(default_factory=Openings)
 
     def take(self, name: str, values: NDArray[np.float64]) -> None:
         """Go on with further samples (n,) of a signal."""
         self.signals.setdefault(name, SignalSurvey()).take(values)
+        if name == "needle_lift":
+            self.openings.take(values[~np.isnan(values)])

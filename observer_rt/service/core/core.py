@@ -24,7 +24,7 @@ from observer_rt.service.compiled.constants import bench_constants, configured_n
 from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
 from observer_rt.service.compiled.publisher import flush, make_publisher
 from observer_rt.service.core.counters import Counters, counted
-from observer_rt.service.core.learners import LearnerFactory, make_learner
+from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner
 from observer_rt.service.core.messages import OutputFrame, ResultFrames
 from observer_rt.service.inputs.energizing import EnergizingFigures
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
@@ -63,7 +63,8 @@ class Core:
         start = knowledge or no_knowledge(noise, constants.coefficients.pressure_scale)
         learner = learner_of(fitted, constants, start)
         self._bus = bus
-        self._learning = config.learning.enabled if learning is None else learning
+        healthy = healthy_injector(fitted)
+        self._learning = healthy.adequate and (config.learning.enabled if learning is None else learning)
         self.compiled = CompiledPipeline(
             Pipeline(
                 bus.inputs,
@@ -79,7 +80,7 @@ class Core:
         """Everything compiled code works on."""
         lockstep = executor is None or config.learning.lockstep
         self._judging = Judging(
-            self.compiled, Training(learner, executor or InlineExecutor(), lockstep), start
+            self.compiled, Training(learner, executor or InlineExecutor(), lockstep), start, healthy
         )
         self._tell = to_all(listeners)
         self._inputs = OptionalInputs(fitted, bus, self.compiled, self._tell, fuel_temperature, is_restored)

@@ -7,6 +7,7 @@ from observer_rt.config.injector import Training
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import LineOutflow
+from observer_rt.observer.learning.healthy import Healthy, healthy_of
 from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.paper_scheme.gain import check_gain
@@ -21,7 +22,7 @@ def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowled
     """The learner of an injector. Raises `UserError` when its training does not fit its sample rate or injector."""
     learning = fitted.config.learning
     if learning.training is Training.PREDICTION_ERROR or learning.identification_gain is None:
-        return Learner(constants, knowledge)
+        return Learner(constants, knowledge, healthy=healthy_injector(fitted))
     line_outflow = effective_model(fitted.parameters).injector.line_outflow
     if line_outflow is not LineOutflow.NOZZLE:
         raise UserError(
@@ -37,6 +38,14 @@ def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowled
         1.0 / constants.interval,
     )
     return PaperLearner(constants, knowledge, learning.identification_gain)
+
+
+def healthy_injector(fitted: BenchInjector) -> Healthy:
+    """What an injector's model, if fitted, leaves unexplained of the healthy one."""
+    config = fitted.config
+    return healthy_of(
+        fitted.parameters.baseline, config.sampling.rate_hz, config.learning.on_inadequate_model
+    )
 
 
 def refuse_state(fitted: BenchInjector, option: str) -> None:

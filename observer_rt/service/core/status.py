@@ -8,11 +8,11 @@ from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.core.core import Core
 
 
-class LinkFigures(NamedTuple):
-    """What the status says of the links: frames lost before the loop, how often they were in trouble, and which is.
+class OutsideFigures(NamedTuple):
+    """What the status says of links and files: frames lost before the loop, how often a link was in trouble, which.
 
     troubled_bus: the first that is, counted from 1; 0: none. foreign_frames: of others under our identifiers; the
-    ages [s] of the last frames, nan: none came.
+    ages [s] of the last frames, nan: none came. failed_writes: of what the daemon keeps, and of its log.
     """
 
     dropped_frames: int
@@ -22,6 +22,7 @@ class LinkFigures(NamedTuple):
     rail_pressure_age: float
     needle_lift_age: float
     line_pressure_age: float
+    failed_writes: int
 
 
 def software_version() -> tuple[int, int, int]:
@@ -31,7 +32,7 @@ def software_version() -> tuple[int, int, int]:
 
 
 def status_values(
-    core: Core, state: State, reason: Reason, injector_id: int, hashes: tuple[int, int], link: LinkFigures
+    core: Core, state: State, reason: Reason, injector_id: int, hashes: tuple[int, int], link: OutsideFigures
 ) -> StatusValues:
     """What the status says, every counter that it has a signal for included.
 

@@ -38,6 +38,12 @@ class Keeper:
         self._fitted = fitted
         self._notebook = notebook
         self._tell = tell
+        self._chores: Sequence[Chore] = ()
+
+    @property
+    def failures(self) -> int:
+        """Attempts to write that failed so far."""
+        return sum(chore.failures for chore in self._chores)
 
     @property
     def listeners(self) -> Sequence[Listener]:
@@ -52,7 +58,7 @@ class Keeper:
         """
         # what comes just after a write waits for the next one, and for its end
         interval = self._fitted.config.state.save_within_s / 2
-        chores = [Chore(each, interval, self._tell) for each in self._keepsakes(core)]
+        self._chores = chores = [Chore(each, interval, self._tell) for each in self._keepsakes(core)]
         stop = threading.Event()
         writer = threading.Thread(target=self._write, args=(chores, interval, stop), name="keeping")
         writer.start()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.predictor import Window
 from observer_rt.observer.learning.adequacy import Innovations, Objection
 from observer_rt.observer.learning.examiner import Examiner
+from observer_rt.observer.learning.healthy import Healthy
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.observer.observer import (
     event_innovations,
@@ -61,8 +62,10 @@ class Judged:
 class Judging:
     """Hands over every closed event once, and judges them in order."""
 
-    def __init__(self, compiled: CompiledPipeline, training: Training, start: Knowledge) -> None:
-        """start: what is known before the first event."""
+    def __init__(
+        self, compiled: CompiledPipeline, training: Training, start: Knowledge, healthy: Healthy
+    ) -> None:
+        """start: what is known before the first event; healthy: of the healthy injector."""
         self.known = start
         """All that was learned and judged so far."""
         self.rejected = 0
@@ -73,7 +76,7 @@ class Judging:
         self._first_version = start.phi_version
         self._submitted = 0
         self._waiting: deque[_Closed] = deque()
-        self._examiner = Examiner(start.statistics)
+        self._examiner = Examiner(start.statistics, healthy)
 
     @property
     def adoptions(self) -> int:

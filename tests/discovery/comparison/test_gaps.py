@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from observer_rt.discovery.comparison.gaps import gaps_of
-from observer_rt.discovery.evidence.measurement import measurements
-from observer_rt.discovery.evidence.open_loop import mass, simulated
 from observer_rt.discovery.search.verdict import SearchOptions, name_effects
+from observer_rt.evidence.measurement import measurements
+from observer_rt.evidence.open_loop import mass, simulated
 from observer_rt.model.effects import effective_model, sized
 from tests.discovery.conftest import WEAR, Worn
 from tests.discovery.hidden import NOMINAL, recordings

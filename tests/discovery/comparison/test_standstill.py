@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from observer_rt.discovery.comparison.standstill import StandstillFigure, standstill_checks
-from observer_rt.discovery.evidence.measurement import Measurement, measurements
-from observer_rt.discovery.search.likelihood import evidence_of
+from observer_rt.evidence.likelihood import evidence_of
+from observer_rt.evidence.measurement import Measurement, measurements
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.signals.recording import Recording
 from tests.discovery.conftest import Worn

@@ -11,8 +11,9 @@ import pytest
 from observer_rt.discovery.findings import Sources
 from observer_rt.discovery.opinion import Opinion
 from observer_rt.discovery.report.report import report
-from observer_rt.discovery.search.result import Decisive, Discovery, Signal, Unexplained, Verdict
+from observer_rt.discovery.search.result import Decisive, Discovery, Unexplained, Verdict
 from observer_rt.estimation.phases import Phase
+from observer_rt.evidence.pooled import Signal
 from observer_rt.model.effect import Equation
 from tests.discovery.conftest import SOURCES, Worn
 

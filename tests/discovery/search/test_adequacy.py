@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, Pool, baseline_of, worst
-from observer_rt.discovery.search.result import Signal
+from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, baseline_of, worst
 from observer_rt.estimation.phases import Phase, phase_statistics
+from observer_rt.evidence.pooled import Pool, Signal
 
 N = 5000
 

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.evidence.measurement import measurements
-from observer_rt.discovery.evidence.windows import TrueInputs
 from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
+from observer_rt.evidence.measurement import measurements
+from observer_rt.evidence.windows import TrueInputs
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.recording.signals.recording import Recording

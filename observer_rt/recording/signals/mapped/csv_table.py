@@ -2,12 +2,15 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from observer_rt.config.recording import RecordingConfig
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.signals.mapped.dialect import MISSING, find_dialect, is_number
+from observer_rt.recording.signals.mapped.calendar import Calendar
+from observer_rt.recording.signals.mapped.cells import MISSING, is_missing, is_number
+from observer_rt.recording.signals.mapped.dialect import find_dialect
 from observer_rt.recording.signals.mapped.table import TIME, Part, Table
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
@@ -22,12 +25,17 @@ class CsvTable(Table):
         super().__init__(path, config)
         columns = self.mapped_columns()
         self._dialect = dialect = find_dialect(
-            path, config, {name: each.column for name, each in columns.items()}
+            path, config, {name: each.name for name, each in columns.items()}
         )
         self.layout = dialect.as_text()
         self.columns = dict(zip(dialect.names, dialect.units, strict=True))
         self.units = {name: unit for name, place in dialect.mapped.items() if (unit := dialect.units[place])}
         self.rasters = (tuple(name for name in columns if name != TIME),)
+        self._origin = 0  # ns, of a calendar: its first stamp
+        if dialect.calendar is not None:
+            self._origin = self._first_stamp(dialect.calendar)
+            self.units[TIME] = "s"
+            self.layout += f"; {dialect.calendar.as_text(self._origin)}"
         self._is_cut = self._ends_too_soon()
         if self._is_cut:
             self.notes.append(f"{path}: its last line is not complete and is left out")
@@ -38,6 +46,7 @@ class CsvTable(Table):
 
         dialect = self._dialect
         places = sorted(set(dialect.mapped.values()))
+        text = [dialect.mapped[TIME]] if dialect.calendar is not None else []
         try:
             with pandas.read_csv(
                 self.path,
@@ -50,7 +59,7 @@ class CsvTable(Table):
                 skiprows=dialect.first_row,
                 skip_blank_lines=True,
                 usecols=places,
-                dtype=np.float64,
+                dtype={place: str if place in text else np.float64 for place in places},
                 na_values=sorted(MISSING | {text.upper() for text in MISSING}),
                 encoding=dialect.encoding,
                 encoding_errors="replace",
@@ -60,12 +69,10 @@ class CsvTable(Table):
                 held = None
                 for block in blocks:
                     if held is not None:
-                        yield held
-                    arrays = {place: block[place].to_numpy() for place in places}
-                    signals = {name: arrays[place] for name, place in dialect.mapped.items()}
-                    held = Part(signals.pop(TIME), signals)
-                if held is not None and held.time.size > self._is_cut:
-                    yield held.without_last() if self._is_cut else held
+                        yield self._part(held)
+                    held = block
+                if held is not None and len(held) > self._is_cut:
+                    yield self._part(held[:-1] if self._is_cut else held)
         except pandas.errors.EmptyDataError:
             return
         except (ValueError, OverflowError) as error:  # ParserError is one
@@ -77,6 +84,30 @@ class CsvTable(Table):
             if index == row:
                 return f"{self.path}, line {number}"
         return str(self.path)
+
+    def _part(self, block: Any) -> Part:
+        """Rows of pandas as arrays."""
+        mapped, calendar = self._dialect.mapped, self._dialect.calendar
+        signals = {name: block[place].to_numpy(np.float64) for name, place in self._dialect.numbers.items()}
+        if calendar is None:
+            return Part(signals.pop(TIME), signals)
+        stamps = block[mapped[TIME]]
+        time = calendar.seconds(stamps, self._origin)
+        wrong = np.flatnonzero(np.isnan(time) & stamps.notna().to_numpy())
+        if wrong.size:
+            raise UserError(
+                self.place(int(block.index[wrong[0]]), 0),
+                f"column {self._dialect.names[mapped[TIME]]} (time): '{stamps.iloc[wrong[0]]}' is no stamp of the "
+                f"calendar as {calendar.form}",
+                "mend the line, or say how stamps are written: [recording.time] format in the bench file",
+            )
+        return Part(time, signals)
+
+    def _first_stamp(self, calendar: Calendar) -> int:
+        """In ns since 1970."""
+        place = self._dialect.mapped[TIME]
+        cells = (row[place] for _, row in self._rows() if place < len(row))
+        return next((int(calendar.nanoseconds([cell])[0]) for cell in cells if not is_missing(cell)), 0)
 
     def _ends_too_soon(self) -> bool:
         """Whether the last line is shorter than it should be and has no line end: its writer was stopped."""
@@ -97,7 +128,7 @@ class CsvTable(Table):
         """Raise the error of the first line that will not do."""
         dialect = self._dialect
         for number, cells in self._rows():
-            for name, place in dialect.mapped.items():
+            for name, place in dialect.numbers.items():
                 cell = cells[place] if place < len(cells) else ""
                 if not is_number(cell, dialect.decimal):
                     raise UserError(

@@ -65,19 +65,19 @@ def _numbers(signal: Signal, path: Path) -> Values:
 
 def _place(file: MDF, path: Path, column: ColumnConfig) -> Place:
     """Group and index of a channel."""
-    places = file.channels_db.get(column.column, ())
+    places = file.channels_db.get(column.name, ())
     if not places:
         names = ", ".join(list(file.channels_db)[:40])
         raise UserError(
             str(path),
-            f"channel '{column.column}' is missing{hint(column.column, file.channels_db)}",
+            f"channel '{column.name}' is missing{hint(column.name, file.channels_db)}",
             f"name the channels in [recording] of the bench file as the file does: it has {names}",
         )
     chosen = [place for place in places if column.group in (None, place[0])]
     if len(chosen) != 1:
         groups = ", ".join(str(group) for group, _ in places)
         raise UserError(
-            f"{path}, channel {column.column}",
+            f"{path}, channel {column.name}",
             f"is in the groups {groups}" + (f", not in {column.group}" if column.group is not None else ""),
             f"say which in [recording] of the bench file: group = {places[0][0]}",
         )

@@ -19,14 +19,14 @@ class ParquetTable(Table):
         with opened_parquet(path) as file:
             schema = file.schema_arrow
         for column in mapped.values():
-            if column.column not in schema.names:
+            if column.name not in schema.names:
                 raise UserError(
                     str(path),
-                    f"column '{column.column}' is missing{hint(column.column, schema.names)}",
+                    f"column '{column.name}' is missing{hint(column.name, schema.names)}",
                     "name the columns in [recording] of the bench file as the file does: it has "
                     f"{', '.join(schema.names[:40])}",
                 )
-        self._names = {name: column.column for name, column in mapped.items()}
+        self._names = {name: column.name for name, column in mapped.items()}
         self.columns = {field.name: _unit(field.metadata) for field in schema}
         self.units = {name: unit for name, column in self._names.items() if (unit := self.columns[column])}
         kind = str(schema.field(self._names[TIME]).type)

@@ -76,18 +76,18 @@ class MappedSignals(SignalStream):
         self._runs = self._usable_runs()
         self.stretches = tuple(Stretch(run.begin, self._samples(run)) for run in self._runs)
         self.notes = (*table.notes, *self._notes())
-        self.names = {name: column.column for name, column in self._config.signals}
+        self.names = {name: column.name for name, column in self._config.signals}
         self.details = self._details()
 
     def _details(self) -> tuple[str, ...]:
         table, config = self._table, dict(self._mapped())
-        others = [name for name in table.columns if name not in {column.column for column in config.values()}]
+        others = [name for name in table.columns if name not in {column.name for column in config.values()}]
         lines = [f"{self.path}: {table.layout}"]
         for name, column in config.items():
             raster = next((i for i, names in enumerate(table.rasters) if name in names), self._main)
             every = f", every {self._axes[raster].period / MILLISECOND:.6g} ms" if name != TIME else ""
             unit, said = self._unit(name, column)
-            lines.append(f"{name} is '{column.column}' in {unit} ({said}){every}")
+            lines.append(f"{name} is '{column.name}' in {unit} ({said}){every}")
         if others:
             more = f" and {len(others) - 40} more" if len(others) > 40 else ""
             lines.append(f"not used: {', '.join(others[:40])}{more}")
@@ -162,7 +162,7 @@ class MappedSignals(SignalStream):
         unit, said = found if column.unit is None else (column.unit, "as the bench file says")
         if unit not in UNITS[name]:
             raise UserError(
-                f"{self.path}, column {column.column} ({name})",
+                f"{self.path}, column {column.name} ({name})",
                 f"unit '{unit}' is not known" if unit else "has no unit",
                 f'state it in the bench file, [recording.{name}] unit = "...": one of {", ".join(UNITS[name])}; a '
                 "factor makes one of any other",

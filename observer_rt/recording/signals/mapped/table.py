@@ -23,10 +23,6 @@ class Part:
     time: Values
     signals: Mapping[str, Values]
 
-    def without_last(self) -> "Part":
-        """The same but for the last row."""
-        return Part(self.time[:-1], {name: values[:-1] for name, values in self.signals.items()})
-
 
 class Table(ABC):
     """The mapped columns of a file.

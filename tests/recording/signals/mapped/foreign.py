@@ -16,7 +16,7 @@ COLUMNS = """
 {options}
 [recording.time]
 column = "t"
-unit = "ms"
+{time}
 [recording.rail_pressure]
 column = "p_Rail"
 {rail}
@@ -27,12 +27,33 @@ unit = "um"
 column = "p_Line"
 unit = "MPa"
 """
+PLACES = """
+[recording]
+[recording.time]
+column = 1
+{time}
+[recording.rail_pressure]
+column = 2
+unit = "bar"
+[recording.needle_lift]
+column = 3
+unit = "um"
+[recording.line_pressure]
+column = 4
+unit = "MPa"
+"""
 
 
-def bench(folder: Path, options: str = "", rail: str = 'unit = "bar"', text: str = COLUMNS) -> Bench:
+def bench(
+    folder: Path,
+    options: str = "",
+    rail: str = 'unit = "bar"',
+    text: str = COLUMNS,
+    time: str = 'unit = "ms"',
+) -> Bench:
     """The example bench with a `[recording]` section."""
     path = folder / "bench.toml"
-    path.write_text(EXAMPLE_BENCH.read_text() + text.format(options=options, rail=rail))
+    path.write_text(EXAMPLE_BENCH.read_text() + text.format(options=options, rail=rail, time=time))
     return load_bench(path)
 
 

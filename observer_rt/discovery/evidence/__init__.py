@@ -1,1 +1,0 @@
-"""What recordings show: standstill, openings, judged stretches, noise."""

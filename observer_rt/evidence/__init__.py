@@ -1,0 +1,1 @@
+"""What recordings show: standstill, openings, judged stretches, noise; and how well a model explains it."""

@@ -1,0 +1,217 @@
+"""How well an effective model explains the recordings: whitened innovations, -2 log L."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.estimation.gain import GainSchedule, gain_schedule
+from observer_rt.estimation.learned import Learned, nothing_learned
+from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
+from observer_rt.evidence.bounded_fit import Residuals
+from observer_rt.evidence.measurement import Measurement
+from observer_rt.evidence.open_loop import SPARE_SUBSTEPS
+from observer_rt.evidence.windows import Batch, Rows, TrueInputs, batch_of, latest, phases
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effective import EffectiveModel, InputTerms
+from observer_rt.model.line.interface import Line
+from observer_rt.model.seat import Seat
+from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
+
+GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
+_MOST_GAINS = 4096  # kept: those round a few candidates
+
+
+@njit(cache=True, nogil=True)
+def predict(
+    batch: Batch,
+    setting: Setting,
+    learned: Learned,
+    innovation: NDArray[np.float64],
+    rate: NDArray[np.float64],
+    no_slopes: NDArray[np.float64],
+) -> None:
+    """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording."""
+    for i in range(batch.openings.shape[0]):
+        first, end = batch.bounds[i], batch.bounds[i + 1]
+        window = Window(
+            batch.inputs[first:end],
+            batch.output[first:end],
+            batch.resting[first:end],
+            batch.starts[i],
+            batch.openings[i],
+            np.empty((0, 2)),  # compiled code knows no defaults
+        )
+        follow(window, setting, learned, end - first, innovation[first:end], rate[first:end], None, no_slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A model on one recording: normalised innovations (n,) where counted, log of their standard deviation, and
+    normalised residuals of the measured rate (m,), the gain error taken out and appended; (0,) without a rate.
+    masses: injected in every event by x~ (events,) [kg]."""
+
+    z: NDArray[np.float64]
+    log_sigma: float
+    rate_z: NDArray[np.float64]
+    masses: NDArray[np.float64]
+
+
+class Trial:
+    """One recording, ready to be compared with models."""
+
+    def __init__(self, measurement: Measurement, nominal: EffectiveModel) -> None:
+        self.measurement = measurement
+        self._rows = Rows(measurement)
+        self._latest = latest(measurement)
+        rate = measurement.recording.sample_rate
+        needed = substeps_needed(nominal.injector, rate, nominal.departures)
+        self._substeps = min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS)
+        self._gains: dict[tuple[Line, float, float], GainSchedule] = {}
+        self._nominal_key = _input_key(nominal)
+        self._nominal_inputs = TrueInputs(measurement, nominal.inputs, nominal.coefficients)
+        batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, 0.0, nominal.coefficients)
+        every = phases(measurement, batch)
+        self.phases = every[self._rows.counted]
+        """(n,): of the counted innovations."""
+        self.rate_phases = np.zeros(0, np.int8)
+        """(m,): of the judged samples of the measured rate; (0,) without one."""
+        self._rate: NDArray[np.float64] | None = None
+        if measurement.recording.injection_rate is not None:
+            self.rate_phases = every[self._rows.rate_rows]
+            self._rate = measurement.recording.injection_rate[self._rows.rate_samples]
+            self._rate_sigma = self._rate_noise(nominal)
+
+    def judge(self, model: EffectiveModel) -> Judged | None:
+        """Compare with a model; None where its solution is not finite or cannot be had."""
+        late = math.floor(model.sensor.delay / self.measurement.interval)
+        if abs(late) >= self._latest or self._substeps_of(model) > MAX_SUBSTEPS:
+            return None
+        schedule = self._schedule(model)
+        innovation, rate = self._predicted(model, self._inputs_of(model), late, schedule)
+        z = innovation[self._rows.counted] / schedule.innovation_sigma
+        if not np.isfinite(z).all():
+            return None
+        rate_z = self._judged_rate(rate[self._rows.rate_rows + late])
+        masses = model.coefficients.density * self._rows.volumes(rate)
+        return Judged(z, math.log(schedule.innovation_sigma), rate_z, masses)
+
+    def lift_and_rate(
+        self, model: EffectiveModel, at_line: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Measured lift [m] and a model's injection rate [m3/s].
+
+        at_line: (n,) at the counted innovations; else (m,) where a measured rate is judged.
+        """
+        _, rate = self._predicted(model, self._inputs_of(model), 0, self._schedule(model))
+        rows = np.flatnonzero(self._rows.counted) if at_line else self._rows.rate_rows
+        return self.measurement.recording.needle_lift[self._rows.samples[rows]], rate[rows]
+
+    def _predicted(
+        self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
+        c, sensor, interval = model.coefficients, model.sensor, self.measurement.interval
+        batch = batch_of(self.measurement, self._rows, inputs, late, sensor.offset, c)
+        share = sensor.delay / interval - late
+        offset = sensor.offset / c.pressure_scale
+        gain = schedule.gains[-1].copy()
+        setting = Setting(interval, self._substeps_of(model), c, gain, share, sensor.lag, offset)
+        innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
+        predict(batch, setting, nothing_learned(c), innovation, rate, NO_SLOPES)
+        return innovation, rate
+
+    def _substeps_of(self, model: EffectiveModel) -> int:
+        rate = self.measurement.recording.sample_rate
+        return max(self._substeps, substeps_needed(model.injector, rate, model.departures))
+
+    def _schedule(self, model: EffectiveModel) -> GainSchedule:
+        c, sensor = model.coefficients, model.sensor
+        share = (sensor.delay / self.measurement.interval) % 1.0
+        key = (c.line, sensor.lag, share)
+        schedule = self._gains.get(key)
+        if schedule is None:
+            if len(self._gains) > _MOST_GAINS:
+                self._gains.clear()
+            rate = self.measurement.recording.sample_rate
+            schedule = gain_schedule(c, self.measurement.noise, rate, sensor.lag, share)
+            self._gains[key] = schedule
+        return schedule
+
+    def _inputs_of(self, model: EffectiveModel) -> TrueInputs:
+        """True inputs under the model's terms; only the nominal ones are kept."""
+        if _input_key(model) == self._nominal_key:
+            return self._nominal_inputs
+        return TrueInputs(self.measurement, model.inputs, model.coefficients)
+
+    def _rate_noise(self, nominal: EffectiveModel) -> NDArray[np.float64]:
+        """Standard deviation of measured minus modelled rate (m,): its own noise and the lift's."""
+        noise = self.measurement.noise.needle_lift
+        schedule = self._schedule(nominal)
+        shifted = nominal.with_terms("inputs", lift_shift=nominal.inputs.lift_shift + noise)
+        late = math.floor(nominal.sensor.delay / self.measurement.interval)
+        _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule)
+        _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule)
+        rows = self._rows.rate_rows + late
+        return np.asarray(np.hypot(self.measurement.rate_noise, (other - rate)[rows]), np.float64)
+
+    def _judged_rate(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Residuals of the measured rate, its gain error estimated with its prior: exact for a Gaussian nuisance."""
+        if self._rate is None:
+            return np.zeros(0)
+        residual, scale = (self._rate - rate) / self._rate_sigma, rate / self._rate_sigma
+        gain = float(scale @ residual) / (float(scale @ scale) + GAIN_ERROR**-2)
+        return np.append(residual - gain * scale, gain / GAIN_ERROR)
+
+
+def evidence_of(found: Sequence[Measurement], nominal: EffectiveModel) -> "Evidence":
+    """Recordings, ready to be compared with models that depart from the nominal one.
+
+    Raises `UserError` where the nominal model needs too many integration steps a sample.
+    """
+    for measurement in found:
+        rate = measurement.recording.sample_rate
+        substeps = substeps_needed(nominal.injector, rate, nominal.departures)
+        if substeps > MAX_SUBSTEPS:
+            raise UserError(
+                str(measurement.recording.path or "recording"),
+                f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS})",
+                f"record with {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give the model a larger sac",
+            )
+    return Evidence([Trial(measurement, nominal) for measurement in found])
+
+
+class Evidence:
+    """All recordings: what a model's residuals on them are."""
+
+    def __init__(self, trials: Sequence[Trial]) -> None:
+        self.trials = tuple(trials)
+
+    def judge(self, model: EffectiveModel) -> list[Judged] | None:
+        """The model on every recording; None where its solution is not finite."""
+        judged = [trial.judge(model) for trial in self.trials]
+        complete = [one for one in judged if one is not None]
+        return complete if len(complete) == len(judged) else None
+
+    def residuals(self, model: EffectiveModel) -> Residuals | None:
+        """All residuals: line pressure, then rate, recording after recording."""
+        judged = self.judge(model)
+        return None if judged is None else residuals_of(judged)
+
+
+def residuals_of(judged: Sequence[Judged]) -> Residuals:
+    """Residuals of all recordings as one."""
+    parts = [part for one in judged for part in (one.z, one.rate_z)]
+    return Residuals(
+        np.concatenate(parts),
+        np.array([part.size for part in parts]),
+        np.array([value for one in judged for value in (one.log_sigma, 0.0)]),
+    )
+
+
+def _input_key(model: EffectiveModel) -> tuple[InputTerms, Seat]:
+    """What the inputs depend on."""
+    return model.inputs, model.coefficients.seat

@@ -1,0 +1,229 @@
+"""Recordings as discovery sees them: noise, openings, and the stretches of samples that are judged."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.evidence.noise import white_noise
+from observer_rt.evidence.openings import Opening, find_openings
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
+from observer_rt.recording.signals.recording import Recording
+
+LEAD = 3e-3  # s before an opening from which x~ runs
+COUNTED_LEAD = 1e-3  # s before an opening from which innovations count: by then x~ has forgotten its start
+RING_DOWN = 12e-3  # s after the last closing that count
+EVENT_GAP = 10e-3  # s of shut needle that end an event
+RESTING = 3e-3  # s after which a shut sac is at chamber pressure
+START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
+MARGIN = 80e-6  # s at both ends, for channels recorded late or early
+FLOOR = NoiseLevels(rail_pressure=0.005 * MEGAPASCAL, line_pressure=0.005 * MEGAPASCAL, needle_lift=0.02e-6)
+RATE_FLOOR = 0.01 * MM3_PER_MS
+POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these
+_GUESSED_LIFT_NOISE = 0.4 * MICROMETRE  # where too few samples tell
+LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
+SHORTEST_OPENING = 0.05e-3  # s
+
+
+@dataclass(frozen=True)
+class JudgedEvent:
+    """Openings closer than EVENT_GAP: x~ runs from sample `start`, innovations count in [counted, end)."""
+
+    openings: tuple[Opening, ...]
+    start: int
+    counted: int
+    end: int
+
+
+class Lack(StrEnum):
+    """Why an injection cannot be judged."""
+
+    GAP = "samples are missing in it or beside it"
+    AFTER = f"less than {EVENT_GAP / 2 * 1e3:g} ms of shut needle follow"
+    BEFORE = f"less than {LEAD * 1e3:g} ms of shut needle come before"
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """An injection that is not judged; time: when the needle opens [s]."""
+
+    time: float
+    lack: Lack
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """A recording with what was found in it.
+
+    noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
+    the events [Pa]; duration: mean time the needle is open in an event [s]; left_out: injections that are no events.
+    """
+
+    recording: Recording
+    noise: NoiseLevels
+    rate_noise: float
+    events: tuple[JudgedEvent, ...]
+    rail_pressure: float
+    duration: float
+    left_out: tuple[LeftOut, ...] = ()
+
+    @property
+    def interval(self) -> float:
+        """Sample interval [s]."""
+        return 1.0 / self.recording.sample_rate
+
+
+def measurements(recordings: Sequence[Recording]) -> tuple[Measurement, ...]:
+    """Every recording with its noise and events, in the order given.
+
+    Raises `UserError` for a recording without a complete injection, too short a standstill or a slow sample rate.
+    """
+    found = [_measurement(recording) for recording in recordings]
+    if not found:
+        raise UserError("RECORDING", "no recordings", "give at least one recording with injections")
+    return tuple(found)
+
+
+def _measurement(recording: Recording) -> Measurement:
+    name = str(recording.path) if recording.path is not None else "recording"
+    if recording.sample_rate < LOWEST_SAMPLE_RATE:
+        raise UserError(
+            name,
+            f"{recording.sample_rate:g} samples a second do not show the ringing of the line",
+            f"record with {LOWEST_SAMPLE_RATE:g} Hz or more",
+        )
+    openings = _openings(recording)
+    events, left_out = _events(recording, openings)
+    if not events:
+        lacks = sorted({str(event.lack) for event in left_out})
+        raise UserError(
+            name,
+            "no complete injection" + "".join(f"; {lack}" for lack in lacks),
+            f"record {LEAD * 1e3:g} ms of shut needle before an injection and {EVENT_GAP * 1e3:g} ms after it",
+        )
+    levels, rate_noise = _noise(recording, openings, name)
+    return Measurement(
+        recording,
+        levels,
+        rate_noise,
+        events,
+        float(np.mean([rail_pressure_before(event, recording) for event in events])),
+        float(np.mean([open_time(event, recording) for event in events])),
+        left_out,
+    )
+
+
+def rail_pressure_before(event: JudgedEvent, recording: Recording) -> float:
+    """Mean rail pressure before an event [Pa]."""
+    first = event.openings[0].first
+    lead = max(1, round(COUNTED_LEAD * recording.sample_rate))
+    return float(np.mean(recording.rail_pressure[first - lead : first]))
+
+
+def open_time(event: JudgedEvent, recording: Recording) -> float:
+    """How long the needle is open in an event [s]."""
+    return sum(o.last - o.first + 1 for o in event.openings) / recording.sample_rate
+
+
+def missing_samples(recording: Recording) -> NDArray[np.bool_]:
+    """Samples (n,) of which an input or the line pressure is not available."""
+    return np.isnan(recording.rail_pressure + recording.needle_lift + recording.line_pressure)
+
+
+def _openings(recording: Recording) -> list[Opening]:
+    """Openings of the needle, found with the lift's own noise."""
+    lift = recording.needle_lift
+    everywhere = np.ones(lift.size, np.bool_)
+    noise = white_noise(lift, everywhere)
+    noise = max(noise if np.isfinite(noise) else _GUESSED_LIFT_NOISE, FLOOR.needle_lift)
+    shortest = SHORTEST_OPENING * recording.sample_rate
+    return [o for o in find_openings(lift, noise) if o.last - o.first >= shortest]
+
+
+def _events(
+    recording: Recording, openings: list[Opening]
+) -> tuple[tuple[JudgedEvent, ...], tuple[LeftOut, ...]]:
+    """Complete events whose samples are all available, and what is none."""
+    rate = recording.sample_rate
+    groups: list[list[Opening]] = []
+    for opening in openings:
+        if groups and opening.first - groups[-1][-1].last < EVENT_GAP * rate:
+            groups[-1].append(opening)
+        else:
+            groups.append([opening])
+    margin = round(MARGIN * rate) + 1
+    lead = round(COUNTED_LEAD * rate)
+    limits = [*(group[0].first - lead for group in groups), recording.samples - margin][1:]
+    missing = missing_samples(recording)
+    events, left_out = [], []
+    previous_end = 0
+    for group, limit in zip(groups, limits, strict=True):
+        start = group[0].first - round(LEAD * rate)
+        counted = group[0].first - lead
+        end = min(group[-1].last + round(RING_DOWN * rate), limit)
+        lack = None
+        if start - margin < previous_end:
+            lack = Lack.BEFORE
+        elif end - group[-1].last < 0.5 * EVENT_GAP * rate:
+            lack = Lack.AFTER
+        elif missing[start - margin : end + margin].any():
+            lack = Lack.GAP
+        if lack is None:
+            events.append(JudgedEvent(tuple(group), start, counted, end))
+        else:
+            left_out.append(LeftOut(float(recording.time[group[0].first]), lack))
+        previous_end = group[-1].last
+    return tuple(events), tuple(left_out)
+
+
+def _noise(recording: Recording, openings: list[Opening], name: str) -> tuple[NoiseLevels, float]:
+    """Noise levels and that of the rate: needle shut for pressures and rate, open for the lift."""
+    shut = shut_mask(recording.samples, openings, round(RESTING * recording.sample_rate))
+    is_open = np.zeros(recording.samples, np.bool_)
+    for opening in openings:
+        is_open[opening.first : opening.last + 1] = True
+    rail, line = (white_noise(v, shut) for v in (recording.rail_pressure, recording.line_pressure))
+    if not np.isfinite(rail + line):
+        raise UserError(
+            name, "too little standstill to measure the noise", "record some ms more of shut needle"
+        )
+    lift = white_noise(recording.needle_lift, is_open)
+    if not np.isfinite(lift):
+        lift = white_noise(recording.needle_lift, shut)
+    levels = NoiseLevels(
+        rail_pressure=max(rail, FLOOR.rail_pressure),
+        line_pressure=max(line, FLOOR.line_pressure),
+        needle_lift=max(lift, FLOOR.needle_lift),
+    )
+    if recording.injection_rate is None:
+        return levels, float("nan")
+    return levels, max(white_noise(recording.injection_rate, shut), RATE_FLOOR)
+
+
+def shut_mask(samples: int, openings: Sequence[Opening], settled: int) -> NDArray[np.bool_]:
+    """Samples (n,) at which the needle has been shut for `settled` samples and more."""
+    result = np.ones(samples, np.bool_)
+    for opening in openings:
+        result[opening.first : opening.last + 1 + settled] = False
+    return result
+
+
+def every_second_point(found: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Recordings (by number) of every second operating point, by rail pressure, then duration; and the others."""
+    points: list[list[int]] = []
+    for number in sorted(range(len(found)), key=lambda i: _point(found[i])):
+        if points and _point(found[points[-1][0]]) == _point(found[number]):
+            points[-1].append(number)
+        else:
+            points.append([number])
+    first, second = points[::2], points[1::2]
+    return tuple(n for group in first for n in group), tuple(n for group in second for n in group)
+
+
+def _point(measurement: Measurement) -> tuple[int, int]:
+    """Operating point: equal for recordings within a few MPa and some hundredths of a millisecond."""
+    return round(measurement.rail_pressure / POINT_PRESSURE), round(measurement.duration / POINT_DURATION)

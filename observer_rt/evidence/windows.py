@@ -1,0 +1,224 @@
+"""The judged stretches of a recording as inputs and output of the predictor, for given input terms."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.estimation.phases import AFTERGLOW, EDGE, phases_of
+from observer_rt.estimation.predictor import Window
+from observer_rt.evidence.measurement import (
+    MARGIN,
+    RESTING,
+    START_MEAN,
+    JudgedEvent,
+    Measurement,
+    shut_mask,
+)
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import InputTerms
+from observer_rt.model.line.interface import rest_line
+from observer_rt.model.seat import normalised_area
+
+RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
+MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
+FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
+
+
+class Batch(NamedTuple):
+    """All windows of a recording, one after another; n samples, w windows, normalised by (24).
+
+    inputs (n, 2), output (n,), resting (n,), starts (w, states + 1) as in `Window`; bounds (w + 1,): window i is
+    [bounds[i], bounds[i+1]); openings (w,): in the window.
+    """
+
+    inputs: NDArray[np.float64]
+    output: NDArray[np.float64]
+    resting: NDArray[np.bool_]
+    starts: NDArray[np.float64]
+    bounds: NDArray[np.int64]
+    openings: NDArray[np.int64]
+
+    def window(self, number: int) -> Window:
+        """One of the windows."""
+        part = slice(self.bounds[number], self.bounds[number + 1])
+        return Window(
+            self.inputs[part],
+            self.output[part],
+            self.resting[part],
+            self.starts[number],
+            self.openings[number],
+        )
+
+
+def in_mass_window(
+    measurement: Measurement, event: JudgedEvent, samples: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Which samples (n,) of a recording an event's mass is summed over."""
+    lead, tail = (round(t / measurement.interval) for t in (MASS_LEAD, MASS_TAIL))
+    inside = np.zeros(samples.size, np.bool_)
+    for opening in event.openings:
+        inside |= (samples >= opening.first - lead) & (samples <= opening.last + tail)
+    return inside
+
+
+class Rows:
+    """Where the samples of a recording lie in its batch."""
+
+    def __init__(self, measurement: Measurement) -> None:
+        events = measurement.events
+        self.samples = np.concatenate([np.arange(e.start, e.end) for e in events])
+        """(n,): the sample whose line pressure a row holds."""
+        self.bounds = np.concatenate(([0], np.cumsum([e.end - e.start for e in events])))
+        self.counted = np.concatenate([np.arange(e.start, e.end) >= e.counted for e in events])
+        """(n,): rows whose innovation is judged."""
+        skipped = round(RATE_DELAY * measurement.recording.sample_rate)
+        rows, times = [], []
+        for event, bound in zip(events, self.bounds, strict=False):
+            near = np.zeros(event.end - event.start, np.bool_)
+            for opening in event.openings:
+                near[opening.first - event.start + skipped : opening.last - event.start + 1] = True
+            rows.append(bound + np.flatnonzero(near))
+            times.append(event.start + np.flatnonzero(near))
+        self.rate_rows = np.concatenate(rows)
+        """(m,): rows at which a measured rate is judged, when the line pressure is not recorded late.
+
+        Those with an open needle, from RATE_DELAY on: a lift within its noise, and an orifice law that is smooth at
+        low pressure, say little of how the sac begins to fill.
+        """
+        self.rate_samples = np.concatenate(times)
+        self._injecting = np.concatenate(
+            [in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events]
+        )
+        self._interval = measurement.interval
+
+    def volumes(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Volume of every event (w,) [m3] by the injection rate (n,) [m3/s] of its rows."""
+        inside = np.where(self._injecting, rate, 0.0)
+        return np.add.reduceat(inside, self.bounds[:-1]) * self._interval
+
+
+class TrueInputs:
+    """A recording's true inputs under given input terms, normalised, for every sample."""
+
+    def __init__(self, measurement: Measurement, terms: InputTerms, c: Coefficients) -> None:
+        recording = measurement.recording
+        openings = [o for event in measurement.events for o in event.openings]
+        rail = terms.rail_factor * recording.rail_pressure + terms.rail_shift
+        self.rail = (rail - c.chamber_pressure) / c.pressure_scale
+        self.area = np.zeros(recording.samples)
+        _fill_areas(
+            recording.needle_lift,
+            np.array([(o.first, o.last) for o in openings]),
+            np.array([(o.rising.lift, o.rising.slope, o.falling.lift, o.falling.slope) for o in openings]),
+            terms.lift_factor,
+            terms.lift_shift,
+            FOOT_ROUNDING / measurement.interval,
+            c,
+            self.area,
+        )
+
+
+@njit(cache=True, nogil=True)
+def _fill_areas(
+    lift: NDArray[np.float64],
+    openings: NDArray[np.int64],
+    ramps: NDArray[np.float64],
+    factor: float,
+    shift: float,
+    rounding: float,
+    c: Coefficients,
+    area: NDArray[np.float64],
+) -> None:
+    """Normalised seat areas (n,): of the true lift while open, 0 while shut.
+
+    openings: (k, 2) first and last sample; ramps: (k, 4) lift and slope of the rising ramp, of the falling one.
+
+    A sensor that reads too little misses the foot of a ramp, which is extended to where the needle leaves its seat.
+    Beside it stands the negative area the ramp comes from, see `integrator.between`.
+    """
+    for i in range(openings.shape[0]):
+        first, last = openings[i, 0], openings[i, 1]
+        for k in range(first, last + 1):
+            area[k] = _area(factor * lift[k] + shift, c)
+        hidden = max(shift, 0.0)
+        _extend(area, first, -1, factor * ramps[i, 0] + shift, factor * ramps[i, 1], hidden, rounding, c)
+        _extend(area, last, 1, factor * ramps[i, 2] + shift, factor * ramps[i, 3], hidden, rounding, c)
+
+
+@njit(cache=True, nogil=True)
+def _extend(
+    area: NDArray[np.float64],
+    k: int,
+    direction: int,
+    lift: float,
+    slope: float,
+    hidden: float,
+    rounding: float,
+    c: Coefficients,
+) -> None:
+    """Extend a ramp from its outermost sample k until it is shut; a lift above `hidden` would have been recorded.
+
+    What is hidden of the foot is taken to be rounded over 2 `rounding` samples: a needle has mass.
+    """
+    bend = min(slope * rounding, 4.0 * hidden)  # without a jump where nothing is hidden
+    while slope > 0.0 and 0 < k < area.shape[0] - 1 and area[k + direction] <= 0.0:
+        k += direction
+        lift = min(lift - slope, hidden)
+        foot = lift
+        if -bend < lift < bend:
+            foot = min((lift + bend) ** 2 / (4.0 * bend), hidden)
+        elif lift <= -bend:
+            foot = lift + bend
+        area[k] = _area(foot, c)
+        if foot <= 0.0:
+            break
+
+
+@njit(cache=True, nogil=True)
+def _area(lift: float, c: Coefficients) -> float:
+    """Normalised seat area, odd in the lift."""
+    area: float = normalised_area(abs(lift), c.seat)
+    return area if lift >= 0.0 else -area
+
+
+def batch_of(
+    measurement: Measurement, rows: Rows, inputs: TrueInputs, late: int, offset: float, c: Coefficients
+) -> Batch:
+    """The windows when the line pressure is recorded `late` samples late with an offset [Pa] added.
+
+    Rows belong to samples of the line pressure, so that every candidate is judged on the same ones.
+    """
+    recording = measurement.recording
+    openings = [o for event in measurement.events for o in event.openings]
+    resting = shut_mask(recording.samples, openings, round(RESTING * recording.sample_rate))
+    resting &= inputs.area <= 0.0  # the foot of a ramp the sensor did not see
+    source = rows.samples - late
+    output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale
+    beside = round(START_MEAN * recording.sample_rate)
+    starts = np.zeros((len(measurement.events), c.states + 1))
+    for i, event in enumerate(measurement.events):
+        mean = float(np.mean(output[event.start - beside : event.start + beside + 1]))
+        starts[i, -1] = mean - offset / c.pressure_scale
+        rest_line(starts[i], starts[i, -1], c.line)
+    return Batch(
+        np.ascontiguousarray(np.stack((inputs.rail[source], inputs.area[source]), axis=1)),
+        output[rows.samples],
+        resting[source],
+        starts,
+        rows.bounds,
+        np.array([event.openings[0].first - event.start + late for event in measurement.events]),
+    )
+
+
+def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:
+    """`Phase` of every row of a batch (n,)."""
+    edge, afterglow = (round(t / measurement.interval) for t in (EDGE, AFTERGLOW))
+    windows = [batch.window(i) for i in range(len(measurement.events))]
+    return np.concatenate([phases_of(window, edge, afterglow) for window in windows])
+
+
+def latest(measurement: Measurement) -> int:
+    """By how many samples the line pressure may be late."""
+    return round(MARGIN / measurement.interval)

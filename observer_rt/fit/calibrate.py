@@ -1,0 +1,119 @@
+"""The whole fit: structures tried, one chosen and settled, its worth judged."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.phases import Phase
+from observer_rt.evidence.measurement import Measurement
+from observer_rt.fit.choice import Choice, choose
+from observer_rt.fit.held_out import Unexplained
+from observer_rt.fit.parts import Part, Weighed, as_recorded, parts_of
+from observer_rt.fit.residuals import Comparison, compared
+from observer_rt.fit.search import ROUGH_ITERATIONS, Failed, Fitted, fine, fitted, rough, settled
+from observer_rt.fit.structures import INERTANCE, STRUCTURES, FreeParameter, Structure
+from observer_rt.foundation.errors import RunError
+from observer_rt.model.parameters import InjectorParameters
+
+GATE = 4.0  # chi2 of a phase, above which a model is not adequate
+
+
+class Level(StrEnum):
+    """What the absolute level of flow rests on."""
+
+    FILE = "file"
+    RATE = "measured_rate"
+    MASS = "measured_mass"
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """What a fit found.
+
+    file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
+    parameters the recordings do not tell, as in the file; comparison: before and after.
+    """
+
+    file: InjectorParameters
+    found: Sequence[Measurement]
+    choice: Choice
+    fitted: Fitted
+    kept: tuple[FreeParameter, ...]
+    level: Level
+    comparison: Comparison
+
+    @property
+    def injector(self) -> InjectorParameters:
+        """The injector fitted."""
+        return self.fitted.injector
+
+    @property
+    def offsets(self) -> NDArray[np.float64]:
+        """Of the line-pressure sensor in each part [MPa]."""
+        return self.fitted.minimum.at.theta[len(self.fitted.calibration.free) :]
+
+    @property
+    def left(self) -> Unexplained:
+        """Of the line pressure."""
+        return self.comparison.after
+
+    @property
+    def inadequate(self) -> tuple[Phase, ...]:
+        """Phases the model does not explain, the worst first; none where it is adequate."""
+        over = [phase for phase in Phase if np.nan_to_num(self.left.chi2[phase]) > GATE]
+        return tuple(sorted(over, key=lambda phase: -self.left.chi2[phase]))
+
+    @property
+    def held_out_mass_share(self) -> float | None:
+        """Standard deviation of the mass, as a share, where nothing was fitted; None with nothing left out."""
+        if self.fitted.held_out is None:
+            return None
+        return float(np.sqrt(np.mean(self.fitted.held_out.mass_shift**2)))
+
+
+def level_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> Level:
+    """What tells the level: a rate does so at every sample."""
+    if any(one.recording.injection_rate is not None for one in found):
+        return Level.RATE
+    return Level.MASS if weighed else Level.FILE
+
+
+def calibrate(
+    file: InjectorParameters,
+    found: Sequence[Measurement],
+    weighed: Mapping[int, Weighed],
+    progress: Callable[[float], None],
+    structures: Sequence[Structure] = STRUCTURES,
+) -> Calibrated:
+    """Fit an injector to recordings of it in health. weighed: measured masses, by the number of the recording.
+
+    Raises `RunError` where no structure has a solution.
+    """
+    level = level_of(found, weighed)
+    parts = parts_of(found, weighed)
+    coarse, steps = rough(parts), len(structures) + 2
+    tried: list[Fitted | Failed] = []
+    for structure in structures:
+        tried.append(fitted(structure, file, _free(structure, level), coarse, ROUGH_ITERATIONS))
+        progress(len(tried) / steps)
+    choice = choose(tried, file)
+    if choice is None:
+        reasons = "; ".join(f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, Failed))
+        raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
+    best, kept = settled(choice.best, file, fine(parts))
+    progress((len(structures) + 1) / steps)
+    return Calibrated(file, found, choice, best, kept, level, _comparison(file, best, found))
+
+
+def _free(structure: Structure, level: Level) -> tuple[FreeParameter, ...]:
+    return structure.free if level is Level.FILE else (*structure.free, INERTANCE)
+
+
+def _comparison(file: InjectorParameters, best: Fitted, found: Sequence[Measurement]) -> Comparison:
+    calibration = best.calibration
+    offsets = best.minimum.at.theta[len(calibration.free) :]
+    loud: list[Part] = [as_recorded(part, found[part.recording]) for part in calibration.parts]
+    return compared(file, best.injector, offsets, loud)

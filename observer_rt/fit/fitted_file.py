@@ -1,0 +1,118 @@
+"""The fitted injector file: the file given, its comments and layout kept, with the fitted numbers and [baseline]."""
+
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import Float, Trivia
+
+from observer_rt.config.bench import load_injector
+from observer_rt.fit.calibrate import Calibrated
+from observer_rt.fit.identifiability import interval
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.model.baseline import Baseline, NoiseFigures, PhaseFigures
+from observer_rt.model.parameters import Line
+
+ORIGIN = "observer-rt fit"
+BASELINE = "baseline"
+_DIGITS = 7
+_SHOWN_HASH = 12  # digits of a recording's hash
+
+
+def read_document(path: Path) -> tomlkit.TOMLDocument:
+    """An injector file to be changed. Raises `UserError` for what cannot be changed as text."""
+    try:
+        return tomlkit.parse(path.read_text(encoding="utf-8"))
+    except TOMLKitError as error:
+        raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
+
+
+def write_fitted(path: Path, document: tomlkit.TOMLDocument, done: Calibrated, baseline: Baseline) -> None:
+    """Write the fitted file and see that it loads. Raises `RunError` when it would not be taken back."""
+    fitted = done.fitted
+    injector = done.injector
+    if injector.line_outflow != done.file.line_outflow:
+        document["line_outflow"] = injector.line_outflow.value
+    _state_line(_section(document, "line"), done.file.line, injector.line)
+    for parameter in fitted.calibration.free:
+        value = parameter.of(injector)
+        _section(document, parameter.section)[parameter.key] = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
+    document.pop(BASELINE, None)
+    table = tomlkit.table()
+    for key, entry in baseline.model_dump(mode="json", exclude_none=True).items():
+        table[key] = _inline(entry) if isinstance(entry, dict) else entry
+    document[BASELINE] = table
+    path.write_text(tomlkit.dumps(document), encoding="utf-8")
+    try:
+        load_injector(path)
+    except UserError as error:
+        raise RunError(f"{path}: the fitted model would not load: {error.problem}") from None
+
+
+def _state_line(section: Any, before: Line, after: Line) -> None:
+    """What a structure changes in [line]."""
+    for key in ("model", "cells", "impedance_ratio"):
+        value = getattr(after, key)
+        if value is None:
+            section.pop(key, None)
+        elif value != getattr(before, key) or key in section:
+            section[key] = value
+
+
+def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
+    """What the file is to remember. hashes: SHA-256 of the recordings by name."""
+    found, left = done.found, done.left
+    noise = [one.noise for one in found]
+    pressures = [one.rail_pressure / MEGAPASCAL for one in found]
+    sigmas = done.fitted.certainty.sigmas
+    return Baseline(
+        adequate=not done.inadequate,
+        level=done.level.value,
+        held_out_mass_share=None if done.held_out_mass_share is None else rounded(done.held_out_mass_share),
+        sample_rate_Hz=rounded(found[0].recording.sample_rate),
+        injections=sum(len(part.measurement.events) for part in done.fitted.calibration.parts),
+        rail_pressure_MPa=_rounded_pair((min(pressures), max(pressures))),
+        variance=PhaseFigures.of({phase.name: rounded(v) for phase, v in left.variance.items()}),
+        chi2=PhaseFigures.of({phase.name: rounded(v) for phase, v in left.chi2.items()}),
+        colour=PhaseFigures.of({phase.name: rounded(v) for phase, v in left.colour.items()}),
+        noise=NoiseFigures(
+            rail_pressure_MPa=_mean([one.rail_pressure for one in noise]) / MEGAPASCAL,
+            line_pressure_MPa=_mean([one.line_pressure for one in noise]) / MEGAPASCAL,
+            needle_lift_um=_mean([one.needle_lift for one in noise]) / MICROMETRE,
+        ),
+        ci95={
+            one.name: _rounded_pair(interval(one.of(done.injector), float(sigma)))
+            for one, sigma in zip(done.fitted.calibration.free, sigmas, strict=True)
+        },
+        recordings=tuple(f"{name} sha256 {digest[:_SHOWN_HASH]}" for name, digest in hashes.items()),
+        origin=ORIGIN,
+        date=date.today().isoformat(),
+    )
+
+
+def rounded(value: float) -> float:
+    """To the digits a file needs."""
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _rounded_pair(pair: tuple[float, float]) -> tuple[float, float]:
+    return rounded(pair[0]), rounded(pair[1])
+
+
+def _mean(values: Sequence[float]) -> float:
+    return rounded(sum(values) / len(values))
+
+
+def _section(document: tomlkit.TOMLDocument, name: str) -> Any:
+    """A section of the file; it is there, for the file was loaded."""
+    return document[name]
+
+
+def _inline(entry: dict[str, Any]) -> Any:
+    table = tomlkit.inline_table()
+    table.update(entry)
+    return table

@@ -1,0 +1,133 @@
+"""Residuals of a structure on all recordings as a function of its parameters, for the bounded fit."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.evidence.bounded_fit import Range, Residuals
+from observer_rt.evidence.likelihood import Judged, Trial
+from observer_rt.fit.parts import Part, standstill_offset
+from observer_rt.fit.structures import FreeParameter, values_of, with_values
+from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model
+from observer_rt.model.line.wave import STABLE
+from observer_rt.model.line.wave import STEP as STEP_OF_WAVES
+from observer_rt.model.parameters import InjectorParameters
+
+OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
+STEP = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
+_MOST_KEPT = 64  # residuals kept of a part: those of a linearisation
+
+
+class Calibration:
+    """A `bounded_fit.Problem`. theta: (p + parts,) logarithms of the parameters, then an offset [MPa] of each part.
+
+    What a part's residuals depend on is its own offset only, so those of the others are taken from memory.
+    """
+
+    def __init__(
+        self, start: InjectorParameters, free: Sequence[FreeParameter], parts: Sequence[Part]
+    ) -> None:
+        """start: the injector in the structure to be fitted, which the prior is centred at."""
+        self.free = tuple(free)
+        self.parts = tuple(parts)
+        self._injector = start
+        self._trials = [Trial(part.measurement, effective_model(start)) for part in parts]
+        self._kept: list[dict[tuple[float, ...], Judged | None]] = [{} for _ in parts]
+        self.centre = np.concatenate(
+            [np.log(values_of(start, free)), [standstill_offset(part) / MEGAPASCAL for part in parts]]
+        )
+
+    def part_alone(self, number: int) -> "OnePart":
+        """The problem of one of its parts, the offset that of the part."""
+        return OnePart(self, number)
+
+    @property
+    def trials(self) -> Sequence[Trial]:
+        """Of the parts, in their order."""
+        return self._trials
+
+    @property
+    def prior_sigmas(self) -> NDArray[np.float64]:
+        """(p + parts,)"""
+        return np.array([one.spread for one in self.free] + [OFFSET_SIGMA / MEGAPASCAL] * len(self.parts))
+
+    @property
+    def ranges(self) -> list[Range]:
+        """Bounds of theta."""
+        sized = [Range(math.log(one.lowest), math.log(one.highest), STEP) for one in self.free]
+        return sized + [Range(-20.0, 20.0, STEP) for _ in self.parts]
+
+    def injector(self, theta: NDArray[np.float64]) -> InjectorParameters:
+        """The injector at theta."""
+        return with_values(self._injector, self.free, np.exp(theta[: len(self.free)]))
+
+    def model(self, theta: NDArray[np.float64], number: int) -> EffectiveModel:
+        """The model at theta of one of the parts."""
+        model = effective_model(self.injector(theta))
+        offset = float(theta[len(self.free) + number]) * MEGAPASCAL
+        return model.with_terms("sensor", offset=model.sensor.offset + offset)
+
+    def judge(self, theta: NDArray[np.float64], number: int) -> Judged | None:
+        """A part at theta; None where the model has no solution."""
+        p = len(self.free)
+        key = (*theta[:p].tolist(), float(theta[p + number]))
+        kept = self._kept[number]
+        if key not in kept:
+            if len(kept) >= _MOST_KEPT:
+                kept.pop(next(iter(kept)))
+            model = self.model(theta, number)
+            kept[key] = self._trials[number].judge(model) if _is_stable(model) else None
+        return kept[key]
+
+    def judge_all(self, theta: NDArray[np.float64]) -> list[Judged] | None:
+        """All parts at theta; None where the model has no solution."""
+        judged = [self.judge(theta, number) for number in range(len(self.parts))]
+        complete = [one for one in judged if one is not None]
+        return complete if len(complete) == len(judged) else None
+
+    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
+        """Line pressure, rate and masses of every part, then what the prior says of theta."""
+        judged = self.judge_all(theta)
+        if judged is None:
+            return None
+        groups = [group for number, one in enumerate(judged) for group in self._groups(number, one)]
+        groups.append(((theta - self.centre) / self.prior_sigmas, 0.0))
+        return _joined(groups)
+
+    def _groups(self, number: int, one: Judged) -> list[tuple[NDArray[np.float64], float]]:
+        masses = self.parts[number].mass_residuals(one.masses)
+        return [(one.z, one.log_sigma), (one.rate_z, 0.0), (masses, 0.0)]
+
+    def residuals_of(self, theta: NDArray[np.float64], number: int) -> Residuals | None:
+        """Of one part, without the prior."""
+        judged = self.judge(theta, number)
+        return None if judged is None else _joined(self._groups(number, judged))
+
+
+def _is_stable(model: EffectiveModel) -> bool:
+    """Whether a line in which pressure travels can be stepped: sound crosses less than a cell."""
+    line = model.coefficients.line
+    return not line.staggered or line.strain(STEP_OF_WAVES) < STABLE
+
+
+class OnePart:
+    """A `bounded_fit.Problem`: what one part says of theta."""
+
+    def __init__(self, whole: Calibration, number: int) -> None:
+        self._whole, self._number = whole, number
+
+    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
+        """Of this part."""
+        return self._whole.residuals_of(theta, self._number)
+
+
+def _joined(groups: Sequence[tuple[NDArray[np.float64], float]]) -> Residuals:
+    return Residuals(
+        np.concatenate([z for z, _ in groups]),
+        np.array([z.size for z, _ in groups]),
+        np.array([log_sigma for _, log_sigma in groups]),
+    )

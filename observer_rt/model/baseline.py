@@ -1,0 +1,68 @@
+"""What a fitted injector file remembers of the healthy injector: [baseline]."""
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+FORMAT = 1
+
+Share = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Quotient = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class PhaseFigures(_Section):
+    """A mean square of normalised innovations in each phase of an event, 1 for noise alone; None: not seen."""
+
+    standstill: Quotient | None = None
+    opening: Quotient | None = None
+    open: Quotient | None = None
+    closing: Quotient | None = None
+    after: Quotient | None = None
+
+    @classmethod
+    def of(cls, figures: Mapping[str, float]) -> "PhaseFigures":
+        """From figures by the name of the phase, nan where it was not seen."""
+        return cls(**{name.lower(): value for name, value in figures.items() if value == value})
+
+    def at(self, phase: str) -> float:
+        """The figure of a phase by its name, 1 where it was not seen."""
+        value = getattr(self, phase.lower())
+        return 1.0 if value is None else float(value)
+
+
+class NoiseFigures(_Section):
+    """Standard deviation of a sample's white noise at `sample_rate_Hz` of the baseline."""
+
+    rail_pressure_MPa: Annotated[float, Field(gt=0)]  # noqa: N815 - units as on screens
+    line_pressure_MPa: Annotated[float, Field(gt=0)]  # noqa: N815
+    needle_lift_um: Annotated[float, Field(gt=0)]
+
+
+class Baseline(_Section):
+    """What the fitted model leaves unexplained on recordings of the healthy injector.
+
+    variance, chi2, colour: of the innovations of the line pressure, of samples, of means of 8, and the larger of
+    means of 8 and 20; held_out_mass_share: standard deviation of the mass, as a share, at operating points that were
+    not fitted; level: what the absolute level of flow rests on.
+    """
+
+    format: Literal[1] = 1
+    adequate: bool
+    level: Literal["file", "measured_rate", "measured_mass"]
+    held_out_mass_share: Share | None = None
+    sample_rate_Hz: Annotated[float, Field(gt=0)]  # noqa: N815
+    injections: Annotated[int, Field(ge=1)]
+    rail_pressure_MPa: tuple[float, float]  # noqa: N815 - lowest, highest
+    variance: PhaseFigures
+    chi2: PhaseFigures
+    colour: PhaseFigures
+    noise: NoiseFigures
+    ci95: Mapping[str, tuple[float, float]] = {}
+    recordings: tuple[str, ...] = ()
+    origin: str = ""
+    date: str = ""

@@ -1,0 +1,157 @@
+"""README and docs: every command that needs no bus is run as it stands, where the files are that the page speaks of.
+
+Those that need one run in tests/service/test_on_vcan_pages.py. A command that is added to a page is run as well.
+"""
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer.main
+
+from observer_rt.check.findings import Level
+from observer_rt.check.interface import interface_findings
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.config.signals import SignalConfig
+from observer_rt.recording.formats import read_recording
+from tests.cli.conftest import Command
+from tests.pages import PAGES, ROOT, Page, needs_bus, words_of
+from tools.benchmarks.__main__ import app as bench
+
+NOT_RUN = {  # with the reason, and what looks after it instead
+    "tools/demo": "it is `observer-rt demo`, which test_demo.py runs, in a virtual environment of its own",
+    "tools/test": "it runs these tests",
+    "source .venv/bin/activate": "these tests run in that environment",
+    "sudo ip link set can0 up type can bitrate 500000 dbitrate 5000000 fd on restart-ms 100": (
+        "it needs a controller; below: it is what `check` tells for the example bench file"
+    ),
+    'sqlite3 -readonly injections.sqlite "SELECT judged_utc, mass_mg, nozzle_v_H FROM injection WHERE valid"': (
+        "the tool may not be there; test_on_vcan_pages.py gives the query to Python's sqlite3"
+    ),
+    "sudo cp tools/systemd/observer-rt.service /etc/systemd/system/": "tests/tools/test_systemd_unit.py",
+    "sudo mkdir -p /etc/observer-rt && sudo cp bench.toml injector.toml /etc/observer-rt/": (
+        "tests/tools/test_systemd_unit.py: the unit starts with these files"
+    ),
+    "sudo systemctl enable --now observer-rt": "it needs systemd as the first process",
+    "journalctl -u observer-rt -f": "it needs systemd as the first process",
+}
+SEVERAL_POINTS = ("--rail-pressure", "60,140", "--energizing-time", "0.6,1.9", "--injections", 4)
+WORN = ("--effect", "orifice_area:v_H=0.3")
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command) -> Path:
+    """The folder of somebody who follows the pages: their recordings are simulated, by what is shipped."""
+    monkeypatch.chdir(tmp_path)
+    Path("bench.toml").write_text(command("run", "--print-example-bench").out)
+    Path("injector.toml").write_text(command("run", "--print-example-injector").out)
+    return tmp_path
+
+
+def run_all(command: Command, commands: list[str]) -> None:
+    for line in commands:
+        words, into = words_of(line)
+        outcome = command(*words)
+        assert outcome.code == 0, f"{line}\n{outcome.err}\n{outcome.out}"
+        if into is not None:
+            into.write_text(outcome.out)
+
+
+def without_bus(page: Page) -> list[str]:
+    return [line for line in page.commands if line not in NOT_RUN and not needs_bus(line)]
+
+
+@pytest.mark.slow
+def test_the_commands_of_the_readme(command: Command, desk: Path) -> None:
+    for name, effect in (("new", ()), ("worn_1", WORN), ("worn_2", WORN)):
+        assert command("simulate", *SEVERAL_POINTS, *effect, "--output", f"{name}.csv").code == 0
+    run_all(command, without_bus(Page("README.md")))
+    made = {"worn.png", "some.png", "figures", "found", "bench.toml"}
+    assert made <= {path.name for path in desk.iterdir()}
+
+
+@pytest.mark.slow
+def test_the_commands_on_recordings(command: Command, desk: Path) -> None:
+    page = Page("docs/recordings.md")
+    assert command("simulate", *SEVERAL_POINTS, *WORN, "--output", "worn.csv").code == 0
+    assert command("convert", "worn.csv", "made.log", "--bench", "bench.toml").code == 0
+    assert command("convert", "made.log", "bus.blf").code == 0
+    write_mine(page, Path("worn.csv"))
+    run_all(command, without_bus(page))
+    mine, worn = read_recording(Path("mine.mf4")), read_recording(Path("worn.csv"))
+    np.testing.assert_allclose(mine.needle_lift, worn.needle_lift, atol=1e-8)
+    np.testing.assert_allclose(mine.rail_pressure, worn.rail_pressure, rtol=1e-4)
+
+
+def write_mine(page: Page, like: Path) -> None:
+    """A file in the layout of the page's `[recording]`, which goes into the bench file."""
+    (section,) = page.fenced("toml")
+    Path("bench.toml").write_text(EXAMPLE_BENCH.read_text() + section)
+    recording, mapped = read_recording(like), tomllib.loads(section)["recording"]
+    lift = mapped["needle_lift"]
+    columns = {
+        mapped["time"]["column"]: recording.time * 1e3,
+        mapped["rail_pressure"]["column"]: recording.rail_pressure / 1e5,
+        lift["column"]: (recording.needle_lift * 1e6 - lift["offset"]) / lift["factor"],
+        f"{mapped['line_pressure']['column']} [MPa]": recording.line_pressure / 1e6,
+    }
+    rows = np.stack(list(columns.values()), axis=1)
+    np.savetxt("mine.csv", rows, "%.9g", ";", header=";".join(columns), comments="")
+
+
+def test_every_other_command_is_looked_after() -> None:
+    on_pages = {line for page in PAGES for line in page.commands if not line.startswith("observer-rt ")}
+    assert on_pages == set(NOT_RUN)
+
+
+def test_the_interface_is_brought_up_as_check_tells(tmp_path: Path) -> None:
+    """With the bit rates of the example bench file."""
+    network = tmp_path / "can0"
+    network.mkdir()
+    for name, content in {"type": "280", "flags": "0x40040", "mtu": "72", "tx_queue_len": "1000"}.items():
+        (network / name).write_text(content)
+    (network / "operstate").write_text("down")
+    down = interface_findings(load_bench(EXAMPLE_BENCH).config.buses[0].config, network=tmp_path)[0]
+    assert down.level is not Level.OK
+    assert next(line for line in NOT_RUN if "ip link" in line) in str(down)
+
+
+def test_the_state_section_is_one(tmp_path: Path) -> None:
+    (section,) = (block for block in Page("docs/journal.md").indented() if block.startswith("[state]"))
+    path = tmp_path / "bench.toml"
+    text = re.sub(r"^\[state\]\n(?:.+\n)*", "", EXAMPLE_BENCH.read_text(), flags=re.M)
+    path.write_text(text + section)
+    fitted = load_bench(path).injector
+    assert (fitted.state, fitted.journal) == (tmp_path / "learned.json", tmp_path / "injections.sqlite")
+
+
+def test_the_keys_of_a_signal_are_those_there_are() -> None:
+    section = Page("docs/time.md").text.split("## The keys of `[signals.<role>]`\n")[1].split("\n## ")[0]
+    keys = set(re.findall(r"^\| `(\w+)` \|", section, re.M))
+    assert len(keys) > 5
+    assert keys <= set(SignalConfig.model_fields)
+
+
+def test_the_description_of_the_package_has_no_link_into_the_repository() -> None:
+    """On a package index it would lead nowhere."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    text = Page("README.md").text
+    for each in project["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]["substitutions"]:
+        text = re.sub(each["pattern"], each["replacement"], text)
+    assert re.findall(r"\]\((?!https?:)", text) == []
+    assert "`docs/operating.md` of the sources" in text
+
+
+def test_the_benchmarks_that_are_named_are_there() -> None:
+    named = {name for page in PAGES for name in re.findall(r"`tools/bench (\w[\w-]*)", page.text)}
+    there = typer.main.get_command(bench).commands  # type: ignore[attr-defined]
+    assert len(named) > 4
+    assert named <= set(there)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.path)
+def test_links_lead_somewhere(page: Page) -> None:
+    targets = re.findall(r"\]\((?!https?:)([^)#\s]+)", page.text)
+    assert [target for target in targets if not (ROOT / page.path).parent.joinpath(target).exists()] == []

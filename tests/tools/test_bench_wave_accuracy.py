@@ -105,6 +105,14 @@ def test_recordings_have_truth_and_the_makers_injector_beside_them(healthy: Outc
     assert maker.fluid.bulk_modulus_line == part.bulk_modulus_line
 
 
+def test_measured_rate_comes_with_a_wrong_inertance(healthy: Outcome, tmp_path: Path) -> None:
+    (path,) = write_recordings(tmp_path, [("one", healthy)], measured_rate=True)
+    measured = read_recording(path).injection_rate
+    assert measured is not None
+    assert np.std(measured - healthy.truth.injection_rate) == pytest.approx(0.5e-6, rel=0.02)
+    assert load_injector(tmp_path / NEW_PART).line.length == pytest.approx(1.05 * new_part().line_length)
+
+
 def test_command_refuses_what_it_cannot_make(tmp_path: Path) -> None:
     out = str(tmp_path / "out")
     for arguments, named in ((("--fault", "nozzle=1"), "orifice_area"), (("--rate", "30"), "divisor")):

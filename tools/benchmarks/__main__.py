@@ -95,6 +95,12 @@ def accuracy(
     model: Annotated[
         Path | None, typer.Option(help="Tier B: injector file, instead of fitting one.", exists=True)
     ] = None,
+    measured_rate: Annotated[
+        bool,
+        typer.Option(
+            "--measured-rate", help="Tier B: fit with a measured rate, from an inertance 5 % wrong."
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
@@ -109,7 +115,7 @@ def accuracy(
         if ablation:
             _ablation(plan, as_json)
         elif tier is Tier.B:
-            _show(run_wave_accuracy(WavePlan(plan, variant, model), messages), plan, as_json)
+            _show(run_wave_accuracy(WavePlan(plan, variant, model, measured_rate), messages), plan, as_json)
         else:
             _show(run_accuracy(plan, messages), plan, as_json)
     except KeyboardInterrupt:
@@ -248,6 +254,12 @@ def wave_recordings(
     averaged: Annotated[
         bool, typer.Option("--averaged", help="Samples are means over the sample period that ends there.")
     ] = False,
+    measured_rate: Annotated[
+        bool,
+        typer.Option(
+            "--measured-rate", help="With a measured rate; the injector file's inertance is 5 % wrong."
+        ),
+    ] = False,
     seed: SeedOption = 1,
 ) -> None:
     """Six healthy recordings of an injector on a line with travelling waves, as `fit` wants them."""
@@ -260,7 +272,7 @@ def wave_recordings(
         benches = healthy_benches(variant, seed, hz, averaged)
     outcomes = ((name, record(bench)) for name, bench in benches.items())
     with progress_bar(messages, "recording", float(len(benches))) as progress:
-        for number, path in enumerate(write_recordings(out, outcomes), 1):
+        for number, path in enumerate(write_recordings(out, outcomes, measured_rate), 1):
             progress(float(number))
             messages.print(f"{path}, truth beside it", highlight=False, soft_wrap=True)
 

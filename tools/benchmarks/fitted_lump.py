@@ -16,7 +16,7 @@ from tools.benchmarks.peer_inputs import lump_model, peer_inputs
 from tools.benchmarks.plant import Outcome
 from tools.benchmarks.plant_parameters import Injector
 
-RATE_NOISE = 0.5e-6  # m3/s, of a sample of the measured rate
+RATE_NOISE = 0.5e-6  # m3/s, of a sample of a measured rate
 EVENTS_USED = 2  # of each recording
 SPREAD = 1.0  # of the logarithms of stiffness, loss, seat and nozzle: they may be off by some factor
 NO_FAULT = np.zeros(PARAMETERS)

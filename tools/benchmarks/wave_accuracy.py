@@ -33,18 +33,23 @@ FITTED = "fitted.toml"
 
 @dataclass(frozen=True)
 class WavePlan:
-    """A plan on one variant of the richer plant; `model`: the injector file to use instead of fitting one."""
+    """A plan on one variant of the richer plant.
+
+    model: the injector file to use instead of fitting one; measured_rate: the fit has a measured rate, and starts
+    from a wrong inertance.
+    """
 
     plan: Plan
     variant: Variant
     model: Path | None = None
+    measured_rate: bool = False
 
 
 def run_wave_accuracy(wave: WavePlan, console: Console) -> Results:
     """Record, fit, and score the cases not yet scored with this model; progress goes to `console`."""
     plan, variant = wave.plan, wave.variant
     healthy = _recorded(wave, console) if plan.peers or wave.model is None else {}
-    model = wave.model or _fitted(plan.out, healthy, console)
+    model = wave.model or _fitted(wave, healthy, console)
     load_injector(model)  # refused here, not in every process
     crashes: list[Crash[Task]] = []
     store = Store(plan.out / f"observer-{variant}.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS, model)))
@@ -86,9 +91,10 @@ def _recorded(wave: WavePlan, console: Console) -> dict[str, Outcome]:
     return outcomes
 
 
-def _fitted(out: Path, healthy: dict[str, Outcome], console: Console) -> Path:
+def _fitted(wave: WavePlan, healthy: dict[str, Outcome], console: Console) -> Path:
     """The model `observer-rt fit` makes of the recordings, as its user would have it."""
-    recordings = list(write_recordings(out / "healthy", healthy.items()))
+    out = wave.plan.out
+    recordings = list(write_recordings(out / "healthy", healthy.items(), wave.measured_rate))
     fitted = out / FITTED
     _observer_rt(
         console,

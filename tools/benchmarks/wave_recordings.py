@@ -7,6 +7,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import UserError
@@ -21,6 +22,7 @@ from observer_rt.recording.signals.csv_file import (
 )
 from observer_rt.simulation.simulate import SAC_PRESSURE, truth_path
 from tools.benchmarks.cases import drawn_events
+from tools.benchmarks.fitted_lump import RATE_NOISE
 from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.scoring import recording_of
@@ -31,6 +33,7 @@ FIT_DURATIONS = (0.6e-3, 1.9e-3)  # s, of the openings
 FIT_EVENTS = 6  # in a recording of 0.52 s
 START_SPREAD = 50e-6  # s, of an event on the grid of samples
 NEW_PART = "new_part.toml"
+WRONG_LENGTH = 1.05  # of the line, as its maker says, where a measured rate can put it right
 
 
 def healthy_benches(
@@ -71,22 +74,39 @@ def parsed_faults(texts: Sequence[str]) -> Faults:
     return Faults(**values)
 
 
-def write_recordings(folder: Path, outcomes: Iterable[tuple[str, Outcome]]) -> Iterator[Path]:
-    """Write recordings by name, and truths, and the maker's injector file beside them; yields what is complete."""
+def write_recordings(
+    folder: Path, outcomes: Iterable[tuple[str, Outcome]], measured_rate: bool = False
+) -> Iterator[Path]:
+    """Write recordings by name, and truths, and the maker's injector file beside them; yields what is complete.
+
+    measured_rate: the recordings have a measured rate, and the maker is wrong about the line's inertance.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / NEW_PART).write_text(maker_file())
+    (folder / NEW_PART).write_text(maker_file(WRONG_LENGTH if measured_rate else 1.0))
     for name, outcome in outcomes:
-        path = folder / f"{name}.csv"
-        write_recording(path, recording_of(outcome))
+        path, recording = folder / f"{name}.csv", recording_of(outcome)
+        if measured_rate:
+            recording = replace(recording, injection_rate=_measured_rate(outcome))
+        write_recording(path, recording)
         _write_truth(path, outcome)
         yield path
 
 
-def maker_file() -> str:
-    """The injector file `fit` starts from: the nominal one with the sac of this part."""
+def maker_file(length: float = 1.0) -> str:
+    """The injector file `fit` starts from: the nominal one with the sac of this part; `length` times its line's."""
+    part = new_part()
+    changes = {
+        "sac_volume": f"sac_volume = {part.sac_volume:g}  # V_S, m3",
+        "length": f"length = {length * part.line_length:g}  # L_L, m",
+    }
     lines = NOMINAL_INJECTOR.read_text().splitlines()
-    sac = f"sac_volume = {new_part().sac_volume:g}  # V_S, m3"
-    return "\n".join(sac if line.startswith("sac_volume") else line for line in lines) + "\n"
+    return "\n".join(changes.get(line.partition("=")[0].strip(), line) for line in lines) + "\n"
+
+
+def _measured_rate(outcome: Outcome) -> NDArray[np.float64]:
+    """Rate with the white noise of a rate meter; without its error of gain, which no fit could tell from truth."""
+    rate = outcome.truth.injection_rate
+    return rate + np.random.default_rng(rate.size).normal(0.0, RATE_NOISE, rate.size)
 
 
 def _bench(

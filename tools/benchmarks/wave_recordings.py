@@ -86,7 +86,7 @@ def write_recordings(
     for name, outcome in outcomes:
         path, recording = folder / f"{name}.csv", recording_of(outcome)
         if measured_rate:
-            recording = replace(recording, injection_rate=_measured_rate(outcome))
+            recording = replace(recording, injection_rate=_measured_rate(outcome, zlib.crc32(name.encode())))
         write_recording(path, recording)
         _write_truth(path, outcome)
         yield path
@@ -103,10 +103,10 @@ def maker_file(length: float = 1.0) -> str:
     return "\n".join(changes.get(line.partition("=")[0].strip(), line) for line in lines) + "\n"
 
 
-def _measured_rate(outcome: Outcome) -> NDArray[np.float64]:
+def _measured_rate(outcome: Outcome, seed: int) -> NDArray[np.float64]:
     """Rate with the white noise of a rate meter; without its error of gain, which no fit could tell from truth."""
     rate = outcome.truth.injection_rate
-    return rate + np.random.default_rng(rate.size).normal(0.0, RATE_NOISE, rate.size)
+    return rate + np.random.default_rng(seed).normal(0.0, RATE_NOISE, rate.size)
 
 
 def _bench(

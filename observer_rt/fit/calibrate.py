@@ -1,5 +1,6 @@
 """The whole fit: structures tried, one chosen and settled, its worth judged."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -18,7 +19,10 @@ from observer_rt.fit.structures import INERTANCE, STRUCTURES, FreeParameter, Str
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.parameters import InjectorParameters
 
+SPARE = 1.2  # by which the stiffness of the file may be too small
 GATE = 4.0  # chi2 of a phase, above which a model is not adequate
+LEAST_MASS_SHARE = 1e-3  # of a mass: cells, corners of the lift and the like
+CALM_GATE = 2.0  # the same away from openings and closings, where nothing excuses it
 
 
 class Level(StrEnum):
@@ -63,15 +67,20 @@ class Calibrated:
     @property
     def inadequate(self) -> tuple[Phase, ...]:
         """Phases the model does not explain, the worst first; none where it is adequate."""
-        over = [phase for phase in Phase if np.nan_to_num(self.left.chi2[phase]) > GATE]
-        return tuple(sorted(over, key=lambda phase: -self.left.chi2[phase]))
+        calm = self.fitted.left.chi2
+        ratio = {p: np.fmax(self.left.chi2[p] / GATE, calm[p] / CALM_GATE) for p in Phase}
+        over = [phase for phase in Phase if ratio[phase] > 1.0]
+        return tuple(sorted(over, key=lambda phase: -ratio[phase]))
 
     @property
-    def held_out_mass_share(self) -> float | None:
-        """Standard deviation of the mass, as a share, where nothing was fitted; None with nothing left out."""
-        if self.fitted.held_out is None:
-            return None
-        return float(np.sqrt(np.mean(self.fitted.held_out.mass_shift**2)))
+    def mass_share(self) -> float:
+        """Standard deviation of a mass, as a share, that learning will not remove.
+
+        From what a recording left out changes, and from structures that explain the recordings as well.
+        """
+        held_out = self.fitted.held_out
+        left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))
+        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread)
 
 
 def level_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> Level:
@@ -97,9 +106,9 @@ def calibrate(
     coarse, steps = rough(parts), len(structures) + 2
     tried: list[Fitted | Failed] = []
     for structure in structures:
-        tried.append(fitted(structure, file, _free(structure, level), coarse, ROUGH_ITERATIONS))
+        tried.append(fitted(structure, file, _free(structure, level), coarse, ROUGH_ITERATIONS, SPARE))
         progress(len(tried) / steps)
-    choice = choose(tried, file)
+    choice = choose(tried)
     if choice is None:
         reasons = "; ".join(f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, Failed))
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")

@@ -8,20 +8,32 @@ import numpy as np
 from observer_rt.estimation.phases import Phase
 from observer_rt.fit.held_out import Unexplained
 from observer_rt.fit.search import Failed, Fitted
-from observer_rt.fit.structures import Structure
-from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.parameters import LineOutflow
 
-MARGIN = 1.15  # times the best chi2, within which a simpler structure is as good
-NOISE = 0.1  # of a chi2 that is 1 for noise alone; what is below is chance
+MARGIN, WORST_MARGIN = (
+    1.15,
+    1.5,
+)  # times the best chi2, of the mean and of a phase, up to which one is as good
+NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The structure chosen, the others, and why, in words."""
+    """The structure chosen, the others, and why, in words.
+
+    as_good: those that explain the recordings as well, the one chosen among them.
+    """
 
     best: Fitted
     tried: Sequence[Fitted | Failed]
+    as_good: Sequence[Fitted]
     reason: str
+
+    @property
+    def mass_spread(self) -> float:
+        """By what share the mass differs, at most, between structures that do as well; 0 with one."""
+        mass = _mass(self.best)
+        return max(abs(_mass(one) / mass - 1.0) for one in self.as_good)
 
 
 def judged_by(one: Fitted) -> Unexplained:
@@ -29,11 +41,8 @@ def judged_by(one: Fitted) -> Unexplained:
     return one.left if one.held_out is None else one.held_out.unexplained
 
 
-def choose(tried: Sequence[Fitted | Failed], file: InjectorParameters) -> Choice | None:
-    """None where no structure could be fitted.
-
-    file: the injector as it was; of structures that are equally good and equally simple its own is kept.
-    """
+def choose(tried: Sequence[Fitted | Failed]) -> Choice | None:
+    """None where no structure could be fitted. Of equally good and simple ones that which conserves mass."""
     candidates = [one for one in tried if isinstance(one, Fitted)]
     if not candidates:
         return None
@@ -43,16 +52,16 @@ def choose(tried: Sequence[Fitted | Failed], file: InjectorParameters) -> Choice
         as_good,
         key=lambda one: (
             len(one.calibration.free),
-            not one.structure.is_of(file),
+            one.structure.outflow is not LineOutflow.SEAT,
             judged_by(one).mean,
         ),
     )
-    return Choice(best, tried, _reason(best, lowest, candidates, as_good))
+    return Choice(best, tried, as_good, _reason(best, lowest, candidates, as_good))
 
 
 def _is_as_good(one: Unexplained, best: Unexplained) -> bool:
-    return all(
-        not np.isfinite(best.chi2[phase]) or one.chi2[phase] <= MARGIN * max(best.chi2[phase], 1.0) + NOISE
+    return one.mean <= MARGIN * best.mean + NOISE and all(
+        not np.isfinite(best.chi2[phase]) or one.chi2[phase] <= WORST_MARGIN * max(best.chi2[phase], 1.0)
         for phase in Phase
     )
 
@@ -85,6 +94,5 @@ def _phase(phase: Phase) -> str:
     return phase.name.lower()
 
 
-def tried_of(tried: Sequence[Fitted | Failed], structure: Structure) -> Fitted | Failed:
-    """What became of a structure."""
-    return next(one for one in tried if one.structure is structure)
+def _mass(one: Fitted) -> float:
+    return float(sum(part.masses.sum() for part in one.judged))

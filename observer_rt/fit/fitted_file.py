@@ -72,7 +72,7 @@ def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
     return Baseline(
         adequate=not done.inadequate,
         level=done.level.value,
-        held_out_mass_share=None if done.held_out_mass_share is None else rounded(done.held_out_mass_share),
+        mass_share=rounded(done.mass_share),
         sample_rate_Hz=rounded(found[0].recording.sample_rate),
         injections=sum(len(part.measurement.events) for part in done.fitted.calibration.parts),
         rail_pressure_MPa=_rounded_pair((min(pressures), max(pressures))),

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.evidence.bounded_fit import Quadratic, linearise
-from observer_rt.evidence.likelihood import Judged
+from observer_rt.evidence.likelihood import Judged, Trial
+from observer_rt.fit.kicks import away_from
 from observer_rt.fit.problem import Calibration
 
 
@@ -51,12 +52,18 @@ def unexplained(statistics: PhaseStatistics) -> Unexplained:
     )
 
 
-def line_statistics(calibration: Calibration, judged: Sequence[Judged]) -> PhaseStatistics:
+def line_statistics(trial: Trial, one: Judged) -> PhaseStatistics:
+    """Of the line pressure of a part, away from the moments no model of ours describes (see `kicks`)."""
+    away = away_from(trial.measurement, openings=True, closings=True)
+    return phase_statistics(one.z[away], 1.0, trial.phases[away], 0)
+
+
+def pooled(calibration: Calibration, judged: Sequence[Judged]) -> Unexplained:
     """Of the line pressure of all parts together."""
     total = no_statistics()
     for trial, one in zip(calibration.trials, judged, strict=True):
-        total = total.faded(1.0, phase_statistics(one.z, 1.0, trial.phases, 0))
-    return total
+        total = total.faded(1.0, line_statistics(trial, one))
+    return unexplained(total)
 
 
 @dataclass(frozen=True)
@@ -86,7 +93,7 @@ def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
         one, all_in = calibration.judge(theta, number), calibration.judge(at.theta, number)
         if one is None or all_in is None:
             return None
-        total = total.faded(1.0, phase_statistics(one.z, 1.0, calibration.trials[number].phases, 0))
+        total = total.faded(1.0, line_statistics(calibration.trials[number], one))
         shifts.append(float(np.sum(one.masses) / np.sum(all_in.masses)) - 1.0)
     return HeldOut(unexplained(total), np.array(shifts))
 

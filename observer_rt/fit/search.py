@@ -5,23 +5,26 @@ from dataclasses import dataclass
 
 from observer_rt.evidence.bounded_fit import Minimum, fit
 from observer_rt.evidence.likelihood import Judged
-from observer_rt.fit.held_out import HeldOut, Unexplained, held_out, line_statistics, unexplained
+from observer_rt.fit.held_out import HeldOut, Unexplained, held_out, pooled
 from observer_rt.fit.identifiability import Certainty, certainty
 from observer_rt.fit.parts import Part, thinned
 from observer_rt.fit.problem import Calibration
 from observer_rt.fit.structures import FreeParameter, Structure, values_of, with_values
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
 
 ROUGH_EVENTS, ROUGH_ITERATIONS = 2, 8  # of an operating point, while structures are compared
 FINE_EVENTS, FINE_ITERATIONS = 6, 8
+MOST_FITS = 3  # of a structure, as its cells change with the sound speed found
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """A structure at its best.
 
-    judged: of every part there; explained: what it leaves of the line pressure on the recordings it was fitted to.
+    judged: of every part there; left: of the line pressure on the recordings it was fitted to, away from openings and
+    closings.
     """
 
     structure: Structure
@@ -56,18 +59,40 @@ def fitted(
     free: Sequence[FreeParameter],
     parts: Sequence[Part],
     iterations: int,
+    spare: float = 1.0,
 ) -> Fitted | Failed:
-    """A structure fitted from the numbers of `start`."""
+    """A structure fitted from the numbers of `start`.
+
+    spare: as in `Structure.of`; a line that then has too few cells for its sound speed, or too many, is fitted again.
+    """
+    injector = structure.of(start, spare)
+    needed = substeps_needed(injector, parts[0].measurement.recording.sample_rate)
+    if needed > MAX_SUBSTEPS:
+        return Failed(
+            structure, f"would need {needed} steps a sample, for its sac is small (at most {MAX_SUBSTEPS})"
+        )
     try:
-        calibration = Calibration(structure.of(start), free, parts)
-        found = fit(calibration, calibration.centre, calibration.ranges, iterations)
+        calibration, found = _fit(injector, free, parts, iterations)
+        for _ in range(MOST_FITS - 1):
+            again = injector if found is None else structure.of(calibration.injector(found.at.theta))
+            if again.line.cells == injector.line.cells:
+                break
+            injector = again
+            calibration, found = _fit(injector, free, parts, iterations)
     except UserError as error:
         return Failed(structure, error.problem)
     judged = None if found is None else calibration.judge_all(found.at.theta)
     if found is None or judged is None:
         return Failed(structure, "it has no finite solution on these recordings")
-    left = unexplained(line_statistics(calibration, judged))
+    left = pooled(calibration, judged)
     return Fitted(structure, calibration, found, judged, left, held_out(calibration, found.at))
+
+
+def _fit(
+    start: InjectorParameters, free: Sequence[FreeParameter], parts: Sequence[Part], iterations: int
+) -> tuple[Calibration, Minimum | None]:
+    calibration = Calibration(start, free, parts)
+    return calibration, fit(calibration, calibration.centre, calibration.ranges, iterations)
 
 
 def rough(parts: Sequence[Part]) -> tuple[Part, ...]:

@@ -7,8 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MILLIMETRE
-from observer_rt.model.line.wave import DAMPING, with_cells
+from observer_rt.model.coefficients import coefficients
+from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, MOST_CELLS, STEP
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
+
+CROSSED = 0.88  # share of a cell that sound crosses in a step, at most: up to there the dispersion is least
+CALM = 0.93  # of what a step may be, so that a fit can still move
 
 
 @dataclass(frozen=True)
@@ -66,17 +70,34 @@ class Structure:
     line: str
     free: tuple[FreeParameter, ...]
 
-    def of(self, injector: InjectorParameters) -> InjectorParameters:
-        """An injector in this form, its numbers as they are; cells by its sound speed."""
+    def of(self, injector: InjectorParameters, spare: float = 1.0) -> InjectorParameters:
+        """An injector in this form, its numbers as they are, its line in as many cells as its sound speed allows.
+
+        spare: by what factor the stiffness, and more than that the damping, may still grow in these cells.
+        """
         keys: dict[str, object] = {"model": self.line, "cells": None}
         if RATIO not in self.free:
             keys[RATIO.key] = None
         line = injector.line.model_copy(update=keys)
-        return with_cells(injector.model_copy(update={"line_outflow": self.outflow, "line": line}))
+        formed = injector.model_copy(update={"line_outflow": self.outflow, "line": line})
+        if WAVE_DAMPING not in self.free:
+            return formed
+        return _in_cells(formed, _cells(formed, spare, 2 if RATIO in self.free else 1))
 
-    def is_of(self, injector: InjectorParameters) -> bool:
-        """Whether an injector has this form already."""
-        return injector.line_outflow is self.outflow and injector.line.model == self.line
+
+def _cells(injector: InjectorParameters, spare: float, multiple: int) -> int:
+    """The most cells in which sound crosses no more than CROSSED of one in a step, and steps are stable."""
+    free = (STIFFNESS, WAVE_DAMPING)
+    grown = with_values(injector, free, values_of(injector, free) * [spare, spare**4])
+    for cells in range(MOST_CELLS // multiple * multiple, FEWEST_CELLS, -multiple):
+        line = coefficients(_in_cells(grown, cells)).line
+        if line.crossing * STEP <= CROSSED and line.strain(STEP) <= CALM:
+            return cells
+    return FEWEST_CELLS
+
+
+def _in_cells(injector: InjectorParameters, cells: int) -> InjectorParameters:
+    return injector.model_copy(update={"line": injector.line.model_copy(update={"cells": cells})})
 
 
 _ORIFICES = (SEAT, NOZZLE, SAC)

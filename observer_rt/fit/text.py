@@ -22,7 +22,10 @@ _UNITS = {Signal.LINE_PRESSURE: (MEGAPASCAL, "MPa"), Signal.INJECTION_RATE: (MM3
 
 def print_fit(done: Calibrated, console: Console) -> None:
     """Structures, parameters, residuals, level and verdict."""
-    say(console, "structures, by chi2 on recordings left out (1: noise alone)")
+    say(
+        console,
+        "structures, by chi2 on recordings left out, away from openings and closings (1: noise alone)",
+    )
     console.print(_structures(done))
     say(console, f"chosen: {done.choice.reason}\n")
     say(console, "parameters")
@@ -101,9 +104,8 @@ def _masses(done: Calibrated) -> Iterable[str]:
     before = np.array([one.before for one in masses])
     if np.isfinite(before).all():
         yield f"mass of an injection, mean: {np.mean(before) / MILLIGRAM:.2f} -> {np.mean(after) / MILLIGRAM:.2f} mg"
-    held_out = done.held_out_mass_share
-    if held_out is not None:
-        yield f"a recording left out moves the mass of its injections by {held_out:.2%} (rms)"
+    because = "what a recording left out changes, and structures that do as well"
+    yield f"mass uncertain by the model: {done.mass_share:.2%} (1 sigma; {because})"
 
 
 def _figure(value: float) -> str:

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 FORMAT = 1
 
-Share = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
 Quotient = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
@@ -47,14 +47,14 @@ class Baseline(_Section):
     """What the fitted model leaves unexplained on recordings of the healthy injector.
 
     variance, chi2, colour: of the innovations of the line pressure, of samples, of means of 8, and the larger of
-    means of 8 and 20; held_out_mass_share: standard deviation of the mass, as a share, at operating points that were
-    not fitted; level: what the absolute level of flow rests on.
+    means of 8 and 20; mass_share: standard deviation of a mass, as a share, that comes of the model and not of noise;
+    level: what the absolute level of flow rests on.
     """
 
     format: Literal[1] = 1
     adequate: bool
     level: Literal["file", "measured_rate", "measured_mass"]
-    held_out_mass_share: Share | None = None
+    mass_share: Share
     sample_rate_Hz: Annotated[float, Field(gt=0)]  # noqa: N815
     injections: Annotated[int, Field(ge=1)]
     rail_pressure_MPa: tuple[float, float]  # noqa: N815 - lowest, highest

@@ -21,7 +21,7 @@ class Healthy:
     """Of a model as it came, nothing: its innovations are white.
 
     variance: (PHASES,), colour: (PHASES, len(BLOCKS)), of the innovations by phase, at least 1; mass_share: standard
-    deviation of the mass, as a share, at operating points that were not fitted; adequate: whether the fitted model
+    deviation of a mass, as a share, that comes of the model; adequate: whether the fitted model
     may be learned with at all.
     """
 
@@ -43,7 +43,7 @@ def healthy_of(baseline: Baseline | None, sample_rate: float, trusted: bool = Fa
     """What a fitted file remembers, at a sample rate [Hz]; trusted: learn with an inadequate model all the same."""
     if baseline is None:
         return NOT_FITTED
-    share, adequate = baseline.held_out_mass_share or 0.0, baseline.adequate or trusted
+    share, adequate = baseline.mass_share, baseline.adequate or trusted
     if not holds_at(baseline, sample_rate):
         return Healthy(mass_share=share, adequate=adequate)
     names = [phase.name for phase in Phase]

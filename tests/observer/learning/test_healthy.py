@@ -19,7 +19,7 @@ def baseline(adequate: bool = True) -> Baseline:
         {
             "adequate": adequate,
             "level": "file",
-            "held_out_mass_share": 0.002,
+            "mass_share": 0.002,
             "sample_rate_Hz": 1e5,
             "injections": 36,
             "rail_pressure_MPa": (60.0, 140.0),

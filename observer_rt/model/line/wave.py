@@ -41,7 +41,8 @@ def steps_over(interval: float) -> int:
 @njit(cache=True, nogil=True, inline="always")
 def cells_of(x: NDArray[np.float64]) -> int:
     """n of a state."""
-    return x.shape[0] // 2 - 1
+    cells: int = x.shape[0] // 2 - 1
+    return cells
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -18,6 +18,7 @@ from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline
 from observer_rt.discovery.search.candidates import FitMemory
 from observer_rt.discovery.search.result import Verdict
 from observer_rt.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.evidence.coverage import chosen_words
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.operating_points import by_operating_point
@@ -111,6 +112,7 @@ def answer(
         in_force=in_force,
         overlays=typical_overlays(found, gaps, measured, nominal),
         files=files,
+        in_part=_in_part(files, question.measured),
         points=names,
         fitted_on=tuple(names[i] for i in gaps.fitted_on),
         held_out=tuple(names[i] for i in gaps.held_out),
@@ -131,6 +133,11 @@ def _judged_by_healthy(
         f"On the healthy recordings discovery says '{headline(found)}': the model itself is not that of this "
         f"injector, and what is named here may be its error. {_FIRST[found.verdict]}"
     )
+
+
+def _in_part(files: Sequence[str], measured: Sequence[Measurement]) -> tuple[str, ...]:
+    words = zip(files, map(chosen_words, measured), strict=True)
+    return tuple(f"{name}: {chosen}" for name, chosen in words if chosen)
 
 
 def _opinion(ask_observer: AskObserver, question: Question) -> Opinion | None:

@@ -25,8 +25,8 @@ from observer_rt.evidence.reading import hashes, read_measured
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.file_hash import file_hash
-from observer_rt.recording.formats import read_recording
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.formats import open_recording
+from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import check_folder
 
@@ -55,11 +55,11 @@ def discover_files(
     options: DiscoverOptions,
     ask_observer: AskObserver,
     console: Console,
-    read: Callable[[Path], Recording] = read_recording,
+    read: Callable[[Path], SignalStream] = open_recording,
 ) -> None:
     """Find the missing effect in recordings; write everything into a folder, print the answer.
 
-    read: takes a file the user named, and refuses one that is none.
+    read: looks through a file the user named, and refuses one that is none.
 
     Raises `UserError` for files that will not do, before the work begins; `RunError` when it fails or is interrupted.
     """
@@ -68,7 +68,7 @@ def discover_files(
     chosen = _chosen(options.chosen)
     _refuse_replacing(options)
     source = InjectorText(options.model)
-    measured = read_measured([*paths, *options.healthy], read)
+    measured = read_measured([*paths, *options.healthy], read, console)
     refuse_rates_missing([one.recording for one in measured[: len(paths)]])
     question = Question(parameters, measured[: len(paths)], measured[len(paths) :], hashes(paths), chosen)
     _make_folder(options.out)

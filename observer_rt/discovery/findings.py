@@ -22,7 +22,8 @@ class Findings:
     against the model, empty when nothing; like_inertance: the change found is one that another inertance of the line
     would make as well; chosen: effects the user chose among those that explain as much; amended_model: name of the
     file beside the document, None when no effect is added; in_force: all effects that it has then; overlays:
-    injections to be shown; files: names of the recordings; points: of their operating points, each of which counts as
+    injections to be shown; files: names of the recordings; in_part: which of these were too long to be judged as a
+    whole, and how injections were chosen of them; points: of their operating points, each of which counts as
     a recording; fitted_on, held_out: of these; seconds: it took.
     """
 
@@ -38,6 +39,7 @@ class Findings:
     in_force: tuple[EffectInForce, ...]
     overlays: tuple[Overlay, ...]
     files: tuple[str, ...]
+    in_part: tuple[str, ...]
     points: tuple[str, ...]
     fitted_on: tuple[str, ...]
     held_out: tuple[str, ...]

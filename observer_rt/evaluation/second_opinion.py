@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.discovery.opinion import Indicator, Opinion
 from observer_rt.estimation.scalars import SCALARS
-from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.observer.learning.indicators import Indicators
 from observer_rt.observer.stream.state import Reason
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import HeldSignals
 
 _OF_A_START = (Reason.STARTING, Reason.TOO_FEW_EVENTS, Reason.JUMPED)
 
@@ -23,8 +24,8 @@ def second_opinion(parameters: InjectorParameters, recordings: Sequence[Recordin
     Raises `UserError` for recordings that do not fit on its bus, such as a pressure beyond its range.
     """
     bench = load_bench(EXAMPLE_BENCH).with_parameters(parameters)
-    history = evaluate(bench, recordings)
-    reports = [report for one in history.evaluations for report in one.reports]
+    evaluations, _ = evaluate_stream(bench, [HeldSignals(recording) for recording in recordings])
+    reports = [injection.report for one in evaluations for injection in one.injections]
     if not reports:
         return None
     reasons = Counter(

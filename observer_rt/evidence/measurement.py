@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.evidence.gaps import Gaps
 from observer_rt.evidence.noise import white_noise
 from observer_rt.evidence.openings import Opening, find_openings
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.recording import Recording, Sampled
 
 LEAD = 3e-3  # s before an opening from which x~ runs
 COUNTED_LEAD = 1e-3  # s before an opening from which innovations count: by then x~ has forgotten its start
@@ -38,6 +39,11 @@ class JudgedEvent:
     counted: int
     end: int
 
+    def moved(self, by: int) -> "JudgedEvent":
+        """The same some samples later."""
+        openings = tuple(Opening(o.first + by, o.last + by, o.rising, o.falling) for o in self.openings)
+        return JudgedEvent(openings, self.start + by, self.counted + by, self.end + by)
+
 
 class Lack(StrEnum):
     """Why an injection cannot be judged."""
@@ -55,12 +61,21 @@ class LeftOut:
     lack: Lack
 
 
+@dataclass(frozen=True)
+class Found:
+    """What there was in a recording. complete: injections that can be judged; left_out: others."""
+
+    gaps: Gaps
+    complete: int
+    left_out: tuple[LeftOut, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """A recording with what was found in it.
+    """A recording, or what was kept of a long one, with what was found in it.
 
     noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
-    the events [Pa]; duration: mean time the needle is open in an event [s]; left_out: injections that are no events.
+    the events [Pa]; duration: mean time the needle is open in an event [s]; found: in the whole recording.
     """
 
     recording: Recording
@@ -69,7 +84,7 @@ class Measurement:
     events: tuple[JudgedEvent, ...]
     rail_pressure: float
     duration: float
-    left_out: tuple[LeftOut, ...] = ()
+    found: Found
 
     @property
     def interval(self) -> float:
@@ -82,30 +97,43 @@ def measurements(recordings: Sequence[Recording]) -> tuple[Measurement, ...]:
 
     Raises `UserError` for a recording without a complete injection, too short a standstill or a slow sample rate.
     """
-    found = [_measurement(recording) for recording in recordings]
+    found = [_whole(recording) for recording in recordings]
     if not found:
         raise UserError("RECORDING", "no recordings", "give at least one recording with injections")
     return tuple(found)
 
 
-def _measurement(recording: Recording) -> Measurement:
-    name = str(recording.path) if recording.path is not None else "recording"
+def _whole(recording: Recording) -> Measurement:
+    refuse_slow(recording)
+    openings = openings_of(recording)
+    events, left_out = events_of(recording, openings)
+    gaps = Gaps()
+    gaps.take(missing_samples(recording))
+    return measurement_of(recording, openings, events, Found(gaps, len(events), left_out))
+
+
+def refuse_slow(recording: Sampled) -> None:
+    """Raise `UserError` for a sample rate at which the line's ringing does not show."""
     if recording.sample_rate < LOWEST_SAMPLE_RATE:
         raise UserError(
-            name,
+            _name(recording),
             f"{recording.sample_rate:g} samples a second do not show the ringing of the line",
             f"record with {LOWEST_SAMPLE_RATE:g} Hz or more",
         )
-    openings = _openings(recording)
-    events, left_out = _events(recording, openings)
+
+
+def measurement_of(
+    recording: Recording, openings: Sequence[Opening], events: tuple[JudgedEvent, ...], found: Found
+) -> Measurement:
+    """A recording with its events, of all openings in it, and its noise. Errors as of `measurements`."""
     if not events:
-        lacks = sorted({str(event.lack) for event in left_out})
+        lacks = sorted({str(event.lack) for event in found.left_out})
         raise UserError(
-            name,
+            _name(recording),
             "no complete injection" + "".join(f"; {lack}" for lack in lacks),
             f"record {LEAD * 1e3:g} ms of shut needle before an injection and {EVENT_GAP * 1e3:g} ms after it",
         )
-    levels, rate_noise = _noise(recording, openings, name)
+    levels, rate_noise = _noise(recording, openings)
     return Measurement(
         recording,
         levels,
@@ -113,8 +141,12 @@ def _measurement(recording: Recording) -> Measurement:
         events,
         float(np.mean([rail_pressure_before(event, recording) for event in events])),
         float(np.mean([open_time(event, recording) for event in events])),
-        left_out,
+        found,
     )
+
+
+def _name(recording: Sampled) -> str:
+    return str(recording.path) if recording.path is not None else "recording"
 
 
 def rail_pressure_before(event: JudgedEvent, recording: Recording) -> float:
@@ -134,7 +166,7 @@ def missing_samples(recording: Recording) -> NDArray[np.bool_]:
     return np.isnan(recording.rail_pressure + recording.needle_lift + recording.line_pressure)
 
 
-def _openings(recording: Recording) -> list[Opening]:
+def openings_of(recording: Recording) -> list[Opening]:
     """Openings of the needle, found with the lift's own noise."""
     lift = recording.needle_lift
     everywhere = np.ones(lift.size, np.bool_)
@@ -144,8 +176,8 @@ def _openings(recording: Recording) -> list[Opening]:
     return [o for o in find_openings(lift, noise) if o.last - o.first >= shortest]
 
 
-def _events(
-    recording: Recording, openings: list[Opening]
+def events_of(
+    recording: Recording, openings: Sequence[Opening]
 ) -> tuple[tuple[JudgedEvent, ...], tuple[LeftOut, ...]]:
     """Complete events whose samples are all available, and what is none."""
     rate = recording.sample_rate
@@ -180,7 +212,7 @@ def _events(
     return tuple(events), tuple(left_out)
 
 
-def _noise(recording: Recording, openings: list[Opening], name: str) -> tuple[NoiseLevels, float]:
+def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLevels, float]:
     """Noise levels and that of the rate: needle shut for pressures and rate, open for the lift."""
     shut = shut_mask(recording.samples, openings, round(RESTING * recording.sample_rate))
     is_open = np.zeros(recording.samples, np.bool_)
@@ -189,7 +221,9 @@ def _noise(recording: Recording, openings: list[Opening], name: str) -> tuple[No
     rail, line = (white_noise(v, shut) for v in (recording.rail_pressure, recording.line_pressure))
     if not np.isfinite(rail + line):
         raise UserError(
-            name, "too little standstill to measure the noise", "record some ms more of shut needle"
+            _name(recording),
+            "too little standstill to measure the noise",
+            "record some ms more of shut needle",
         )
     lift = white_noise(recording.needle_lift, is_open)
     if not np.isfinite(lift):
@@ -225,5 +259,9 @@ def every_second_point(found: Sequence[Measurement]) -> tuple[tuple[int, ...], t
 
 
 def _point(measurement: Measurement) -> tuple[int, int]:
-    """Operating point: equal for recordings within a few MPa and some hundredths of a millisecond."""
-    return round(measurement.rail_pressure / POINT_PRESSURE), round(measurement.duration / POINT_DURATION)
+    return operating_point(measurement.rail_pressure, measurement.duration)
+
+
+def operating_point(rail_pressure: float, duration: float) -> tuple[int, int]:
+    """Of a rail pressure [Pa] and time open [s]: equal within a few MPa and some hundredths of a millisecond."""
+    return round(rail_pressure / POINT_PRESSURE), round(duration / POINT_DURATION)

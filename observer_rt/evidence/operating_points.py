@@ -17,7 +17,6 @@ from observer_rt.evidence.measurement import (
     open_time,
     rail_pressure_before,
 )
-from observer_rt.evidence.openings import Opening
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 
 
@@ -87,7 +86,7 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
     kept = np.concatenate(stretches)
     moved, begin = [], 0
     for event, stretch in zip(ordered, stretches, strict=True):
-        moved.append(_moved(event, begin - int(stretch[0])))
+        moved.append(event.moved(begin - int(stretch[0])))
         begin += stretch.size
 
     def cut(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -109,9 +108,3 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
         rail_pressure=float(np.mean([rail_pressure_before(event, recording) for event in ordered])),
         duration=float(np.mean([open_time(event, recording) for event in ordered])),
     )
-
-
-def _moved(event: JudgedEvent, by: int) -> JudgedEvent:
-    """An event some samples later."""
-    openings = tuple(Opening(o.first + by, o.last + by, o.rising, o.falling) for o in event.openings)
-    return JudgedEvent(openings, event.start + by, event.counted + by, event.end + by)

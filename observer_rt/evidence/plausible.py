@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.recording import Recording, Sampled
 
 _RATE_TOLERANCE = 1e-6  # relative
 
 
-def refuse_sample_rates(recordings: Sequence[Recording]) -> None:
+def refuse_sample_rates(recordings: Sequence[Sampled]) -> None:
     """Refuse recordings of different sample rates."""
     first = recordings[0]
     for other in recordings[1:]:

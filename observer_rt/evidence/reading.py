@@ -4,29 +4,38 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from observer_rt.evidence.measurement import Measurement, measurements
+from rich.console import Console
+
+from observer_rt.evidence.excerpts import MOST_SAMPLES, measured
+from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.plausible import refuse_sample_rates
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_hash import file_hash
 from observer_rt.recording.signals.plausible import refuse_implausible
-from observer_rt.recording.signals.recording import Recording
-from observer_rt.recording.signals.stream import HeldSignals
+from observer_rt.recording.signals.stream import SignalStream
+from observer_rt.terminal.console import progress_bar
 
 
-def read_measured(paths: Sequence[Path], read: Callable[[Path], Recording]) -> tuple[Measurement, ...]:
+def read_measured(
+    paths: Sequence[Path], read: Callable[[Path], SignalStream], console: Console, most: int = MOST_SAMPLES
+) -> tuple[Measurement, ...]:
     """Recordings, read and looked through.
 
-    read: takes a file the user named, and refuses one that is none. Raises `UserError` for recordings that cannot
-    serve, or not together.
+    read: looks through a file the user named, and refuses one that is none; most: samples kept of a recording.
+    Raises `UserError` for recordings that cannot serve, or not together.
     """
     for number, path in enumerate(paths):
         if path.resolve() in {other.resolve() for other in paths[:number]}:
             raise UserError(str(path), "is given twice", "give every recording once")
-    recordings = [read(path) for path in paths]
-    refuse_sample_rates(recordings)
-    for recording in recordings:
-        refuse_implausible(recording.path, HeldSignals(recording).survey)
-    return measurements(recordings)
+    sources = [read(path) for path in paths]
+    refuse_sample_rates(sources)
+    for source in sources:
+        refuse_implausible(source.path, source.survey, source.names)
+    found = []
+    for path, source in zip(paths, sources, strict=True):
+        with progress_bar(console, f"finding injections in {path.name}", source.grid_samples) as progress:
+            found.append(measured(source, progress, most))
+    return tuple(found)
 
 
 def hashes(paths: Sequence[Path]) -> dict[str, str]:

@@ -106,7 +106,7 @@ def _first_sample(place: str, text: str, one: Measurement) -> int | None:
     if not text:
         return None
     time = one.recording.time
-    left_out = np.searchsorted(time, [injection.time for injection in one.left_out])
+    left_out = np.searchsorted(time, [injection.time for injection in one.found.left_out])
     firsts = sorted([event.openings[0].first for event in one.events] + left_out.tolist())
     try:
         number = int(text)

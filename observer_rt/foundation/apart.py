@@ -43,6 +43,7 @@ class _Request(NamedTuple):
     arguments: tuple[Any, ...]
     working_folder: str
     scratch: str
+    cpu_seconds: int
 
 
 class _Item(NamedTuple):
@@ -60,7 +61,7 @@ def run_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterat
     Raises what it raises if that is a `UserError` or `OSError`, `WorkerError` however else it ends early.
     """
     with tempfile.TemporaryDirectory(prefix="observer_rt-", ignore_cleanup_errors=True) as scratch:
-        answers = _ask(_Request(module, function, path, arguments, str(Path.cwd()), scratch))
+        answers = _ask(_Request(module, function, path, arguments, str(Path.cwd()), scratch, CPU_SECONDS))
         with os.fdopen(answers, "rb") as pipe:
             while True:
                 try:
@@ -156,7 +157,7 @@ def _work(request: _Request, answers: int) -> NoReturn:
         os.chdir(request.working_folder)
         tempfile.tempdir = request.scratch
         with os.fdopen(answers, "wb") as pipe:
-            _limit(request.path)
+            _limit(request)
             try:
                 work = getattr(import_module(request.module), request.function)
                 for value in work(request.path, *request.arguments):
@@ -173,11 +174,11 @@ def _work(request: _Request, answers: int) -> NoReturn:
         os._exit(0)
 
 
-def _limit(path: Path) -> None:
+def _limit(request: _Request) -> None:
     """Bound the time and the memory of this process by the size of the file it reads."""
-    size = path.stat().st_size if path.is_file() else 0
+    size = request.path.stat().st_size if request.path.is_file() else 0
     for kind, limit in (
-        (resource.RLIMIT_CPU, CPU_SECONDS + round(size * SECONDS_PER_BYTE)),
+        (resource.RLIMIT_CPU, request.cpu_seconds + round(size * SECONDS_PER_BYTE)),
         (resource.RLIMIT_DATA, MEMORY + size * MEMORY_PER_BYTE),
         (resource.RLIMIT_CORE, 0),
     ):

@@ -16,8 +16,10 @@ from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.line.lump import stiffness, stiffness_slopes
 from observer_rt.model.line.wave import (
     WaveLine,
+    before_at,
     cell_compliance,
     cell_compliance_slopes,
+    cells_of,
     flow_at,
     pressure_at,
     steps_over,
@@ -98,7 +100,7 @@ def leapfrog(
 @njit(cache=True, nogil=True)
 def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, tangent: Any) -> None:
     """All flows a step [s] on, then all pressures but that of the end cell."""
-    cells = (x.shape[0] - 1) // 2
+    cells = cells_of(x)
     ahead_flow, ahead_pressure = x[flow_at(1, cells)], rail
     for i in range(1, cells + 1):
         place, here = flow_at(i, cells), pressure_at(i, cells)
@@ -129,6 +131,7 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
     if tangent is not None:
         _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, cells + 2, 2 * cells + 1)
         _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, 1, 2)
+    _stress_end(x, cells, line, tangent)
     for i in range(1, cells):
         place, inflow, outflow = pressure_at(i, cells), flow_at(i, cells), flow_at(i + 1, cells)
         compliance = step * cell_compliance(i, cells, line.b, line.b_near)
@@ -146,6 +149,27 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
         x[place] += compliance * soft * net
     if tangent is not None:
         _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, 3, cells + 2)
+
+
+@njit(cache=True, nogil=True)
+def _stress_end(x: NDArray[np.float64], cells: int, line: WaveLine, tangent: Any) -> None:
+    """What the end cell's compression in the step before does to the flow into it."""
+    before = before_at(cells)
+    stress = line.damping / line.b_near
+    rise = x[0] - x[before]
+    if tangent is not None:
+        by, theta = tangent.by, tangent.theta
+        for j in range(by.shape[1]):
+            by[1, j] -= stress * (by[0, j] - by[before, j])
+            by[before, j] = by[0, j]
+        columns, coefficients, slopes = theta.line_columns, theta.line_coefficients, theta.line_slopes
+        for k in range(slopes.shape[0]):
+            if coefficients[k] == _DAMPING:
+                by[1, columns[k]] -= rise / line.b_near * slopes[k]
+            elif coefficients[k] == _B_NEAR:
+                by[1, columns[k]] += rise * stress / line.b_near * slopes[k]
+    x[1] -= stress * rise
+    x[before] = x[0]
 
 
 @njit(cache=True, nogil=True)

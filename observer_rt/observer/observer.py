@@ -17,6 +17,7 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
 from observer_rt.observer.learning.adequacy import Innovations, Objection
+from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
 from observer_rt.observer.stream.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
 from observer_rt.observer.stream.phi import put_into
@@ -90,8 +91,10 @@ def constants_for(
     )
 
 
-def make_observer(constants: Constants, knowledge: Knowledge, learner: EventLearner) -> Observer:
-    """An observer with empty memory that carries `knowledge`."""
+def make_observer(
+    constants: Constants, knowledge: Knowledge, learner: EventLearner, healthy: Healthy = NOT_FITTED
+) -> Observer:
+    """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
     observer = Observer(
         constants,
         np.zeros(1, observer_dtype(len(constants.coefficients.line._fields), knowledge.in_force.size)),
@@ -102,7 +105,8 @@ def make_observer(constants: Constants, knowledge: Knowledge, learner: EventLear
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version
-    memory["innovation_sigma"] = learner.schedule.innovation_sigma
+    memory["healthy_variance"] = healthy.variance.max()
+    _expect(memory, learner.schedule.innovation_sigma)
     _put_in_force(observer, knowledge)
     return observer
 
@@ -195,12 +199,17 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
     _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
     if outcome is None:
         return
-    memory["innovation_sigma"] = outcome.schedule.innovation_sigma
+    _expect(memory, outcome.schedule.innovation_sigma)
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge)
     put_into(observer.phi, outcome.phi)
     if outcome.adoption is Adoption.ADOPTED:
         memory["phi_version"] += 1
+
+
+def _expect(memory: np.void, innovation_sigma: float) -> None:
+    memory["innovation_sigma"] = innovation_sigma
+    memory["innovation_weight"] = 1.0 / (innovation_sigma**2 * memory["healthy_variance"])
 
 
 def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:

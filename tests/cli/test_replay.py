@@ -216,4 +216,4 @@ def test_values_the_bus_cannot_hold_are_told(command: Command, tmp_path: Path) -
     path.write_text(header + "".join(f"{k * 1e-5:.5f},400,0,100\n" for k in range(50)))
     outcome = command("replay", path, *ON_BUS)
     assert outcome.code == 0
-    assert "warning: rail_pressure: 50 of 50 samples are above 317.665 MPa" in outcome.err
+    assert "warning: rail_pressure: reaches 400 MPa, beyond 317.665 MPa, the limit of" in outcome.err

@@ -50,11 +50,11 @@ def test_an_event_with_missing_samples_is_left_out() -> None:
     line[np.flatnonzero(one.needle_lift > 10e-6)[-1] + 200] = np.nan  # rings down after the second
     (found,) = measurements([replace(one, line_pressure=line)])
     assert len(found.events) == 1
-    (left_out,) = found.left_out
+    (left_out,) = found.found.left_out
     assert left_out.lack is Lack.GAP
     (whole,) = measurements([one])
     assert left_out.time == one.time[whole.events[1].openings[0].first]
-    assert whole.left_out == ()
+    assert whole.found.left_out == ()
 
 
 @pytest.mark.parametrize("place", [0, 1, 4, -1])
@@ -66,7 +66,7 @@ def test_a_sample_of_the_lift_missing_in_a_ramp_costs_that_event_only(place: int
     lift[(opening.first if place >= 0 else opening.last + 1) + place] = np.nan
     (found,) = measurements([replace(one, needle_lift=lift)])
     assert found.events == whole.events[1:]
-    assert [event.lack for event in found.left_out] == [Lack.GAP]
+    assert [event.lack for event in found.found.left_out] == [Lack.GAP]
 
 
 def test_an_event_cut_off_at_either_end_is_left_out() -> None:
@@ -84,7 +84,7 @@ def test_an_event_cut_off_at_either_end_is_left_out() -> None:
         )
         (found,) = measurements([part])
         assert len(found.events) == 1
-        return [event.lack for event in found.left_out]
+        return [event.lack for event in found.found.left_out]
 
     assert between(first.first - 100, one.samples) == [Lack.BEFORE]
     assert between(0, second.last + 100) == [Lack.AFTER]

@@ -63,8 +63,8 @@ def test_memory_is_bounded() -> None:
         list(apart("greedy"))
 
 
-@pytest.mark.slow
-def test_time_is_bounded() -> None:
+def test_time_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("observer_rt.foundation.apart.CPU_SECONDS", 1)
     with pytest.raises(WorkerError, match="crashed, or did not come to an end"):
         list(apart("endless"))
 

@@ -57,7 +57,7 @@ class Stream:
         self.learner = Learner(constants, knowledge)
         self.observer: Observer = make_observer(constants, knowledge, self.learner)
         if not self.learning:  # the pressures are made up: nothing shall contradict them
-            self.observer.memory["innovation_sigma"] = np.inf
+            self.observer.memory["innovation_weight"] = 0.0
         self._kept: list[NDArray[np.void]] = []
         self._seen = 0
         self._next_index = 0

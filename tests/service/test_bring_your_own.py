@@ -20,8 +20,9 @@ from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.replay.player import play
-from observer_rt.recording.replay.recording_frames import recording_extent, recording_frames
+from observer_rt.recording.replay.recording_frames import RecordingPart
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
@@ -147,7 +148,7 @@ def test_replay_sends_what_cantools_encodes(
     replayed = contents(
         (f.frame_id, f.is_extended, f.payload, 0) for f in Framer(bus).frames(data, whole(data))
     )
-    assert recording_extent(data, bus, windowed=False).frames == sum(map(len, replayed.values()))
+    assert RecordingPart(HeldSignals(data), bus).extent.frames == sum(map(len, replayed.values()))
     expected = contents(frames(data))
     assert expected.keys() == replayed.keys()
     for frame_id, sent in expected.items():
@@ -214,7 +215,7 @@ def _exchange_classic_frames(folder: Path, interface: str, channel: str, speed: 
     bench = load_bench(path)
     bus = map_bus(bench)
     data = recording(10e3)
-    frames = list(recording_frames(data, bus, windowed=False))
+    frames = list(RecordingPart(HeldSignals(data), bus).frames())
     inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
     warm_up(bench, bus)
     heard: list[can.Message] = []

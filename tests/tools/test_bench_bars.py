@@ -116,7 +116,7 @@ def test_a_slow_sample_is_named() -> None:
     assert slow_sample(QUICK) == []
     slow = SampleTime(open_us=3.1, closed_us=0.5)
     assert len(slow_sample(slow)) == 1
-    document = json_document([score()], [], slow)
+    document = json_document([score()], [], slow, slow_sample(slow))
     assert document["figures"]["sample_open_us"] == 3.1
     assert document["details"]["violations"] == slow_sample(slow)
 

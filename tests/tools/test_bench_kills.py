@@ -28,13 +28,13 @@ TOLD = [
 
 @pytest.mark.slow
 def test_a_few_kills_lose_nothing_older_than_stated(tmp_path: Path) -> None:
-    plan = Plan(12, 7, tmp_path, 1.0, "virtual", "kills-test", longest=2.0)
+    plan = Plan(8, 7, tmp_path, 1.0, "virtual", "kills-test", longest=2.0)
     kills = list(run_campaign(plan, lambda _: None))
     assert [problem for kill in kills for problem in kill.problems] == []
     assert {kill.strike for kill in kills} == set(Strike)
     assert all(kill.told > 0 for kill in kills if kill.strike is not Strike.MOMENT)
     assert sum(kill.warnings for kill in kills) > 0  # of full disks
-    assert len(kills_document(kills, plan)["kills"]) == 12
+    assert len(kills_document(kills, plan)["kills"]) == 8
 
 
 @pytest.mark.slow

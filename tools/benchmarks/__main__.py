@@ -4,6 +4,7 @@ import json
 import os
 import sys
 from collections.abc import Collection
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -15,8 +16,8 @@ from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.ablation import CLASSES_TRIED, run_ablation
 from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
-from tools.benchmarks.accuracy import print_results, run_accuracy
-from tools.benchmarks.cases import CLASSES
+from tools.benchmarks.accuracy import Results, print_results, run_accuracy
+from tools.benchmarks.cases import CLASSES, LUMP_CLASSES
 from tools.benchmarks.damage import damage_document, damage_table, run_damage
 from tools.benchmarks.discovery import figures as discovery_figures
 from tools.benchmarks.discovery import tables as discovery_tables
@@ -33,9 +34,14 @@ from tools.benchmarks.kills.campaign import Plan as KillPlan
 from tools.benchmarks.kills.campaign import run_campaign
 from tools.benchmarks.kills.tables import kills_document, kills_table
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
+from tools.benchmarks.plant import record
 from tools.benchmarks.runs import Plan
 from tools.benchmarks.surgery import findings_table, operate, surgeries
 from tools.benchmarks.tables import json_document
+from tools.benchmarks.wave_accuracy import WavePlan, run_wave_accuracy
+from tools.benchmarks.wave_cases import WAVE_CLASSES
+from tools.benchmarks.wave_plant import Variant
+from tools.benchmarks.wave_recordings import faulty_bench, healthy_benches, parsed_faults, write_recordings
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
@@ -45,10 +51,17 @@ JsonOption = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 messages = Console(stderr=True)
 PROCESSES = os.cpu_count() or 1
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
-CASES, ABLATION_CASES = 60, 10  # per class
+CASES, ABLATION_CASES, WAVE_CASES = 60, 10, 20  # per class
 INTERRUPTED = 130  # exit code
 TABLE_WIDTH = 210  # where stdout is no terminal
 RATES = {"without": (False,), "with": (True,), "both": (False, True)}
+
+
+class Tier(StrEnum):
+    """Which plant is measured."""
+
+    A = "A"
+    B = "B"
 
 
 @app.callback()
@@ -56,7 +69,10 @@ def bench() -> None:
     """Measures the observer; each command prints a table, or a JSON document."""
 
 
-@app.command(epilog="Example: tools/bench accuracy --cases 10 --classes orifice_area,line_friction")
+@app.command(
+    epilog="Examples: tools/bench accuracy --cases 10 --classes orifice_area,line_friction; "
+    "tools/bench accuracy --tier B --variant step --cases 3"
+)
 def accuracy(
     cases: Annotated[
         int | None, typer.Option(min=1, help=f"Cases per class ({CASES}; with --ablation {ABLATION_CASES}).")
@@ -64,21 +80,44 @@ def accuracy(
     classes: Annotated[str, typer.Option(help="Classes, by commas (default: all).")] = "",
     seed: SeedOption = 1,
     workers: WorkersOption = PROCESSES,
-    out: OutOption = Path("build/accuracy"),
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for results (default: in build/); a run interrupted goes on."),
+    ] = None,
     no_peers: Annotated[bool, typer.Option("--no-peers", help="Only our observer.")] = False,
     ablation: Annotated[
         bool, typer.Option("--ablation", help="Instead: our observer with one part changed each.")
     ] = False,
+    tier: Annotated[
+        Tier, typer.Option(help="A: a plant of the nominal structure. B: a richer one, to which `fit` fits.")
+    ] = Tier.A,
+    variant: Annotated[Variant, typer.Option(help="Of tier B's line.")] = Variant.PLAIN,
+    model: Annotated[
+        Path | None, typer.Option(help="Tier B: injector file, instead of fitting one.", exists=True)
+    ] = None,
+    measured_rate: Annotated[
+        bool,
+        typer.Option(
+            "--measured-rate", help="Tier B: fit with a measured rate, from an inertance 5 % wrong."
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
-    chosen = _chosen(classes, "--classes", CLASSES, CLASSES_TRIED if ablation else tuple(CLASSES))
-    plan = Plan(chosen, cases or (ABLATION_CASES if ablation else CASES), seed, workers, out, not no_peers)
+    default, usual, folder = LUMP_CLASSES, CASES, "accuracy"
+    if ablation:
+        default, usual = CLASSES_TRIED, ABLATION_CASES
+    elif tier is Tier.B:
+        default, usual, folder = WAVE_CLASSES, WAVE_CASES, f"accuracy-{variant}"
+    chosen = _chosen(classes, "--classes", CLASSES, default)
+    plan = Plan(chosen, cases or usual, seed, workers, out or Path("build") / folder, not no_peers)
     try:
         if ablation:
             _ablation(plan, as_json)
+        elif tier is Tier.B:
+            _show(run_wave_accuracy(WavePlan(plan, variant, model, measured_rate), messages), plan, as_json)
         else:
-            _accuracy(plan, as_json)
+            _show(run_accuracy(plan, messages), plan, as_json)
     except KeyboardInterrupt:
         messages.print("interrupted; what is scored is kept, the same command goes on")
         raise typer.Exit(INTERRUPTED) from None
@@ -201,6 +240,43 @@ def kills(
         raise typer.Exit(1)
 
 
+@app.command(
+    epilog="Example: tools/bench wave-recordings --out build/plain; observer-rt fit build/plain/*ms.csv ..."
+)
+def wave_recordings(
+    out: Annotated[Path, typer.Option(help="Folder for the recordings and their truth.")],
+    variant: Annotated[Variant, typer.Option(help="What the line is like.")] = Variant.PLAIN,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=VALUE (SI; may be repeated): one recording of 20 events with it, instead."),
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Sample rate [kHz], a divisor of 100.")] = 100.0,
+    averaged: Annotated[
+        bool, typer.Option("--averaged", help="Samples are means over the sample period that ends there.")
+    ] = False,
+    measured_rate: Annotated[
+        bool,
+        typer.Option(
+            "--measured-rate", help="With a measured rate; the injector file's inertance is 5 % wrong."
+        ),
+    ] = False,
+    seed: SeedOption = 1,
+) -> None:
+    """Six healthy recordings of an injector on a line with travelling waves, as `fit` wants them."""
+    if 100.0 % rate:
+        raise UserError("--rate", f"{rate:g} kHz is no divisor of 100", "give 100, 50, 20 or 10")
+    hz = 1e3 * rate
+    if fault:
+        benches = {"_".join(fault): faulty_bench(variant, seed, parsed_faults(fault), hz, averaged)}
+    else:
+        benches = healthy_benches(variant, seed, hz, averaged)
+    outcomes = ((name, record(bench)) for name, bench in benches.items())
+    with progress_bar(messages, "recording", float(len(benches))) as progress:
+        for number, path in enumerate(write_recordings(out, outcomes, measured_rate), 1):
+            progress(float(number))
+            messages.print(f"{path}, truth beside it", highlight=False, soft_wrap=True)
+
+
 @app.command(epilog="Example: tools/bench peer-tuning --peer ekf")
 def peer_tuning(peer: Annotated[str, typer.Option(help="Which filter: ukf or ekf.")] = "ukf") -> None:
     """The grid the joint Kalman filters' noise settings were chosen from, best first (minutes)."""
@@ -214,13 +290,12 @@ def peer_tuning(peer: Annotated[str, typer.Option(help="Which filter: ukf or ekf
     Console(width=TABLE_WIDTH).print(tuning_table(sorted(tried, key=lambda trial: trial.rmse)))
 
 
-def _accuracy(plan: Plan, as_json: bool) -> None:
-    found = run_accuracy(plan, messages)
+def _show(found: Results, plan: Plan, as_json: bool) -> None:
     for figure in save_figures(found.scores, plan.out):
         messages.print(f"figure: {figure}", highlight=False)
     if as_json:
         crashes = [str(crash) for crash in found.crashes]
-        print(json.dumps(json_document(found.scores, crashes, found.sample_time), indent=2))
+        print(json.dumps(json_document(found.scores, crashes, found.sample_time, found.missed), indent=2))
     else:
         print_results(found, _console())
 

@@ -184,7 +184,7 @@ def listened(case: Case, outcome: Outcome) -> tuple[CaseScore, tuple[SeenEvent, 
         SeenEvent(window, standstill, opening - window.opening)
         for (window, standstill), (_, opening) in zip(heard, sorted(openings.items()), strict=True)
     )
-    return score_evaluation(case, outcome, evaluation, training), events
+    return score_evaluation(case, outcome, bench, evaluation, training), events
 
 
 def _learned(name: str, outcome: Outcome, events: Sequence[SeenEvent]) -> BatchResult:

@@ -15,16 +15,17 @@ from tools.benchmarks.sample_time import measure_sample_time
 from tools.benchmarks.score import CaseScore, SampleTime
 from tools.benchmarks.scoring import score_case, warm_up
 from tools.benchmarks.store import Store, digest_of
-from tools.benchmarks.tables import class_table, following_table, peer_tables
+from tools.benchmarks.tables import class_table, following_table, has_peer, peer_tables
 
 
 @dataclass(frozen=True)
 class Results:
-    """What came out."""
+    """What came out; missed: a line for every bar that is missed."""
 
     scores: tuple[CaseScore, ...]
     crashes: tuple[Crash[Task], ...]
     sample_time: SampleTime
+    missed: tuple[str, ...]
 
 
 def run_accuracy(plan: Plan, console: Console) -> Results:
@@ -43,15 +44,16 @@ def run_accuracy(plan: Plan, console: Console) -> Results:
         paper_store = Store(plan.out / "paper.jsonl", PeerScore, digest_of((PACKAGE, BENCHMARKS)))
         tasks = tuple(task for task in plan.tasks if has_paper(task.class_name))
         paper = scored("paper", paper_store, paper_task, warm_up, tasks, plan, console, crashes)
-        scores = {task: _joined(s, (peers.get(task), paper.get(task))) for task, s in scores.items()}
+        scores = {task: joined(s, (peers.get(task), paper.get(task))) for task, s in scores.items()}
     found = tuple(scores[task] for task in plan.tasks if task in scores)
-    return Results(found, tuple(crashes), measure_sample_time())
+    took = measure_sample_time()
+    return Results(found, tuple(crashes), took, (*violations(found), *slow_sample(took)))
 
 
 def print_results(results: Results, console: Console) -> None:
     """The tables, then a line for every bar that is missed and every crash."""
     console.print(class_table(results.scores))
-    if any(score.limits_mg for score in results.scores):
+    if any(has_peer(score) for score in results.scores):
         for table in peer_tables(results.scores):
             console.print(table)
     if any(followed(s) is not None for s in results.scores):
@@ -61,7 +63,7 @@ def print_results(results: Results, console: Console) -> None:
         f"one sample of the observer at 100 kHz, us: needle open {took.open_us:.2f}, shut {took.closed_us:.2f}",
         highlight=False,
     )
-    for line in (*violations(results.scores), *slow_sample(took)):
+    for line in results.missed:
         console.print(line, highlight=False, markup=False)
     for crash in results.crashes:
         console.print(f"crash: {crash.task}: {crash.message}", highlight=False, markup=False)
@@ -82,7 +84,8 @@ def paper_task(task: Task) -> PeerScore:
     return score_paper(make_case(task.class_name, task.master_seed, task.number))
 
 
-def _joined(score: CaseScore, parts: Sequence[PeerScore | None]) -> CaseScore:
+def joined(score: CaseScore, parts: Sequence[PeerScore | None]) -> CaseScore:
+    """The score with those of peers that ran."""
     for part in parts:
         if part is not None:
             limits = part.limits_mg or score.limits_mg

@@ -125,7 +125,7 @@ def violations(scores: Sequence[CaseScore]) -> list[str]:
 def slow_sample(took: SampleTime) -> list[str]:
     """A line when a sample takes too long."""
     slowest = max(took.open_us, took.closed_us)
-    return list(_above("all", "one sample of the observer at 100 kHz [us]", slowest, SAMPLE_US))
+    return list(above("all", "one sample of the observer at 100 kHz [us]", slowest, SAMPLE_US))
 
 
 def _first_useful_violations(worn: Sequence[CaseScore]) -> Iterator[str]:
@@ -141,12 +141,12 @@ def _overall_violations(main: Sequence[CaseScore]) -> Iterator[str]:
         if not POOLED_COVERAGE[0] <= share <= POOLED_COVERAGE[1]:
             yield f"all: coverage of the 95 % interval of the mass: {share:.1%}, not 93-97 %"
     if widths := halfwidths(main):
-        yield from _above(
+        yield from above(
             "all", "half-width of the interval against the limit, median", np.median(widths), 1.6
         )
     if training := [ms for s in main for ms in s.training_ms]:
-        yield from _above("all", "training of an event, median [ms]", np.median(training), 10.0)
-        yield from _above("all", "training of an event, p99 [ms]", np.percentile(training, 99), 20.0)
+        yield from above("all", "training of an event, median [ms]", np.median(training), 10.0)
+        yield from above("all", "training of an event, p99 [ms]", np.percentile(training, 99), 20.0)
 
 
 def _violations_of(name: str, cases: list[CaseScore]) -> Iterator[str]:
@@ -155,7 +155,7 @@ def _violations_of(name: str, cases: list[CaseScore]) -> Iterator[str]:
         yield from _level_violations(name, cases, _BARS[name])
     if name == "healthy":
         excess = [abs(s.mass_error_pct()) - abs(s.mass_error_pct(NOMINAL)) for s in cases]
-        yield from _above(name, "excess over the nominal model, p95 [%]", _p95(excess), 0.25)
+        yield from above(name, "excess over the nominal model, p95 [%]", _p95(excess), 0.25)
     if ratios := x3_ratios(cases):
         p5 = float(np.percentile(ratios, 5))
         if p5 < 40.0:
@@ -171,8 +171,8 @@ def _violations_of(name: str, cases: list[CaseScore]) -> Iterator[str]:
 
 def _level_violations(name: str, cases: list[CaseScore], bars: Bars) -> Iterator[str]:
     masses = [abs(s.mass_error_pct()) for s in cases]
-    yield from _above(name, "mass error, p95 [%]", _p95(masses), bars.mass_p95_pct)
-    yield from _above(name, "RMSE, p95 [mm3/ms]", _p95([s.rate_rmse() for s in cases]), bars.rmse_p95)
+    yield from above(name, "mass error, p95 [%]", _p95(masses), bars.mass_p95_pct)
+    yield from above(name, "RMSE, p95 [mm3/ms]", _p95([s.rate_rmse() for s in cases]), bars.rmse_p95)
     share = float(np.mean([s.valid_share for s in cases]))
     if share < bars.valid_share:
         yield f"{name}: valid share: {share:.1%} < {bars.valid_share:.0%}"
@@ -180,7 +180,7 @@ def _level_violations(name: str, cases: list[CaseScore], bars: Bars) -> Iterator
         for s, mass in zip(cases, masses, strict=True):
             limit = 0.0 if s.limit_pct is None else LIMIT_SIGMAS * s.limit_pct + LIMIT_MARGIN_PCT
             bar = max(bars.mass_case_pct, limit)
-            yield from _above(f"{name} {s.number}", "mass error [%]", mass, bar)
+            yield from above(f"{name} {s.number}", "mass error [%]", mass, bar)
 
 
 def _coverage_violations(name: str, cases: list[CaseScore]) -> Iterator[str]:
@@ -222,7 +222,8 @@ def _case_problems(group: Group, s: CaseScore) -> Iterator[str]:
         yield f"more than three events {sustained_excess_pct(s):.3g} % worse than the nominal model"
 
 
-def _above(place: str, what: str, value: float | np.floating[Any], bar: float) -> Iterator[str]:
+def above(place: str, what: str, value: float | np.floating[Any], bar: float) -> Iterator[str]:
+    """A line if a figure is above its bar."""
     if value > bar:
         yield f"{place}: {what}: {value:.3g} > {bar:g}"
 

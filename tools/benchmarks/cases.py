@@ -163,6 +163,7 @@ class FaultClass:
     grows: float = 0.0  # share of the faults' size that comes only event by event
     missing: int = 0  # periods without an injection, among the others
     windowed: bool = False  # only what lies round the injections is recorded
+    averaged: bool = False  # samples are means over their period
 
 
 _JUMPS: dict[str, Draw] = {
@@ -189,9 +190,13 @@ CLASSES: dict[str, FaultClass] = {
     "windowed": FaultClass(Group.OPERATION, _one_of(_SIZES), windowed=True),
     "at_50_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=50e3),
     "at_20_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=20e3),
+    "wear_averaged_20_khz": FaultClass(Group.RATE, _wear, sample_rate=20e3, averaged=True),
     "stability": FaultClass(Group.STABILITY, _two_of(_VOCABULARY)),
     "stability_beyond": FaultClass(Group.STABILITY, _two_of(_VOCABULARY | _INVENTED | _UNSEEN)),
 }
+
+LUMP_CLASSES = tuple(name for name, c in CLASSES.items() if not c.averaged)
+"""Those of the nominal injector's bars."""
 
 
 def make_case(class_name: str, master_seed: int, number: int) -> Case:
@@ -200,7 +205,7 @@ def make_case(class_name: str, master_seed: int, number: int) -> Case:
     rng = np.random.default_rng([master_seed, zlib.crc32(class_name.encode()), number])
     seed = int(rng.integers(2**62))
     needle = Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
-    schedule = _schedule(rng, varying=rng.random() < VARYING_SHARE or fault_class.group is Group.STABILITY)
+    schedule = drawn_events(rng, varying=rng.random() < VARYING_SHARE or fault_class.group is Group.STABILITY)
     faults = fault_class.faults(rng)
     change_event = int(rng.integers(6, 14)) if fault_class.jumps else None
     noise = float(2.0 ** rng.uniform(-1.0, 1.0)) if fault_class.group is Group.STABILITY else 1.0
@@ -212,7 +217,7 @@ def make_case(class_name: str, master_seed: int, number: int) -> Case:
         place = int(rng.integers(1, 10))
         events = (*events[:place], replace(events[place], shots=()), *events[place:])
     injector = wave_injector(rng.uniform(2e-9, 4e-9)) if fault_class.waves else Injector()
-    bench = Bench(injector, needle, events, fault_class.sample_rate, noise, seed)
+    bench = Bench(injector, needle, events, fault_class.sample_rate, noise, seed, fault_class.averaged)
     return Case(class_name, master_seed, number, bench, change_event)
 
 
@@ -225,7 +230,7 @@ def _faults_at(event: int, faults: Faults, change_event: int | None, grows: floa
     return faults
 
 
-def _schedule(rng: Generator, varying: bool) -> tuple[Event, ...]:
+def drawn_events(rng: Generator, varying: bool) -> tuple[Event, ...]:
     """Events of one case: one operating point, or a new one every time."""
     pilot = rng.random() < PILOT_SHARE
     post = pilot and rng.random() < POST_SHARE

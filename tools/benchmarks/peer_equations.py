@@ -31,6 +31,7 @@ class Model(NamedTuple):
     leak: float  # K_L/V_L, Pa/m3
     transition: float  # of the orifice laws, in units of p0
     nozzle_flow: float  # m3/s at x3 = 1
+    sac_follows: bool = False  # no volume of its own: x3 is where seat and nozzle flow are equal
 
 
 class Stream(NamedTuple):
@@ -67,12 +68,23 @@ def root(difference: float, transition: float) -> float:
 
 
 @njit(cache=True, nogil=True)
+def between(x1: float, area: float, theta: Array, m: Model) -> float:
+    """x3 at which as much flows through the seat as through the nozzle."""
+    seat, nozzle = m.a5 * (1.0 + theta[V_S]) * area, m.a6 * (1.0 + theta[V_H])
+    share: float = seat * seat / (seat * seat + nozzle * nozzle)
+    return x1 * share
+
+
+@njit(cache=True, nogil=True)
 def _rates(
     x1: float, x2: float, x3: float, rail: float, area: float, theta: Array, m: Model
 ) -> tuple[float, float, float]:
     line_flow = m.a3 * (rail - x1) - m.a4 * (1.0 + theta[FRICTION]) * x2 * math.fabs(x2)
     stiffness = 1.0 + theta[STIFFNESS]
     inflow = m.a1 * x2 - m.leak * theta[LEAK] * x1
+    if m.sac_follows:
+        q_h = (1.0 + theta[V_H]) * root(between(x1, area, theta, m), m.transition)
+        return stiffness * (inflow - m.a2 * q_h), line_flow, 0.0
     if area == 0.0 and x3 == 0.0:
         return stiffness * inflow, line_flow, 0.0
     q_h = (1.0 + theta[V_H]) * root(x3, m.transition)
@@ -101,6 +113,8 @@ def advance(
         x1 += h / 6.0 * (k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0])
         x2 += h / 6.0 * (k1[1] + 2.0 * (k2[1] + k3[1]) + k4[1])
         x3 += h / 6.0 * (k1[2] + 2.0 * (k2[2] + k3[2]) + k4[2])
+    if m.sac_follows:
+        x3 = between(x1, stream.inputs[k + 1, 1], theta, m)
     return x1, x2, x3
 
 

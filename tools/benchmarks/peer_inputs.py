@@ -28,8 +28,8 @@ class PeerInputs:
     open: NDArray[np.bool_]
 
 
-def nominal_model(part: Injector) -> Model:
-    """Coefficients of the new injector with a lumped line."""
+def lump_model(part: Injector, sac_follows: bool = False) -> Model:
+    """Coefficients of an injector with a lumped line; its sac may follow without delay."""
     jet = math.sqrt(2.0 * PRESSURE_SCALE / part.density)
     line = part.bulk_modulus_line / part.line_volume
     sac = part.bulk_modulus_sac / part.sac_volume
@@ -44,11 +44,12 @@ def nominal_model(part: Injector) -> Model:
         leak=line,
         transition=TRANSITION / PRESSURE_SCALE,
         nozzle_flow=nozzle,
+        sac_follows=sac_follows,
     )
 
 
-def peer_inputs(measured: Measured) -> PeerInputs:
-    """The recording as every peer takes it; the model is always the nominal injector's."""
+def peer_inputs(measured: Measured, model: Model | None = None) -> PeerInputs:
+    """The recording as every peer takes it; the model is the nominal injector's unless another is given."""
     part = Injector()
     interval = float(measured.time[1] - measured.time[0])
     opened = _open(measured.needle_lift)
@@ -67,7 +68,7 @@ def peer_inputs(measured: Measured) -> PeerInputs:
         interval,
         max(5, math.ceil(interval / STEP)),
     )
-    return PeerInputs(nominal_model(part), stream, _events(opened, round(EVENT_GAP / interval)), opened)
+    return PeerInputs(model or lump_model(part), stream, _events(opened, round(EVENT_GAP / interval)), opened)
 
 
 def _open(lift: NDArray[np.float64]) -> NDArray[np.bool_]:

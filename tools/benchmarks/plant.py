@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import Rail, State, run
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
+from tools.benchmarks.wave_plant import WaveLine, WavePlant
 
 SAMPLE_RATE = 100e3  # Hz of the plant; slower recordings are decimated
 FIRST_EVENT = 0.15  # s
@@ -53,7 +54,11 @@ class Event:
 
 @dataclass(frozen=True)
 class Bench:
-    """What is recorded: injector, needle, events, sample rate [Hz], noise as a multiple of the usual, seed."""
+    """What is recorded: injector, needle, events, sample rate [Hz], noise as a multiple of the usual, seed.
+
+    averaged: a slower recording's samples are means over the sample period that ends there, not single values.
+    line: of the richer plant; None: the injector's own.
+    """
 
     injector: Injector
     needle: Needle
@@ -61,6 +66,8 @@ class Bench:
     sample_rate: float = SAMPLE_RATE
     noise: float = 1.0
     seed: int = 0
+    averaged: bool = False
+    line: WaveLine | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,14 +134,26 @@ def record(bench: Bench) -> Outcome:
     rail = _rail(bench.events, time)
     result, lateness = _integrate(bench, time, rail)
     truth = Truth(result[:, 0], result[:, 1], result[:, 2], result[:, 3], rail)
-    measured = _measure(bench, time, rail, result, lateness)
     every = round(SAMPLE_RATE / bench.sample_rate)
-    measured = Measured(*(v[::every] for v in vars(measured).values()))
+    measured = _measure(bench, time, rail, result, lateness)
     truth = Truth(*(v[::every] for v in vars(truth).values()))
     openings = _openings(truth.needle_lift)
     starts = np.array([event_start(i) for i in range(len(bench.events))])
     event_of = np.searchsorted(starts, measured.time[openings[:, 0]] + 1e-4, side="right") - 1
     return Outcome(measured, truth, openings, event_of)
+
+
+class _CellPlant:
+    """An injector on a line of cells, at rest at first."""
+
+    def __init__(self, part: Injector, rail_pressure: float) -> None:
+        flows, pressures = np.zeros(part.line_cells), np.full(part.line_cells, rail_pressure)
+        self._part = part
+        self._state = State(flows, pressures, np.array([part.chamber_pressure, rail_pressure, 0.0]))
+
+    def advance(self, faults: Faults, strokes: Array, drive: Rail, result: Array) -> None:
+        """Signals (n, 6) of `plant_equations.run` at the samples after the first of `drive`."""
+        run(with_faults(self._part, faults), faults, strokes, drive, self._state, result)
 
 
 def _first_sample(number: int) -> int:
@@ -156,8 +175,8 @@ def _rail(events: tuple[Event, ...], time: Array) -> Array:
 def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[np.int64]]:
     """Signals (n, 6) of `plant_equations.run` at all samples, and how many samples late the line is recorded."""
     part = bench.injector
-    flows, pressures = np.zeros(part.line_cells), np.full(part.line_cells, rail[0])
-    state = State(flows, pressures, np.array([part.chamber_pressure, rail[0], 0.0]))
+    start = float(rail[0])
+    plant = _CellPlant(part, start) if bench.line is None else WavePlant(part, bench.line, start)
     result = np.empty((time.size, 6))
     result[0] = (0.0, part.chamber_pressure, 0.0, rail[0], rail[0], 0.0)
     lateness = np.zeros(time.size, np.int64)
@@ -166,8 +185,7 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
         end = time.size - 1 if number + 1 == len(bench.events) else _first_sample(number + 1)
         strokes = strokes_of(event, event_start(number), bench.needle, part.max_lift)
         drive = Rail(float(time[first]), 1.0 / SAMPLE_RATE, rail[first : end + 1])
-        faulty = with_faults(part, event.faults)
-        run(faulty, event.faults, strokes, drive, state, result[first + 1 : end + 1])
+        plant.advance(event.faults, strokes, drive, result[first + 1 : end + 1])
         lateness[first + 1 : end + 1] = math.floor(event.faults.channel_skew * SAMPLE_RATE)
     return result, lateness
 
@@ -188,12 +206,25 @@ def _measure(bench: Bench, time: Array, rail: Array, result: Array, lateness: ND
     lift = result[:, 5] / (1.0 + fault("lift_gain"))
     lift = np.where(lift > 0.0, np.maximum(lift - fault("lift_offset"), 0.0), 0.0)
     noise = np.random.default_rng(bench.seed).normal(size=(3, time.size)) * bench.noise
+    every = round(SAMPLE_RATE / bench.sample_rate)
+    slowed = _block_means if bench.averaged else _single_values
     return Measured(
-        time,
-        _coded(rail + RAIL_NOISE * noise[0], PRESSURE_STEP, PRESSURE_FLOOR),
-        _coded(lift + LIFT_NOISE * noise[1], LIFT_STEP, LIFT_FLOOR),
-        _coded(line + LINE_NOISE * noise[2], PRESSURE_STEP, PRESSURE_FLOOR),
+        time[::every],
+        _coded(slowed(rail + RAIL_NOISE * noise[0], every), PRESSURE_STEP, PRESSURE_FLOOR),
+        _coded(slowed(lift + LIFT_NOISE * noise[1], every), LIFT_STEP, LIFT_FLOOR),
+        _coded(slowed(line + LINE_NOISE * noise[2], every), PRESSURE_STEP, PRESSURE_FLOOR),
     )
+
+
+def _single_values(values: Array, every: int) -> Array:
+    return values[::every]
+
+
+def _block_means(values: Array, every: int) -> Array:
+    """Mean over the block that ends at every `every`-th value, the first block made up of the first value."""
+    whole = values[: (values.size - 1) // every * every + 1]
+    blocks = np.concatenate((np.full(every - 1, values[0]), whole)).reshape(-1, every)
+    return np.asarray(blocks.mean(axis=1), np.float64)
 
 
 def _coded(values: Array, step: float, floor: float) -> Array:

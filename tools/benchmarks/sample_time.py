@@ -1,6 +1,7 @@
 """What one sample costs the compiled observer: x~ with its gain, x^ with phi, rate and statistics; no learning."""
 
 import time
+from pathlib import Path
 
 import numpy as np
 from numba import njit
@@ -48,9 +49,9 @@ def run_samples(observer: Observer, inputs: NDArray[np.float64], first_index: in
         advance_stream(observer)
 
 
-def loaded_observer() -> Observer:
-    """An observer at 100 kHz that carries everything it can have learned."""
-    bench = bench_at(SAMPLE_RATE)
+def loaded_observer(model: Path | None = None) -> Observer:
+    """An observer at 100 kHz that carries everything it can have learned; `model`: another injector file."""
+    bench = bench_at(SAMPLE_RATE, model)
     constants = bench_constants(bench.injector)
     knowledge = no_knowledge(configured_noise(bench.injector), constants.coefficients.pressure_scale)
     for parameter, value in LEARNED.items():
@@ -58,9 +59,9 @@ def loaded_observer() -> Observer:
     return make_observer(constants, knowledge, Learner(constants, knowledge))
 
 
-def measure_sample_time() -> SampleTime:
-    """Time the step on a noisy standstill and on a needle held open."""
-    observer = loaded_observer()
+def measure_sample_time(model: Path | None = None) -> SampleTime:
+    """Time the step on a noisy standstill and on a needle held open; `model`: another injector file."""
+    observer = loaded_observer(model)
     closed = _best(observer, first_index=0, lift=0.0, line_pressure=RAIL_PRESSURE)
     opened = _best(observer, (REPEATS + 1) * BLOCK, OPEN_LIFT, OPEN_PRESSURE)
     return SampleTime(opened, closed)

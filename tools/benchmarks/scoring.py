@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,9 +30,9 @@ WARM_UP_EVENTS = 3
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 
 
-def score_case(case: Case) -> CaseScore:
-    """Record a case and score our observer, and the nominal model beside it, on the recording."""
-    return score_outcome(case, record(case.bench), bench_at(case.bench.sample_rate))
+def score_case(case: Case, model: Path | None = None) -> CaseScore:
+    """Record a case and score our observer, and the model it starts from beside it, on the recording."""
+    return score_outcome(case, record(case.bench), bench_at(case.bench.sample_rate, model))
 
 
 def score_outcome(
@@ -44,14 +45,13 @@ def score_outcome(
             evaluation = evaluate_windowed(bench, recording, learner_of)
         else:
             evaluation = evaluate(bench, [recording], learner_of=learner_of).evaluations[0]
-    return score_evaluation(case, outcome, evaluation, training)
+    return score_evaluation(case, outcome, bench, evaluation, training)
 
 
 def score_evaluation(
-    case: Case, outcome: Outcome, evaluation: Evaluation, training: Sequence[float]
+    case: Case, outcome: Outcome, bench: Bench, evaluation: Evaluation, training: Sequence[float]
 ) -> CaseScore:
-    """Score what an observer made of a case; training: milliseconds of each event."""
-    bench = bench_at(case.bench.sample_rate)
+    """Score what an observer by its bench made of a case; training: milliseconds of each event."""
     windows = windows_of(outcome, case.bench.sample_rate)
     truth, trace = outcome.truth, evaluation.trace
     density = case.bench.injector.density
@@ -105,9 +105,9 @@ def recording_of(outcome: Outcome) -> Recording:
     return Recording(m.time, m.rail_pressure, m.needle_lift, m.line_pressure)
 
 
-def bench_at(sample_rate: float) -> Bench:
-    """The example bench at a sample rate [Hz]."""
-    return load_bench().with_sections(sampling=SamplingConfig(rate_hz=sample_rate))
+def bench_at(sample_rate: float, model: Path | None = None) -> Bench:
+    """The example bench at a sample rate [Hz], with another injector file than its own."""
+    return load_bench(model=model).with_sections(sampling=SamplingConfig(rate_hz=sample_rate))
 
 
 def x3_of_rate(rate: NDArray[np.float64], bench: Bench) -> NDArray[np.float64]:

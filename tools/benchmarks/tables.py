@@ -13,10 +13,8 @@ from tools.benchmarks.bars import (
     halfwidths,
     rate_coverages,
     recovered,
-    slow_sample,
     sustained_excess_pct,
     useful_at_third,
-    violations,
     worn_from_the_start,
     x3_ratios,
 )
@@ -81,6 +79,11 @@ def _interval(found: Sequence[bool]) -> str:
     return f"{100.0 * low:.0f}-{100.0 * high:.0f}"
 
 
+def has_peer(score: CaseScore) -> bool:
+    """Whether anything but our observer and the model beside it ran on the case, or was worked out for it."""
+    return bool(score.limits_mg) or any(e.name not in (OBSERVER, NOMINAL) for e in score.estimators)
+
+
 def peer_tables(scores: Sequence[CaseScore]) -> tuple[Table, Table]:
     """Every estimator, class by class, median and largest of mass error and of RMSE; and the information limit."""
     names = list(dict.fromkeys(e.name for s in scores for e in s.estimators))
@@ -93,14 +96,13 @@ def peer_tables(scores: Sequence[CaseScore]) -> tuple[Table, Table]:
     mass.add_column("limit %\n1 sigma", justify="right")
     mass.add_column("half-width\nvs limit", justify="right")
     for class_name, cases in by_class(scores).items():
-        with_peers = [s for s in cases if s.limits_mg]
-        if with_peers:
+        if with_peers := [s for s in cases if has_peer(s)]:
             limits = [s.limit_pct for s in with_peers if s.limit_pct is not None]
             widths = halfwidths(with_peers)
             mass.add_row(
                 class_name,
                 *_cells(names, with_peers, lambda s, name: abs(s.mass_error_pct(name))),
-                f"{np.median(limits):.3f}",
+                f"{np.median(limits):.3f}" if limits else "",
                 f"{np.median(widths):.2f}" if widths else "",
             )
             rate.add_row(class_name, *_cells(names, with_peers, lambda s, name: s.rate_rmse(name)))
@@ -140,7 +142,9 @@ def _row(cases: Sequence[CaseScore]) -> list[str]:
     ]
 
 
-def json_document(scores: Sequence[CaseScore], crashes: Sequence[str], took: SampleTime) -> dict[str, Any]:
+def json_document(
+    scores: Sequence[CaseScore], crashes: Sequence[str], took: SampleTime, missed: Sequence[str] = ()
+) -> dict[str, Any]:
     """`figures` over the classes that must be estimated well, `details` per class."""
     main = [s for s in scores if CLASSES[s.class_name].group is Group.MAIN]
     ratios = x3_ratios(scores)
@@ -170,7 +174,7 @@ def json_document(scores: Sequence[CaseScore], crashes: Sequence[str], took: Sam
         },
         "details": {
             "classes": {name: _class_details(cases) for name, cases in by_class(scores).items()},
-            "violations": [*violations(scores), *slow_sample(took)],
+            "violations": list(missed),
             "crashes": list(crashes),
         },
     }

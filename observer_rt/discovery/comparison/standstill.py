@@ -116,11 +116,11 @@ def _blocks(measurement: Measurement, period: float) -> _Blocks | None:
 
 
 def _calm(measurement: Measurement) -> NDArray[np.bool_]:
-    """Samples (n,) with both pressures, SETTLED and more after the needle was last seen open."""
+    """Samples (n,) with both pressures, SETTLED and more after the needle was last seen open, or not seen."""
     recording = measurement.recording
     opens, _ = dead_band(measurement.noise.needle_lift)
     every, settled = np.arange(recording.samples), round(SETTLED * recording.sample_rate)
-    last_open = np.maximum.accumulate(np.where(recording.needle_lift > opens, every, -settled - 1))
+    last_open = np.maximum.accumulate(np.where(recording.needle_lift <= opens, -settled - 1, every))
     finite = np.isfinite(recording.rail_pressure + recording.line_pressure)
     return np.asarray((every - last_open > settled) & finite, np.bool_)
 

@@ -63,6 +63,7 @@ def as_json(findings: Findings, sources: Sources) -> dict[str, Any]:
             "in_force": list(sources.in_force),
         },
         "recordings": dict(sources.recordings),
+        "judged_in_part": list(findings.in_part),
         "healthy": list(sources.healthy),
         "made": sources.made.isoformat(timespec="seconds"),
         "fitted_on": list(findings.fitted_on),

@@ -4,7 +4,10 @@ Pressures p_1 .. p_n at i L/n, p_n at the closed end, the rail's p_0 in front; f
 them, half a step earlier than the pressures. Stepped by `model.leapfrog`: with n such that sound crosses most of a
 cell in a step, the errors of space and of time cancel. The end cell is half a cell and the volume beyond the pipe.
 
-x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1)].
+What damps waves is a stress that goes with the rate at which a cell is compressed, as of a viscous fuel. That of
+the end cell must be of the same time as the flow it acts on: half a step later it would be inertia, and 1 % of mass.
+
+x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1), p_n a step before].
 """
 
 import math
@@ -36,6 +39,19 @@ def steps_over(interval: float) -> int:
 
 
 @njit(cache=True, nogil=True, inline="always")
+def cells_of(x: NDArray[np.float64]) -> int:
+    """n of a state."""
+    cells: int = x.shape[0] // 2 - 1
+    return cells
+
+
+@njit(cache=True, nogil=True, inline="always")
+def before_at(cells: int) -> int:
+    """Place in x of p_n a step before."""
+    return 2 * cells + 1
+
+
+@njit(cache=True, nogil=True, inline="always")
 def pressure_at(cell: int, cells: int) -> int:
     """Place in x of p_i, i = 1 .. n."""
     return 0 if cell == cells else 2 + cell
@@ -50,12 +66,11 @@ def flow_at(face: int, cells: int) -> int:
 @njit(cache=True, nogil=True)
 def rest(x: NDArray[np.float64], pressure: float) -> None:
     """No flow, one pressure; p_S is left."""
-    sac = x[2]
-    x[:] = 0.0
-    cells = (x.shape[0] - 1) // 2
-    for cell in range(1, cells + 1):
-        x[pressure_at(cell, cells)] = pressure
-    x[2] = sac
+    cells = cells_of(x)
+    for i in range(1, cells + 1):
+        x[pressure_at(i, cells)] = pressure
+        x[flow_at(i, cells)] = 0.0
+    x[before_at(cells)] = pressure
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -95,7 +110,7 @@ class WaveLine(_WaveCoefficients):
     @property
     def further(self) -> int:
         """All but p_n and q_n."""
-        return 2 * int(self.cells) - 2
+        return 2 * int(self.cells) - 1
 
     @classmethod
     def of(
@@ -158,15 +173,15 @@ class WaveLine(_WaveCoefficients):
         """See `interface.Line`."""
         cells = int(self.cells)
         pressures = np.full(cells - 1, flow * self.impedance**2)
-        return np.concatenate([pressures, np.full(cells - 1, flow)])
+        return np.concatenate([pressures, np.full(cells - 1, flow), [0.0]])
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Of the steps themselves, without friction."""
         n = int(self.cells)
         steps = steps_over(interval)
         step = interval / steps
-        size = 2 * n
-        places = [*range(2), *range(3, 2 * n + 1)]  # of x without p_S, in rows of the matrix
+        size = 2 * n + 1
+        places = [*range(2), *range(3, 2 * n + 2)]  # of x without p_S, in rows of the matrix
         row = {place: k for k, place in enumerate(places)}
         flows = np.eye(size + 1)  # the rail pressure comes last
         pressures = np.eye(size + 1)
@@ -180,6 +195,11 @@ class WaveLine(_WaveCoefficients):
             for neighbour in {max(i - 1, 1), min(i + 1, n)} - {i}:
                 flows[q, row[flow_at(neighbour, n)]] += step * self.damping
                 flows[q, q] -= step * self.damping
+            if i == n:
+                stress = self.damping / self.b_near
+                flows[q, p] -= stress
+                flows[q, row[before_at(n)]] += stress
+                pressures[row[before_at(n)]] = np.eye(size + 1)[p]
             if i < n:
                 compliance = cell_compliance(i, n, self.b, self.b_near)
                 pressures[p, q] += step * compliance

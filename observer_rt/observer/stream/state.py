@@ -145,7 +145,12 @@ _OBSERVER = [
     ("untested", np.int64),  # events in a row that could not be tested
     ("doubted", np.int8),  # Reason all that comes now is not to be trusted, 0 when it is
     ("innovation_sigma", np.float64),  # standard deviation of e~, in units of p_0
-    ("surprise", np.float64),  # running mean of e~ over it
+    (
+        "healthy_variance",
+        np.float64,
+    ),  # what e~ of a healthy injector has, over its square; 1 if the model is right
+    ("innovation_weight", np.float64),  # 1 / their product
+    ("surprise", np.float64),  # running mean of e~^2 by this weight
     ("contradicted", np.bool_),  # it has left what noise can do, and no event passed since
     ("contradicted_in", np.int64),  # number of the first event that can tell otherwise
     ("lift_on", np.float64),  # m

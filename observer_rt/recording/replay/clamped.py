@@ -1,14 +1,10 @@
 """Values of a recording that the signals of a bus cannot hold."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.signal_range import message_of, role_range, role_resolution
 from observer_rt.config.signals import Role
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE
-from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.survey import Survey
 
 _SHOWN_UNIT = {
@@ -18,29 +14,8 @@ _SHOWN_UNIT = {
 }
 
 
-def recorded_out_of_range(recording: Recording, bus: BusMap) -> list[str]:
-    """One line for every role with values the bus cannot hold, which are clamped when sent."""
-    warnings = []
-    for role in ROLES:
-        values: NDArray[np.float64] = getattr(recording, role.value)
-        limits = role_range(bus, role)
-        unit, factor = _SHOWN_UNIT[role]
-        for beyond, limit, side in (
-            (limits.lowest - values, limits.lowest, "below"),
-            (values - limits.highest, limits.highest, "above"),
-        ):
-            count = int(np.count_nonzero(beyond > 0.5 * role_resolution(bus, role, limit)))
-            if count:
-                name = bus.input_layouts[message_of(bus, role)].name
-                warnings.append(
-                    f"{role}: {count} of {recording.samples} samples are {side} {limit / factor:.6g} {unit}, "
-                    f"the limit of {name}, and will be clamped to it"
-                )
-    return warnings
-
-
 def clamped_in(survey: Survey, bus: BusMap) -> list[str]:
-    """The same by the ranges of a recording, without how often."""
+    """One line for every role with values that the bus cannot hold, which are clamped when sent."""
     warnings = []
     for role in ROLES:
         found, limits = survey.signals[role.value], role_range(bus, role)

@@ -16,11 +16,11 @@ from observer_rt.config.links import LinkConfig, NamedLink
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.channels import matched_channels
 from observer_rt.recording.formats import is_log, open_recording
-from observer_rt.recording.replay.clamped import recorded_out_of_range
+from observer_rt.recording.replay.clamped import clamped_in
 from observer_rt.recording.replay.framing import TimedFrame, bench_for
 from observer_rt.recording.replay.log_frames import LogPart, log_frames
 from observer_rt.recording.replay.player import PlayStatistics, play
-from observer_rt.recording.replay.recording_frames import Extent, recording_extent, recording_frames
+from observer_rt.recording.replay.recording_frames import Extent, RecordingPart
 from observer_rt.recording.replay.remapping import (
     Sent,
     channel_map,
@@ -30,8 +30,11 @@ from observer_rt.recording.replay.remapping import (
 )
 from observer_rt.recording.replay.traffic import refuse_traffic
 from observer_rt.recording.signals.plausible import refuse_implausible
+from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.terminal.console import progress_bar, say
 from observer_rt.terminal.stop import stop_on_signals
+
+HELD_SAMPLES = 1 << 20  # of a recording that is read before it is sent: reading meanwhile may delay a frame
 
 
 @dataclass(frozen=True)
@@ -159,16 +162,18 @@ def _matched_routes(path: Path, bus: BusMap, links: Sequence[NamedLink]) -> dict
 
 
 def _recording(bench: Bench, path: Path, bus: BusMap, options: ReplayOptions, console: Console) -> _Source:
-    stream = open_recording(path, bench.injector)
+    with progress_bar(console, f"looking through {path.name}", None):
+        stream = open_recording(path, bench.injector)
     refuse_implausible(path, stream.survey, stream.names)
     for note in stream.notes:
         say(console, note)
-    recording = stream.collected()
-    bench_for(bench, recording)
-    for warning in recorded_out_of_range(recording, bus):
+    bench_for(bench, stream)
+    for warning in clamped_in(stream.survey, bus):
         say(console, f"warning: {warning}")
-    extent = recording_extent(recording, bus, options.windowed, options.start, options.stop)
-    frames = recording_frames(recording, bus, options.windowed, options.loop, options.start, options.stop)
+    if stream.grid_samples <= HELD_SAMPLES:
+        stream = HeldSignals(stream.collected())
+    with progress_bar(console, f"looking through {path.name}", None):
+        part = RecordingPart(stream, bus, options.windowed, options.start, options.stop)
     inputs = frozenset(Sent(layout.bus, layout.frame_id, layout.is_extended) for layout in bus.input_layouts)
     buses = {each.bus: bench.config.buses[each.bus].config for each in inputs}
-    return _Source(frames, extent, inputs, buses)
+    return _Source(part.frames(options.loop), part.extent, inputs, buses)

@@ -2,15 +2,12 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
-
-import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.recording.replay.framing import Framer, grid_samples, message_timing, whole
+from observer_rt.recording.signals.chunks import cut, followed
 from observer_rt.recording.signals.recording import Chunk
 
 NANOSECONDS = 1e9  # in a second
@@ -45,11 +42,11 @@ class Device:
             if held is not None and held.stretch != chunk.stretch:
                 yield held
                 held = None
-            joined = chunk if held is None else _joined(held, chunk)
+            joined = chunk if held is None else followed(held, chunk)
             full = joined.samples - joined.samples % self._block
             if full:
-                yield _cut(joined, 0, full)
-            held = _cut(joined, full, joined.samples) if full < joined.samples else None
+                yield cut(joined, 0, full)
+            held = cut(joined, full, joined.samples) if full < joined.samples else None
         if held is not None:
             yield held
 
@@ -63,30 +60,3 @@ class Device:
             yield BusFrame(
                 frame.bus, Frame(frame.frame_id, frame.payload, stamp, frame.is_extended, frame.is_fd)
             )
-
-
-def _joined(before: Chunk, after: Chunk) -> Chunk:
-    def both(name: str) -> NDArray[np.float64]:
-        return np.concatenate((getattr(before, name), getattr(after, name)))
-
-    return replace(
-        before,
-        time=both("time"),
-        rail_pressure=both("rail_pressure"),
-        needle_lift=both("needle_lift"),
-        line_pressure=both("line_pressure"),
-        injection_rate=None if before.injection_rate is None else both("injection_rate"),
-    )
-
-
-def _cut(chunk: Chunk, start: int, end: int) -> Chunk:
-    part, rate = slice(start, end), chunk.injection_rate
-    return replace(
-        chunk,
-        time=chunk.time[part],
-        rail_pressure=chunk.rail_pressure[part],
-        needle_lift=chunk.needle_lift[part],
-        line_pressure=chunk.line_pressure[part],
-        injection_rate=None if rate is None else rate[part],
-        first=chunk.first + start,
-    )

@@ -1,7 +1,7 @@
 """A recording as the frames a measuring device would send, by the bench's bus map."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -92,16 +92,23 @@ def whole(recording: Recording) -> list[Span]:
 
 def windows(recording: Recording) -> list[Span]:
     """Spans round the injections, as a windowed source sends them; overlapping ones are joined."""
-    rate = recording.sample_rate
-    before, after = round(WINDOW_BEFORE * rate), round(WINDOW_AFTER * rate)
+    return windows_of((recording,))
+
+
+def windows_of(parts: Iterable[Recording]) -> list[Span]:
+    """The same of a recording in parts that follow one another."""
     spans: list[Span] = []
-    for sample in np.flatnonzero(recording.needle_lift > OPEN_LIFT):
-        start, end = max(0, int(sample) - before), min(recording.samples, int(sample) + after)
-        if spans and start <= spans[-1].end:
-            spans[-1] = Span(spans[-1].start, end)
-        else:
+    samples = 0
+    for part in parts:
+        before, after = round(WINDOW_BEFORE * part.sample_rate), round(WINDOW_AFTER * part.sample_rate)
+        edges = np.flatnonzero(np.diff(part.needle_lift > OPEN_LIFT, prepend=False, append=False)) + samples
+        for first, shut in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            start, end = max(0, first - before), shut - 1 + after
+            if spans and start <= spans[-1].end:
+                start = spans.pop().start
             spans.append(Span(start, end))
-    return spans
+        samples += part.samples
+    return [Span(span.start, min(span.end, samples)) for span in spans]
 
 
 def message_timing(bus: BusMap, number: int) -> np.void:
@@ -143,6 +150,10 @@ class Framer:
             ):  # their counters go on with time
                 passed = (self._index - before) // grid_samples(self._bus, number)
                 self._counters[number] += passed
+
+    def skip(self, samples: int) -> None:
+        """Let the index go on by samples that are not sent, within a recording."""
+        self._index += samples
 
     def frames(self, recording: Recording, spans: Sequence[Span]) -> Iterator[TimedFrame]:
         """Frames of the spans in order of time: each is sent with its last sample.

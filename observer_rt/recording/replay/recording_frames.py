@@ -5,12 +5,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 
-import numpy as np
-
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.replay.framing import Framer, Span, TimedFrame, grid_samples, whole, windows
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.replay.framing import Framer, Span, TimedFrame, grid_samples, whole, windows_of
+from observer_rt.recording.signals.chunks import cut, pieces
+from observer_rt.recording.signals.recording import Chunk
+from observer_rt.recording.signals.stream import SignalStream
 
 ENCODED_AT_ONCE = 1000  # samples, so that encoding delays no frame by much
 SAMPLE_TOLERANCE = 1e-6  # of a sample: a time the user gives names the sample printed with it
@@ -24,38 +24,89 @@ class Extent:
     frames: int
 
 
-def recording_frames(
-    recording: Recording,
-    bus: BusMap,
-    windowed: bool,
-    loop: int = 1,
-    start: float | None = None,
-    stop: float | None = None,
-) -> Iterator[TimedFrame]:
-    """Frames a measuring device would send for a recording; time, sample index and counters go on over loops.
+class RecordingPart:
+    """The selected samples of a recording on a time that begins at 0, read from its file as they are sent."""
 
-    windowed: only round injections. loop: how often, 0 for ever. start, stop: [start, stop) in the recording's
-    own time [s]. Between two loops the last samples are left out if they do not fill a frame.
+    def __init__(
+        self,
+        stream: SignalStream,
+        bus: BusMap,
+        windowed: bool = False,
+        start: float | None = None,
+        stop: float | None = None,
+    ) -> None:
+        """windowed: only round injections, for which the recording is read once. start, stop: [start, stop) in the
+        recording's own time [s].
 
-    Raises:
-        UserError: nothing is selected.
-    """
-    part, spans = _selected(recording, bus, windowed, start, stop)
-    return _looped(part, spans, bus, loop)
+        Raises `UserError` when nothing is selected.
+        """
+        self._stream, self._bus = stream, bus
+        self._first, self._last = _between(stream, start, stop)
+        self._block = math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
+        self._spans = [Span(0, self.samples)]
+        if windowed:
+            self._spans = _of_whole_frames(windows_of(self._chunks()), self._block, self.samples)
+        if not self._spans:
+            raise UserError(
+                "--windowed",
+                f"no injection in the part selected of {_described(stream)}",
+                "send it continuous, or select a part with injections by --start and --stop",
+            )
 
+    @property
+    def samples(self) -> int:
+        """Of the part."""
+        return self._last - self._first
 
-def recording_extent(
-    recording: Recording, bus: BusMap, windowed: bool, start: float | None = None, stop: float | None = None
-) -> Extent:
-    """Extent of one loop of `recording_frames`. Raises `UserError` when nothing is selected."""
-    part, spans = _selected(recording, bus, windowed, start, stop)
-    frames = sum(
-        -(-(span.end - span.start) // grid_samples(bus, number))
-        * int(bus.inputs.messages[number]["kind_count"])
-        for span in spans
-        for number in range(len(bus.input_layouts))
-    )
-    return Extent(part.samples / part.sample_rate, frames)
+    @property
+    def extent(self) -> Extent:
+        """Of one loop."""
+        frames = sum(
+            -(-(span.end - span.start) // grid_samples(self._bus, number))
+            * int(self._bus.inputs.messages[number]["kind_count"])
+            for span in self._spans
+            for number in range(len(self._bus.input_layouts))
+        )
+        return Extent(self.samples / self._stream.sample_rate, frames)
+
+    def frames(self, loop: int = 1) -> Iterator[TimedFrame]:
+        """Frames a measuring device would send; time, sample index and counters go on over loops.
+
+        loop: how often, 0 for ever. Between two loops the last samples are left out if they do not fill a frame.
+        """
+        framer = Framer(self._bus)
+        # A frame that is not full at the end of a loop would claim the first indices of the next.
+        kept = self.samples - self.samples % self._block
+        if loop == 1 or kept < 2:
+            kept = self.samples
+        repeated = [Span(span.start, min(span.end, kept)) for span in self._spans if span.start < kept]
+        for number in count():
+            offset = number * kept / self._stream.sample_rate
+            if number == loop - 1:
+                yield from self._once(framer, self._spans, self.samples, offset)
+                return
+            yield from self._once(framer, repeated, kept, offset)
+
+    def _once(
+        self, framer: Framer, spans: Sequence[Span], samples: int, offset: float
+    ) -> Iterator[TimedFrame]:
+        """Frames of the spans among the first samples, `offset` [s] later."""
+        begin, interval = framer.next_index, 1.0 / self._stream.sample_rate
+        for piece in pieces(self._chunks(), _in_pieces(spans, self._block)):
+            framer.skip(begin + piece.first - framer.next_index)
+            for frame in framer.frames(piece, whole(piece)):
+                due = piece.first + round(frame.time * self._stream.sample_rate)
+                yield frame._replace(time=due * interval + offset)
+        framer.skip(begin + samples - framer.next_index)
+
+    def _chunks(self) -> Iterator[Chunk]:
+        """The samples of the part, the first of them number 0."""
+        for chunk in self._stream.on_one_grid():
+            start, end = max(0, self._first - chunk.first), min(chunk.samples, self._last - chunk.first)
+            if start < end:
+                yield replace(cut(chunk, start, end), first=chunk.first + start - self._first)
+            if chunk.first + chunk.samples >= self._last:
+                return
 
 
 def refuse_unordered(start: float | None, stop: float | None) -> None:
@@ -64,47 +115,6 @@ def refuse_unordered(start: float | None, stop: float | None) -> None:
     last = math.inf if stop is None else stop
     if not first < last:
         raise UserError("--start, --stop", f"{first:g} s is not before {last:g} s", "start before you stop")
-
-
-def _looped(part: Recording, spans: Sequence[Span], bus: BusMap, loop: int) -> Iterator[TimedFrame]:
-    framer = Framer(bus)
-    # A frame that is not full at the end of a loop would claim the first indices of the next.
-    kept = part.samples - part.samples % _block(bus)
-    if loop == 1 or kept < 2:
-        kept = part.samples
-    repeated = _cut(part, 0, kept)
-    repeated_spans = [Span(span.start, min(span.end, kept)) for span in spans if span.start < kept]
-    for number in count():
-        offset = number * kept / part.sample_rate
-        if number == loop - 1:
-            yield from _shifted(framer.frames(part, spans), offset)
-            return
-        yield from _shifted(framer.frames(repeated, repeated_spans), offset)
-
-
-def _shifted(frames: Iterable[TimedFrame], offset: float) -> Iterator[TimedFrame]:
-    return (frame._replace(time=frame.time + offset) for frame in frames)
-
-
-def _block(bus: BusMap) -> int:
-    """Samples after which all input messages begin a frame together."""
-    return math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
-
-
-def _selected(
-    recording: Recording, bus: BusMap, windowed: bool, start: float | None, stop: float | None
-) -> tuple[Recording, list[Span]]:
-    """The part of the recording to send, on a time that begins at 0, and its spans."""
-    part = _between(recording, start, stop)
-    spans = windows(part) if windowed else whole(part)
-    if not spans:
-        raise UserError(
-            "--windowed",
-            f"no injection in the part selected of {_described(recording)}",
-            "send it continuous, or select a part with injections by --start and --stop",
-        )
-    block = _block(bus)
-    return part, _in_pieces(_of_whole_frames(spans, block, part.samples), block)
 
 
 def _of_whole_frames(spans: Sequence[Span], block: int, samples: int) -> list[Span]:
@@ -116,46 +126,37 @@ def _of_whole_frames(spans: Sequence[Span], block: int, samples: int) -> list[Sp
     return result
 
 
-def _in_pieces(spans: Sequence[Span], block: int) -> list[Span]:
+def _in_pieces(spans: Iterable[Span], block: int) -> Iterator[Span]:
     """The same frames from spans short enough to be encoded between two frames."""
     piece = block * max(1, ENCODED_AT_ONCE // block)
-    return [
+    return (
         Span(start, min(start + piece, span.end))
         for span in spans
         for start in range(span.start, span.end, piece)
-    ]
-
-
-def _between(recording: Recording, start: float | None, stop: float | None) -> Recording:
-    refuse_unordered(start, stop)
-
-    def sample_at(moment: float) -> int:
-        place = (moment - float(recording.time[0])) * recording.sample_rate
-        return math.ceil(min(max(place, 0.0), float(recording.samples)) - SAMPLE_TOLERANCE)
-
-    first = 0 if start is None else sample_at(start)
-    last = recording.samples if stop is None else sample_at(stop)
-    if last - first < 2:
-        raise UserError(
-            "--start, --stop",
-            f"select {last - first} samples of {_described(recording)}",
-            "choose times within the recording",
-        )
-    return _cut(recording, first, last)
-
-
-def _cut(recording: Recording, start: int, end: int) -> Recording:
-    """Samples [start, end) on a time that begins at 0, at exactly the rate of the whole."""
-    return replace(
-        recording,
-        time=np.arange(end - start) / recording.sample_rate,
-        rail_pressure=recording.rail_pressure[start:end],
-        needle_lift=recording.needle_lift[start:end],
-        line_pressure=recording.line_pressure[start:end],
-        injection_rate=None,
     )
 
 
-def _described(recording: Recording) -> str:
-    name = recording.path or "the recording"
-    return f"{name}, which runs from {recording.time[0]:.6g} to {recording.time[-1]:.6g} s"
+def _between(stream: SignalStream, start: float | None, stop: float | None) -> tuple[int, int]:
+    """First sample selected, and that after the last one."""
+    refuse_unordered(start, stop)
+    samples = stream.grid_samples
+
+    def sample_at(moment: float) -> int:
+        place = (moment - stream.stretches[0].start) * stream.sample_rate
+        return math.ceil(min(max(place, 0.0), float(samples)) - SAMPLE_TOLERANCE)
+
+    first = 0 if start is None else sample_at(start)
+    last = samples if stop is None else sample_at(stop)
+    if last - first < 2:
+        raise UserError(
+            "--start, --stop",
+            f"select {last - first} samples of {_described(stream)}",
+            "choose times within the recording",
+        )
+    return first, last
+
+
+def _described(stream: SignalStream) -> str:
+    begin = stream.stretches[0].start
+    end = begin + (stream.grid_samples - 1) / stream.sample_rate
+    return f"{stream.path or 'the recording'}, which runs from {begin:.6g} to {end:.6g} s"

@@ -1,8 +1,8 @@
 """Recordings read in parts: as long as the disk is large, in memory that does not depend on it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -62,25 +62,37 @@ class SignalStream(ABC):
     def chunks(self) -> Iterator[Chunk]:
         """All samples in order, stretch by stretch."""
 
-    def collected(self) -> Recording:
-        """All in memory. Between stretches the samples are NaN; a restart counts as a hole of one second."""
-        parts = list(self.chunks())
-        if len(self.stretches) > 1:
-            return self._on_one_grid(parts)
+    @property
+    def grid_samples(self) -> int:
+        """Of one grid under all stretches, those that lie between them included."""
+        return self._places()[-1] + self.stretches[-1].samples
 
-        return joined(parts)
-
-    def _on_one_grid(self, parts: Iterable[Chunk]) -> Recording:
-        places = self._places()
-        total = places[-1] + self.stretches[-1].samples
-        names = ["rail_pressure", "needle_lift", "line_pressure", *(["injection_rate"] * self.has_rate)]
-        arrays = {name: np.full(total, np.nan) for name in names}
-        for part in parts:
+    def on_one_grid(self) -> Iterator[Chunk]:
+        """As `chunks`, in one stretch: between stretches the samples are NaN; a restart is a hole of one second."""
+        if len(self.stretches) == 1:
+            yield from self.chunks()
+            return
+        places, reached = self._places(), 0
+        for part in self.chunks():
             place = places[part.stretch] + part.first
-            for name, values in arrays.items():
-                values[place : place + part.samples] = getattr(part, name)
-        time = self.stretches[0].start + np.arange(total) / self.rate
-        return Recording(time=time, path=self._path, **arrays)
+            for first in range(reached, place, SAMPLES_AT_ONCE):
+                yield self._hole(first, min(place, first + SAMPLES_AT_ONCE))
+            reached = place + part.samples
+            yield replace(part, time=self._grid(place, reached), stretch=0, first=place)
+
+    def collected(self) -> Recording:
+        """All in memory, as `on_one_grid`."""
+        return joined(list(self.on_one_grid()))
+
+    def _hole(self, first: int, end: int) -> Chunk:
+        missing = np.full(end - first, np.nan)
+        rate = missing if self.has_rate else None
+        time = self._grid(first, end)
+        return Chunk(time, missing, missing, missing, rate, self._path, self.rate, 0, first)
+
+    def _grid(self, first: int, end: int) -> NDArray[np.float64]:
+        """Times [s] of samples [first, end) of the one grid."""
+        return self.stretches[0].start + np.arange(first, end) / self.rate
 
     def _places(self) -> list[int]:
         """Of the first samples of the stretches on one grid."""

@@ -73,7 +73,7 @@ class Core:
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
                 ),
                 make_alignment(bus.following, dead_band(noise.needle_lift)[0]),
-                make_observer(constants, start, learner),
+                make_observer(constants, start, learner, healthy),
                 make_publisher(bus.rate, self._learning),
             )
         )

@@ -10,6 +10,7 @@ import pytest
 
 from observer_rt.discovery.findings import Sources
 from observer_rt.discovery.opinion import Opinion
+from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.report import report
 from observer_rt.discovery.search.result import Decisive, Discovery, Unexplained, Verdict
 from observer_rt.estimation.phases import Phase
@@ -90,6 +91,14 @@ def test_the_answer_comes_first_with_size_confidence_and_consequences(worn: Worn
     assert "99%" in answer
     assert re.search(r"[\d.]+ MPa off in line pressure and [\d.]+ mg \([\d.]+%\) in injected mass", answer)
     assert "amended.toml" in answer
+
+
+def test_a_recording_judged_in_part_is_told(worn: Worn) -> None:
+    words = "long.csv: 113 of 988 complete injections chosen"
+    assert words not in _page(worn).text
+    assert f"{words}." in _page(worn, in_part=(words,)).text
+    told = as_json(replace(worn.findings, in_part=(words,)), SOURCES)["judged_in_part"]
+    assert (as_json(worn.findings, SOURCES)["judged_in_part"], told) == ([], [words])
 
 
 def test_every_part_is_there(worn: Worn) -> None:

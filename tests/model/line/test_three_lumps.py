@@ -1,9 +1,10 @@
 """A feed line is one file: a second one, with four states more, simulated, observed, learned with and discovered.
 
-The commands run in processes of their own, with a cache of compiled code that goes with them: nobody else's may
-name a line that only tests have.
+The commands run in processes of their own, with a cache of compiled code that only they use: nobody else's may name
+a line that only tests have.
 """
 
+import hashlib
 import json
 import os
 import subprocess
@@ -105,6 +106,12 @@ def test_transition(uncompiled: None) -> None:
     assert c.mode == pytest.approx(slowest, rel=1e-6)
 
 
+def own_cache() -> Path:
+    """Inside the cache of this state of the package, and named by the line: to compile both takes a minute."""
+    digest = hashlib.sha256(Path(three_lumps.__file__).read_bytes()).hexdigest()
+    return Path(os.environ["NUMBA_CACHE_DIR"]) / f"three_lumps-{digest[:16]}"
+
+
 @pytest.mark.slow
 def test_simulated_evaluated_and_discovered(tmp_path: Path) -> None:
     """A worn nozzle behind this line: masses right and valid after two events, and its name found."""
@@ -122,7 +129,7 @@ def test_simulated_evaluated_and_discovered(tmp_path: Path) -> None:
                 injector,
                 *map(str, arguments),
             ],
-            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)},
+            env=os.environ | {"NUMBA_CACHE_DIR": str(own_cache()), "PYTHONPATH": str(ROOT)},
             cwd=ROOT,
             capture_output=True,
             text=True,

@@ -1,6 +1,7 @@
 """Recordings as frames: parts, windows, loops; decoded by plain cantools."""
 
 import math
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,10 +14,11 @@ from hypothesis import strategies as st
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.replay.clamped import recorded_out_of_range
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.recording.replay.recording_frames import recording_extent, recording_frames
+from observer_rt.recording.replay.recording_frames import RecordingPart
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import HeldSignals
+from tests.recording.signals.generated import Repeated
 
 RATE = 100e3
 DATABASE = cantools.database.load_file(EXAMPLE_BENCH.with_name("observer_fd.dbc"))
@@ -41,6 +43,12 @@ def recording_of(samples: int, open_at: tuple[int, ...] = (), start: float = 0.0
     )
 
 
+def part_of(
+    recording: Recording, bus: BusMap, windowed: bool, start: float | None = None, stop: float | None = None
+) -> RecordingPart:
+    return RecordingPart(HeldSignals(recording), bus, windowed, start, stop)
+
+
 def rail_by_index(frames: list[TimedFrame]) -> dict[int, float]:
     """Rail pressure [MPa] by sample index; every index may come once, missing values are left out."""
     found: dict[int, float] = {}
@@ -61,8 +69,8 @@ def rail_of(recording: Recording) -> list[float]:
 
 def test_a_long_recording_is_sent_as_if_encoded_at_once(bus: BusMap) -> None:
     recording = recording_of(5003)
-    frames = list(recording_frames(recording, bus, False))
-    assert len(frames) == 556 == recording_extent(recording, bus, False).frames
+    frames = list(part_of(recording, bus, False).frames())
+    assert len(frames) == 556 == part_of(recording, bus, False).extent.frames
     values = rail_by_index(frames)
     assert list(values) == list(range(5003))
     assert list(values.values()) == pytest.approx(rail_of(recording), abs=0.0026)
@@ -72,7 +80,7 @@ def test_a_long_recording_is_sent_as_if_encoded_at_once(bus: BusMap) -> None:
 
 def test_time_index_and_counter_go_on_over_loops(bus: BusMap) -> None:
     recording = recording_of(905)  # 100 frames of 9 samples, and 5 that fill none
-    frames = list(recording_frames(recording, bus, False, loop=3))
+    frames = list(part_of(recording, bus, False).frames(loop=3))
     assert len(frames) == 100 + 100 + 101
     values = rail_by_index(frames)
     rail = rail_of(recording)
@@ -83,14 +91,14 @@ def test_time_index_and_counter_go_on_over_loops(bus: BusMap) -> None:
 
 
 def test_loop_0_never_ends(bus: BusMap) -> None:
-    frames = recording_frames(recording_of(20), bus, False, loop=0)
+    frames = part_of(recording_of(20), bus, False).frames(loop=0)
     indices = [next(frames).payload[4] for _ in range(20)]
     assert indices == [9 * n for n in range(20)]
 
 
 def test_windows_hold_whole_frames_round_the_injections(bus: BusMap) -> None:
     recording = recording_of(20_000, open_at=(5000, 9000, 19_900))
-    frames = list(recording_frames(recording, bus, True))
+    frames = list(part_of(recording, bus, True).frames())
     values = rail_by_index(frames)
     rail = rail_of(recording)
     assert list(values.values()) == pytest.approx([rail[index] for index in values], abs=0.0026)
@@ -100,7 +108,7 @@ def test_windows_hold_whole_frames_round_the_injections(bus: BusMap) -> None:
         assert len(sent) % 9 == 0
         assert 100 + 600 <= len(sent) <= 100 + 600 + 9
     assert max(values) == 19_999
-    extent = recording_extent(recording, bus, True)
+    extent = part_of(recording, bus, True).extent
     assert extent.frames == len(frames)
     assert extent.duration == pytest.approx(0.2)
     assert [frame.payload[2] for frame in frames] == [n & 0xFF for n in range(len(frames))]
@@ -109,13 +117,13 @@ def test_windows_hold_whole_frames_round_the_injections(bus: BusMap) -> None:
 @given(gap=st.integers(590, 640))
 def test_windows_that_nearly_touch_send_no_index_twice(bus: BusMap, gap: int) -> None:
     recording = recording_of(3000, open_at=(500, 600 + gap))
-    values = rail_by_index(list(recording_frames(recording, bus, True)))
+    values = rail_by_index(list(part_of(recording, bus, True).frames()))
     assert set(values) >= {*range(300, 999), *range(400 + gap, 1099 + gap)}
 
 
 def test_windows_without_an_injection(bus: BusMap) -> None:
     with pytest.raises(UserError, match=r"--windowed: no injection in .* recorded\.csv"):
-        recording_frames(recording_of(1000), bus, True)
+        part_of(recording_of(1000), bus, True).frames()
 
 
 @pytest.mark.parametrize(
@@ -133,20 +141,18 @@ def test_a_part_in_the_recordings_own_time(
     bus: BusMap, start: float | None, stop: float | None, first: int, last: int
 ) -> None:
     recording = recording_of(1000, start=2.0)
-    frames = list(recording_frames(recording, bus, False, start=start, stop=stop))
+    frames = list(part_of(recording, bus, False, start=start, stop=stop).frames())
     values = rail_by_index(frames)
     assert list(values.values()) == pytest.approx(rail_of(recording)[first:last], abs=0.0026)
     assert frames[0].time == pytest.approx(8 / RATE)
-    assert recording_extent(recording, bus, False, start, stop).duration == pytest.approx(
-        (last - first) / RATE
-    )
+    assert part_of(recording, bus, False, start, stop).extent.duration == pytest.approx((last - first) / RATE)
 
 
 def test_a_short_part_keeps_the_rate_of_the_whole(bus: BusMap) -> None:
     """48 kHz in printed microseconds: three stamps alone would not tell the rate."""
     time_s = np.round(np.arange(3000) / 48e3, 6)
     recording = replace(recording_of(3000), time=time_s)
-    frames = recording_frames(recording, bus, False, start=0.05, stop=0.05006)
+    frames = part_of(recording, bus, False, start=0.05, stop=0.05006).frames()
     assert next(frames).time == pytest.approx(8 / 48e3, rel=1e-12)
 
 
@@ -156,12 +162,38 @@ def test_a_short_part_keeps_the_rate_of_the_whole(bus: BusMap) -> None:
 )
 def test_an_empty_part(bus: BusMap, start: float | None, stop: float | None) -> None:
     with pytest.raises(UserError, match="--start, --stop"):
-        recording_frames(recording_of(1000, start=2.0), bus, False, start=start, stop=stop)
+        part_of(recording_of(1000, start=2.0), bus, False, start=start, stop=stop).frames()
 
 
 def test_an_empty_part_names_the_range(bus: BusMap) -> None:
     with pytest.raises(UserError, match=r"recorded\.csv, which runs from 2 to 2\.00999 s"):
-        recording_frames(recording_of(1000, start=2.0), bus, False, start=7.0)
+        part_of(recording_of(1000, start=2.0), bus, False, start=7.0).frames()
+
+
+def test_a_recording_split_into_stretches_is_sent_as_on_one_grid(bus: BusMap) -> None:
+    split = Repeated(recording_of(5003, open_at=(200, 4950)), 4, 2)
+    for windowed in (False, True):
+        for start, stop in ((None, None), (0.03, 1.25)):
+            found = RecordingPart(split, bus, windowed, start, stop).frames(loop=2)
+            expected = part_of(split.collected(), bus, windowed, start, stop).frames(loop=2)
+            assert list(found) == list(expected)
+
+
+@pytest.mark.parametrize("windowed", [False, True])
+def test_memory_does_not_depend_on_the_length(bus: BusMap, windowed: bool) -> None:
+    """Of what is sent last, the samples before have been read and forgotten."""
+
+    def peak(times: int) -> int:
+        long = Repeated(recording_of(10_000, open_at=(500,)), times)
+        tracemalloc.start()
+        frames = RecordingPart(long, bus, windowed, start=0.1 * (times - 1)).frames()
+        assert sum(1 for _ in frames) in ((1112,) if not windowed else range(60, 100))
+        size = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return size
+
+    peak(3)
+    assert peak(300) < 1.1 * peak(30)
 
 
 def changed_map(folder: Path, **changes: tuple[str, str]) -> BusMap:
@@ -181,18 +213,4 @@ def test_a_long_block_is_can_fd_whatever_the_database_says(tmp_path: Path) -> No
         bus=('"BusType" "CAN FD"', '"BusType" "CAN"'),
         block=('Format" BO_ 256 14', 'Format" BO_ 256 0'),
     )
-    assert {frame.is_fd for frame in recording_frames(recording_of(100), bus, False)} == {True}
-
-
-def test_values_out_of_range_are_told_by_role(bus: BusMap) -> None:
-    recording = recording_of(100)
-    assert recorded_out_of_range(recording, bus) == []
-    recording.line_pressure[:3] = 400e6
-    recording.line_pressure[3] = -10.1e6
-    recording.needle_lift[5] = 605.334e-6  # rounds to the largest value
-    recording.needle_lift[6] = np.nan  # is sent as not available
-    above, below = sorted(recorded_out_of_range(recording, bus), key=lambda line: "below" in line)
-    assert above.startswith("line_pressure: 3 of 100 samples are above 317.665 MPa")
-    assert below.startswith("line_pressure: 1 of 100 samples are below -10 MPa")
-    recording.needle_lift[5] = 605.336e-6
-    assert [line for line in recorded_out_of_range(recording, bus) if "needle_lift: 1 of 100" in line]
+    assert {frame.is_fd for frame in part_of(recording_of(100), bus, False).frames()} == {True}

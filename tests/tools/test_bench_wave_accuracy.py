@@ -1,0 +1,224 @@
+"""Tier B of `tools/bench accuracy`: its cases, recordings, peers and bars."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.formats import read_recording
+from tests.tools.made_scores import UKF_SCORE, factors, score
+from tests.tools.test_bench_accuracy import bench
+from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, make_case
+from tools.benchmarks.fitted_lump import fitted_lump
+from tools.benchmarks.kalman_peers import joint_ukf
+from tools.benchmarks.peer_inputs import lump_model, peer_inputs
+from tools.benchmarks.peers import TUNING
+from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
+from tools.benchmarks.plant_parameters import Faults
+from tools.benchmarks.tables import class_table, peer_tables
+from tools.benchmarks.wave_bars import BARS, wave_violations
+from tools.benchmarks.wave_cases import WAVE_CLASSES, make_wave_case
+from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
+from tools.benchmarks.wave_recordings import (
+    FIT_EVENTS,
+    NEW_PART,
+    faulty_bench,
+    healthy_benches,
+    parsed_faults,
+    write_recordings,
+)
+from tools.benchmarks.windows import windows_of
+
+DENSITY = 830.0
+
+
+def recorded(events: int, faults: Faults = Faults()) -> Outcome:  # noqa: B008 - immutable
+    planned = tuple(Event((60e6, 130e6, 90e6)[i % 3], (Shot(0.0, 1.2e-3),), faults) for i in range(events))
+    return record(Bench(real_part(1), Needle(), planned, seed=3, line=LINES[Variant.PLAIN]))
+
+
+@pytest.fixture(scope="module")
+def healthy() -> Outcome:
+    return recorded(3)
+
+
+def test_cases_are_those_of_tier_a_on_another_plant() -> None:
+    here, there = make_wave_case(Variant.STEP, "mixture", 5, 3), make_case("mixture", 5, 3)
+    assert here.bench.events == there.bench.events
+    assert here.bench.seed == there.bench.seed
+    assert here.bench.line == LINES[Variant.STEP]
+    assert here.bench.injector == make_wave_case(Variant.PLAIN, "healthy", 5, 0).bench.injector
+    assert here.bench.injector != make_wave_case(Variant.PLAIN, "healthy", 6, 0).bench.injector
+
+
+def test_classes_and_bars_are_known() -> None:
+    assert set(WAVE_CLASSES) <= set(CLASSES)
+    assert set(BARS) <= set(WAVE_CLASSES)
+    assert set(CLASSES) - set(LUMP_CLASSES) == {"wear_averaged_20_khz"}
+    averaged = make_wave_case(Variant.PLAIN, "wear_averaged_20_khz", 1, 0).bench
+    assert averaged.averaged
+    assert averaged.sample_rate == 20e3
+
+
+def test_six_healthy_recordings_at_three_pressures_and_two_durations() -> None:
+    benches = healthy_benches(Variant.FRICTION, 2)
+    assert list(benches)[:2] == ["060MPa_0.6ms", "060MPa_1.9ms"]
+    points = {(e.rail_pressure, e.shots[0].duration) for b in benches.values() for e in b.events}
+    assert len(points) == len(benches) == 6
+    for made in benches.values():
+        assert len(made.events) == FIT_EVENTS
+        assert made.injector == real_part(2)
+        assert made.line == LINES[Variant.FRICTION]
+        assert {e.faults for e in made.events} == {Faults()}
+    assert len({made.seed for made in benches.values()}) == 6
+
+
+def test_faults_on_the_command_line() -> None:
+    faults = parsed_faults(["orifice_area=0.3", "guide_leakage=3e-14"])
+    assert faults == Faults(orifice_area=0.3, guide_leakage=3e-14)
+    made = faulty_bench(Variant.PLAIN, 1, faults)
+    assert len(made.events) == 20
+    assert {e.faults for e in made.events} == {faults}
+    with pytest.raises(UserError, match="orifice_area"):
+        parsed_faults(["orifice=0.3"])
+    with pytest.raises(UserError, match="no number"):
+        parsed_faults(["orifice_area=large"])
+
+
+def test_recordings_have_truth_and_the_makers_injector_beside_them(healthy: Outcome, tmp_path: Path) -> None:
+    (path,) = write_recordings(tmp_path, [("one", healthy)])
+    np.testing.assert_allclose(
+        read_recording(path).line_pressure, healthy.measured.line_pressure, atol=1.0, rtol=0.0
+    )
+    truth = np.loadtxt(tmp_path / "one.csv.truth.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(truth[:, 1], healthy.truth.injection_rate / 1e-6, atol=1e-5)
+    maker = load_injector(tmp_path / NEW_PART)
+    part = new_part()
+    assert maker.nozzle.sac_volume == part.sac_volume
+    assert maker.nozzle.flow_coefficient * maker.nozzle.area == pytest.approx(part.nozzle_area)
+    assert maker.line.volume == part.line_volume
+    assert maker.fluid.bulk_modulus_line == part.bulk_modulus_line
+
+
+def test_measured_rate_comes_with_a_wrong_inertance(healthy: Outcome, tmp_path: Path) -> None:
+    (path,) = write_recordings(tmp_path, [("one", healthy)], measured_rate=True)
+    measured = read_recording(path).injection_rate
+    assert measured is not None
+    assert np.std(measured - healthy.truth.injection_rate) == pytest.approx(0.5e-6, rel=0.02)
+    assert load_injector(tmp_path / NEW_PART).line.length == pytest.approx(1.05 * new_part().line_length)
+
+
+def test_command_refuses_what_it_cannot_make(tmp_path: Path) -> None:
+    out = str(tmp_path / "out")
+    for arguments, named in ((("--fault", "nozzle=1"), "orifice_area"), (("--rate", "30"), "divisor")):
+        done = bench("wave-recordings", "--out", out, *arguments)
+        assert done.returncode == 2
+        assert named in done.stderr
+        assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_model_that_is_none_is_the_users_to_mend(tmp_path: Path) -> None:
+    model = tmp_path / "fitted.toml"
+    model.write_text("[line\n")
+    done = bench("accuracy", "--tier", "B", "--model", str(model), "--no-peers", "--out", str(tmp_path))
+    assert done.returncode == 2
+    assert "fitted.toml" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def mass_errors_pct(outcome: Outcome, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    windows = windows_of(outcome, 100e3)
+    masses = np.array(windows.event_masses_mg(rate, DENSITY))
+    true = np.array(windows.event_masses_mg(outcome.truth.injection_rate, DENSITY))
+    return np.asarray(100.0 * (masses / true - 1.0), np.float64)
+
+
+def test_fitted_lump_is_better_than_the_makers_and_wrong_all_the_same(healthy: Outcome) -> None:
+    lumps = (
+        lump_model(new_part(), sac_follows=True),
+        fitted_lump([healthy], new_part(), with_rate=False),
+        fitted_lump([healthy], new_part(), with_rate=True),
+    )
+    errors = [
+        np.abs(mass_errors_pct(healthy, joint_ukf(peer_inputs(healthy.measured, lump), TUNING).rate)).mean()
+        for lump in lumps
+    ]
+    assert errors[0] > errors[1] > errors[2] > 3.0
+    assert 1.8 < lumps[1].a1 / lumps[0].a1 < 3.0  # (pi / 2)^2: the quarter wave in the lump's mode
+
+
+def test_sac_that_follows_passes_as_much_as_it_gets(healthy: Outcome) -> None:
+    result = joint_ukf(peer_inputs(healthy.measured, lump_model(new_part(), sac_follows=True)), TUNING)
+    first, last = healthy.openings[0]
+    opened = slice(int(first) + 60, int(last) - 60)
+    part, x = new_part(), result.states[opened]
+    lift = healthy.measured.needle_lift[opened]
+    sine, taper = 0.5, np.sin(np.radians(60.0))
+    area = np.pi * lift * sine * (part.seat_diameter - 0.5 * lift * taper)
+    into = part.seat_coefficient * area * np.sqrt(2.0 * 1e8 / DENSITY * (x[:, 0] - x[:, 2]))
+    assert result.survived
+    np.testing.assert_allclose(into, result.rate[opened], rtol=0.05)
+
+
+def test_bars_name_what_misses_them() -> None:
+    plain = Variant.PLAIN
+    assert wave_violations([score(1.005)], plain) == []
+    assert any("mass error, largest" in line for line in wave_violations([score(1.007)], plain))
+    assert len(wave_violations([score(1.004, class_name="healthy")], plain)) == 1
+    assert wave_violations([score(1.009, class_name="line_friction")], plain) == []
+    made = score()
+    rough = replace(made.estimators[0], rate_square_error=(0.4,) * 20)
+    lines = wave_violations([replace(made, estimators=(rough, made.estimators[1]))], plain)
+    assert any("RMSE" in line for line in lines)
+    wrong = score(factors(event_5=1.04))
+    assert any("valid and wrong" in line for line in wave_violations([wrong], plain))
+    assert any(
+        "interval of the rate" in line for line in wave_violations([score(rate_covered=(80,) * 20)], plain)
+    )
+    outside = score(mass_ci95_mg=((51.0, 52.0),) * 20)
+    assert any("interval of the mass" in line for line in wave_violations([outside] * 20, plain))
+    unsure = score(valid=(True, False) * 10)
+    assert any("valid share" in line for line in wave_violations([unsure], plain))
+
+
+def test_a_line_the_structures_do_not_contain_may_be_refused_but_not_wrong() -> None:
+    for variant in (Variant.STEP, Variant.FRICTION):
+        assert wave_violations([score(1.012)], variant) == []
+        assert len(wave_violations([score(1.02)], variant)) == 1
+        assert wave_violations([score(1.2, valid=(False,) * 20)], variant) == []
+
+
+def test_peers_are_shown_without_a_limit_of_information() -> None:
+    made = score()
+    peered = replace(made, estimators=(*made.estimators, UKF_SCORE))
+    mass, rate = peer_tables([made, peered])
+    assert mass.row_count == rate.row_count == 1
+    assert class_table([made]).row_count == 1
+
+
+@pytest.mark.slow
+def test_classes_are_scored_on_the_model_given(tmp_path: Path) -> None:
+    arguments = (
+        "--tier",
+        "B",
+        "--cases",
+        "1",
+        "--classes",
+        "healthy",
+        "--workers",
+        "1",
+        "--no-peers",
+        "--json",
+    )
+    done = bench("accuracy", *arguments, "--model", str(NOMINAL_INJECTOR), "--out", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["figures"]["mass_error_max_pct"] > 5.0  # of a lump
+    assert document["figures"]["wrong_valid"] == 0
+    assert (tmp_path / "observer-plain.jsonl").exists()

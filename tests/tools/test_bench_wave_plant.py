@@ -1,0 +1,216 @@
+"""The richer plant: independent of the package, converged, conserving, ringing as theory says; and its recordings."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from tests.tools.blocked import run_alone
+from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record, strokes_of, wave_injector
+from tools.benchmarks.plant_equations import Rail
+from tools.benchmarks.plant_parameters import Faults
+from tools.benchmarks.wave_plant import (
+    HIDDEN_SHARE,
+    KAGAWA_RATES,
+    KAGAWA_SHARES,
+    LINES,
+    Variant,
+    WaveLine,
+    WavePlant,
+    lattice_of,
+    new_part,
+    real_part,
+)
+from tools.benchmarks.wave_plant_equations import STEPS
+
+ALONE = """
+from tools.benchmarks import plant, wave_plant
+event = plant.Event(100e6, (plant.Shot(0.0, 1e-3),), plant.Faults())
+line = wave_plant.LINES[wave_plant.Variant.PLAIN]
+outcome = plant.record(plant.Bench(wave_plant.real_part(1), plant.Needle(), (event,), line=line))
+assert outcome.truth.injection_rate.max() > 4e-5
+assert not [name for name in sys.modules if name.startswith("observer_rt")]
+"""
+EVENT = Event(100e6, (Shot(0.0, 1.2e-3),), Faults())
+FAULTS = {
+    "orifice_area": 0.3,
+    "seat_area": -0.3,
+    "guide_leakage": 3e-14,
+    "chamber_pressure_rise": 8e6,
+    "orifice_cavitation": 0.12,
+    "line_friction": 2.0,
+    "bulk_modulus": 0.2,
+    "bulk_modulus_slope": 5.0,
+    "line_volume": -0.2,
+    "fuel_density": 0.05,
+    "entrained_air": 4e-3,
+    "seat_lift_loss": 0.4,
+    "line_inertance": 0.2,
+    "sac_stiffness": 0.5,
+}
+
+
+def once(line: WaveLine, faults: Faults = EVENT.faults) -> Outcome:
+    return record(Bench(new_part(), Needle(), (replace(EVENT, faults=faults),), noise=0.0, line=line))
+
+
+def fine(line: WaveLine, steps: int, samples: int = 200) -> tuple[NDArray[np.float64], WavePlant]:
+    """Signals of one opening at the start of 2 ms at a steady rail, in `steps` a sample."""
+    event = replace(EVENT, rail_pressure=120e6)
+    strokes = strokes_of(event, 0.0, Needle(), new_part().max_lift)
+    plant = WavePlant(new_part(), line, event.rail_pressure, steps)
+    result = np.empty((samples, 6))
+    plant.advance(Faults(), strokes, Rail(-5e-5, 1e-5, np.full(samples + 1, event.rail_pressure)), result)
+    return result, plant
+
+
+def test_plant_runs_where_the_package_cannot_be_imported() -> None:
+    run_alone(ALONE)
+
+
+@pytest.mark.parametrize("variant", Variant)
+def test_neither_finer_steps_nor_finer_elements_change_anything(variant: Variant) -> None:
+    line = LINES[variant]
+    usual, _ = fine(line, STEPS)
+    finer = line._replace(elements=2 * line.elements, wide_elements=2 * line.wide_elements)
+    for compared, _ in (fine(line, 4 * STEPS), fine(finer, 4 * STEPS)):
+        assert np.sum(usual[:, 0]) == pytest.approx(np.sum(compared[:, 0]), rel=1e-5)
+        assert np.max(np.abs(usual[:, 0] - compared[:, 0])) < 0.03e-6
+        assert np.max(np.abs(usual[:, 3] - compared[:, 3])) < 0.05e6
+
+
+def test_steps_converge_with_second_order() -> None:
+    exact = fine(LINES[Variant.PLAIN], 16 * STEPS)[0][:, 3]
+    errors = [
+        np.sqrt(np.mean((fine(LINES[Variant.PLAIN], n)[0][:, 3] - exact) ** 2)) for n in (STEPS, 2 * STEPS)
+    ]
+    assert 3.0 < errors[0] / errors[1] < 5.0
+
+
+@pytest.mark.parametrize("variant", Variant)
+def test_what_the_rail_gives_is_injected_or_stored(variant: Variant) -> None:
+    part, line, rail, step = new_part(), LINES[variant], 100e6, 0.5e-6
+    strokes = strokes_of(EVENT, 0.0, Needle(), part.max_lift)
+    lattice = lattice_of(part, Faults(), line, step)
+    plant = WavePlant(part, line, rail, 1)
+    n = plant.state.line.size // 2
+    given, injected, result = [0.0], [0.0], np.empty((1, 6))
+    for k in range(3200):
+        plant.advance(Faults(), strokes, Rail(-5e-5 + k * step, step, np.full(2, rail)), result)
+        y = plant.state.line
+        given.append(y[0] + (rail - y[n]) / lattice.impedance[0])
+        injected.append(result[0, 0])
+    weights = np.tile(np.array([1.0, 5.0, 5.0, 1.0]) / 12.0, line.elements)
+    swelling = (y[n : 2 * n] - rail) * weights * np.repeat(lattice.volume, 4)
+    stored = (np.sum(swelling) + (y[2 * n] - rail) * lattice.end_volume) / part.bulk_modulus_line
+    assert step * np.trapezoid(injected) > 4e-8
+    assert step * np.trapezoid(given) == pytest.approx(step * np.trapezoid(injected) + stored, rel=2e-5)
+
+
+def ringing_frequency(outcome: Outcome) -> float:
+    """Of the line pressure 2-12 ms after the needle shut, by its crossings of the rail pressure."""
+    shut = int(outcome.openings[-1, 1])
+    part = slice(shut + 200, shut + 1200)
+    swing = (outcome.truth.line_pressure - outcome.truth.rail_pressure)[part]
+    up = np.flatnonzero((swing[:-1] < 0.0) & (swing[1:] >= 0.0))
+    exact = up - swing[up] / (swing[up + 1] - swing[up])
+    return float((exact.size - 1) / (exact[-1] - exact[0]) * 1e5)
+
+
+@pytest.mark.parametrize("variant", [Variant.PLAIN, Variant.STEP])
+def test_line_rings_as_its_two_parts_and_gallery_must(variant: Variant) -> None:
+    line, part = LINES[variant], new_part()
+    lattice = lattice_of(part, Faults(), line, 1e-6)
+    narrow = (line.elements - line.wide_elements) if line.wide_elements else line.elements // 2
+    z = lattice.impedance[0], lattice.impedance[-1]
+    travel = np.cumsum(lattice.impedance * lattice.volume / part.bulk_modulus_line)
+    compliance = lattice.end_volume / part.bulk_modulus_line
+
+    def mismatch(omega: float) -> float:
+        """Of the impedance of the near part, seen through the far one, with that of the gallery."""
+        turn = math.tan(omega * (travel[-1] - travel[narrow - 1]))
+        near = z[0] * math.tan(omega * travel[narrow - 1])
+        seen = z[1] * (near + z[1] * turn) / (z[1] - near * turn)
+        return float(1.0 / seen - omega * compliance)
+
+    omega = brentq(mismatch, 9e3, 14e3)
+    assert ringing_frequency(once(line)) == pytest.approx(omega / (2.0 * math.pi), rel=2e-3)
+    if variant is Variant.PLAIN:
+        assert omega == pytest.approx(8037.0 * math.pi / 2.0, rel=0.02)
+
+
+def test_same_waves_as_a_line_of_staggered_cells() -> None:
+    """Whose last cell is half of the line's end, half of a gallery; the first half cell is the rail's."""
+    cells, part = 80, new_part()
+    longer = 1.0 + 0.5 / cells
+    line = WaveLine(damping=1.0, end_share=1.0 - 1.0 / longer)
+    ours = part._replace(line_volume=part.line_volume * longer)
+    by_elements = record(Bench(ours, Needle(), (EVENT,), noise=0.0, line=line)).truth
+    staggered = wave_injector()._replace(line_cells=cells)
+    by_cells = record(Bench(staggered, Needle(), (EVENT,), noise=0.0)).truth
+    assert np.sum(by_elements.injection_rate) == pytest.approx(np.sum(by_cells.injection_rate), rel=3e-4)
+    swing = by_cells.line_pressure - 100e6
+    assert np.std(by_elements.line_pressure - by_cells.line_pressure) < 0.03 * np.std(swing)
+
+
+def test_remembered_friction_has_zielkes_weights() -> None:
+    for time in (1e-5, 1e-4, 1e-3, 1e-2):
+        root = math.sqrt(time)
+        zielke = 0.282095 / root - 1.25 + 1.057855 * root + 0.9375 * time + 0.396696 * time * root
+        assert np.sum(KAGAWA_SHARES * np.exp(-KAGAWA_RATES * time)) == pytest.approx(zielke, rel=0.02)
+
+
+def test_remembered_friction_damps_as_its_boundary_layer_must() -> None:
+    line = LINES[Variant.FRICTION]
+    radius = math.sqrt(new_part().line_area / math.pi)
+    omega = 2.0 * math.pi * ringing_frequency(once(line))
+    internal = 0.5 * line.damping * (0.5 * math.pi / new_part().line_length) ** 2
+    layer = math.sqrt(0.5 * line.viscosity * omega) / radius  # half of its resistance over inertance
+
+    def decay(line: WaveLine) -> float:
+        outcome = once(line)
+        swing = np.abs(outcome.truth.line_pressure - 100e6)[int(outcome.openings[0, 1]) :]
+        return float(np.log(np.max(swing[900:1100]) / np.max(swing[1900:2100])) / 0.01)
+
+    without = decay(line._replace(viscosity=0.0))
+    assert decay(line) - without == pytest.approx(layer, rel=0.25)
+    assert without > internal
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_every_fault_of_the_plant_is_felt(name: str) -> None:
+    line = LINES[Variant.PLAIN]
+    healthy, faulty = once(line).truth, once(line, Faults(**{name: FAULTS[name]})).truth
+    assert np.max(np.abs(faulty.injection_rate - healthy.injection_rate)) > 0.05e-6
+    assert np.max(np.abs(faulty.line_pressure - healthy.line_pressure)) > 0.02e6
+
+
+def test_real_part_is_near_the_new_one_and_every_seed_has_its_own() -> None:
+    parts = [real_part(seed)._asdict() for seed in range(40)]
+    hidden = {name for name, value in new_part()._asdict().items() if parts[0][name] != value}
+    assert hidden == {
+        "bulk_modulus_line",
+        "bulk_modulus_sac",
+        "line_loss",
+        "seat_coefficient",
+        "nozzle_area",
+        "sac_volume",
+    }
+    for name in hidden:
+        ratios = np.array([part[name] for part in parts]) / getattr(new_part(), name)
+        assert 0.5 * HIDDEN_SHARE < np.max(np.abs(ratios - 1.0)) <= HIDDEN_SHARE
+        assert np.unique(ratios).size == 40
+
+
+def test_averaged_recordings_are_means_of_the_period_that_ends_there() -> None:
+    bench = Bench(new_part(), Needle(), (EVENT,), noise=0.0, line=LINES[Variant.PLAIN])
+    fast, slow = record(bench), record(replace(bench, sample_rate=20e3, averaged=True))
+    line = fast.measured.line_pressure
+    for n in (3000, 3010, 3020):
+        mean = np.mean(line[5 * n - 4 : 5 * n + 1])
+        assert slow.measured.line_pressure[n] == pytest.approx(mean, abs=0.006e6)
+    np.testing.assert_array_equal(slow.truth.line_pressure, fast.truth.line_pressure[::5])
+    np.testing.assert_array_equal(slow.measured.time, fast.measured.time[::5])

@@ -1,0 +1,112 @@
+"""`tools/bench accuracy --tier B`: a model fitted to healthy recordings of the richer plant; all classes."""
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from rich.console import Console
+
+from observer_rt.config.bench import load_injector
+from observer_rt.foundation.errors import RunError
+from observer_rt.terminal.console import progress_bar
+from tools.benchmarks.accuracy import Results, joined
+from tools.benchmarks.bars import slow_sample
+from tools.benchmarks.peers import PeerScore
+from tools.benchmarks.plant import Outcome, record
+from tools.benchmarks.pool import Crash, Task
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, scored
+from tools.benchmarks.sample_time import measure_sample_time
+from tools.benchmarks.score import CaseScore
+from tools.benchmarks.scoring import score_case, short_case
+from tools.benchmarks.store import Store, digest_of
+from tools.benchmarks.wave_bars import wave_violations
+from tools.benchmarks.wave_cases import make_wave_case
+from tools.benchmarks.wave_peers import PEER_CASES, Lumps, lumps_of, score_wave_peers
+from tools.benchmarks.wave_plant import Variant
+from tools.benchmarks.wave_recordings import NEW_PART, healthy_benches, write_recordings
+
+FITTED = "fitted.toml"
+
+
+@dataclass(frozen=True)
+class WavePlan:
+    """A plan on one variant of the richer plant.
+
+    model: the injector file to use instead of fitting one; measured_rate: the fit has a measured rate, and starts
+    from a wrong inertance.
+    """
+
+    plan: Plan
+    variant: Variant
+    model: Path | None = None
+    measured_rate: bool = False
+
+
+def run_wave_accuracy(wave: WavePlan, console: Console) -> Results:
+    """Record, fit, and score the cases not yet scored with this model; progress goes to `console`."""
+    plan, variant = wave.plan, wave.variant
+    healthy = _recorded(wave, console) if plan.peers or wave.model is None else {}
+    model = wave.model or _fitted(wave, healthy, console)
+    load_injector(model)  # refused here, not in every process
+    crashes: list[Crash[Task]] = []
+    store = Store(plan.out / f"observer-{variant}.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS, model)))
+    work, ready = partial(score_wave_task, variant, model), partial(warm_up_model, model)
+    scores = scored("observer", store, work, ready, plan.tasks, plan, console, crashes)
+    if plan.peers:
+        peer_store = Store(plan.out / f"peers-{variant}.jsonl", PeerScore, digest_of((BENCHMARKS,)))
+        tasks = tuple(task for task in plan.tasks if task.number < PEER_CASES)
+        peer_work = partial(wave_peers_task, variant, lumps_of(list(healthy.values())))
+        peers = scored("peers", peer_store, peer_work, ready, tasks, plan, console, crashes)
+        scores = {task: joined(s, (peers.get(task),)) for task, s in scores.items()}
+    found = tuple(scores[task] for task in plan.tasks if task in scores)
+    took = measure_sample_time(model)
+    return Results(found, tuple(crashes), took, (*wave_violations(found, variant), *slow_sample(took)))
+
+
+def score_wave_task(variant: Variant, model: Path, task: Task) -> CaseScore:
+    """Work of one process: our observer on a case."""
+    return score_case(make_wave_case(variant, task.class_name, task.master_seed, task.number), model)
+
+
+def wave_peers_task(variant: Variant, lumps: Lumps, task: Task) -> PeerScore:
+    """Work of one process: the peers on a case."""
+    return score_wave_peers(make_wave_case(variant, task.class_name, task.master_seed, task.number), lumps)
+
+
+def warm_up_model(model: Path) -> None:
+    """Compile, or load from the cache, what the model needs, so that no case's training time holds it."""
+    score_case(short_case(), model)
+
+
+def _recorded(wave: WavePlan, console: Console) -> dict[str, Outcome]:
+    benches = healthy_benches(wave.variant, wave.plan.master_seed)
+    outcomes = {}
+    with progress_bar(console, "recording", float(len(benches))) as progress:
+        for number, (name, bench) in enumerate(benches.items(), 1):
+            outcomes[name] = record(bench)
+            progress(float(number))
+    return outcomes
+
+
+def _fitted(wave: WavePlan, healthy: dict[str, Outcome], console: Console) -> Path:
+    """The model `observer-rt fit` makes of the recordings, as its user would have it."""
+    out = wave.plan.out
+    recordings = list(write_recordings(out / "healthy", healthy.items(), wave.measured_rate))
+    fitted = out / FITTED
+    _observer_rt(
+        console,
+        ["fit", *map(str, recordings), "--model", str(out / "healthy" / NEW_PART)],
+        ["--output", str(fitted), "--force"],
+    )
+    return fitted
+
+
+def _observer_rt(console: Console, *arguments: Sequence[str]) -> None:
+    command = [sys.executable, "-m", "observer_rt", *(a for part in arguments for a in part)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    console.print(done.stdout, highlight=False, markup=False)
+    if done.returncode:
+        raise RunError(f"observer-rt fit ended with {done.returncode}: {done.stderr.strip()}")

@@ -1,0 +1,130 @@
+"""Recordings of the richer plant as files, for `fit` and for trying things out; the truth beside them."""
+
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import NOMINAL_INJECTOR
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.recording.formats import write_recording
+from observer_rt.recording.signals.csv_file import (
+    INJECTION_RATE,
+    LINE_PRESSURE,
+    NEEDLE_LIFT,
+    TIME,
+    write_columns,
+)
+from observer_rt.simulation.simulate import SAC_PRESSURE, truth_path
+from tools.benchmarks.cases import drawn_events
+from tools.benchmarks.fitted_lump import RATE_NOISE
+from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot
+from tools.benchmarks.plant_parameters import Faults
+from tools.benchmarks.scoring import recording_of
+from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
+
+FIT_PRESSURES = (60e6, 100e6, 140e6)  # Pa
+FIT_DURATIONS = (0.6e-3, 1.9e-3)  # s, of the openings
+FIT_EVENTS = 6  # in a recording of 0.52 s
+START_SPREAD = 50e-6  # s, of an event on the grid of samples
+NEW_PART = "new_part.toml"
+WRONG_LENGTH = 1.05  # of the line, as its maker says, where a measured rate can put it right
+
+
+def healthy_benches(
+    variant: Variant, seed: int, sample_rate: float = SAMPLE_RATE, averaged: bool = False
+) -> dict[str, Bench]:
+    """The six recordings `fit` is given, by name."""
+    rng = np.random.default_rng([seed, zlib.crc32(b"healthy")])
+    benches = {}
+    for pressure, duration in product(FIT_PRESSURES, FIT_DURATIONS):
+        starts = rng.uniform(0.0, START_SPREAD, FIT_EVENTS)
+        events = tuple(Event(pressure, (Shot(s, duration),), Faults()) for s in starts)
+        name = f"{pressure / MEGAPASCAL:03.0f}MPa_{duration / MILLISECOND:.1f}ms"
+        noise = int(rng.integers(2**62))
+        benches[name] = _bench(variant, seed, events, noise, sample_rate, averaged)
+    return benches
+
+
+def faulty_bench(
+    variant: Variant, seed: int, faults: Faults, sample_rate: float = SAMPLE_RATE, averaged: bool = False
+) -> Bench:
+    """Twenty events at changing operating points, the faults there from the start."""
+    rng = np.random.default_rng([seed, zlib.crc32(str(faults).encode())])
+    events = tuple(replace(event, faults=faults) for event in drawn_events(rng, varying=True))
+    return _bench(variant, seed, events, int(rng.integers(2**62)), sample_rate, averaged)
+
+
+def parsed_faults(texts: Sequence[str]) -> Faults:
+    """Faults from texts NAME=VALUE. Raises `UserError` for another form."""
+    values = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if name not in Faults._fields:
+            raise UserError("--fault", f"unknown name '{name}'", f"known: {', '.join(Faults._fields)}")
+        try:
+            values[name] = float(value)
+        except ValueError:
+            raise UserError("--fault", f"'{text}' has no number", f"give {name}=0.3, in SI units") from None
+    return Faults(**values)
+
+
+def write_recordings(
+    folder: Path, outcomes: Iterable[tuple[str, Outcome]], measured_rate: bool = False
+) -> Iterator[Path]:
+    """Write recordings by name, and truths, and the maker's injector file beside them; yields what is complete.
+
+    measured_rate: the recordings have a measured rate, and the maker is wrong about the line's inertance.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / NEW_PART).write_text(maker_file(WRONG_LENGTH if measured_rate else 1.0))
+    for name, outcome in outcomes:
+        path, recording = folder / f"{name}.csv", recording_of(outcome)
+        if measured_rate:
+            recording = replace(recording, injection_rate=_measured_rate(outcome, zlib.crc32(name.encode())))
+        write_recording(path, recording)
+        _write_truth(path, outcome)
+        yield path
+
+
+def maker_file(length: float = 1.0) -> str:
+    """The injector file `fit` starts from: the nominal one with the sac of this part; `length` times its line's."""
+    part = new_part()
+    changes = {
+        "sac_volume": f"sac_volume = {part.sac_volume:g}  # V_S, m3",
+        "length": f"length = {length * part.line_length:g}  # L_L, m",
+    }
+    lines = NOMINAL_INJECTOR.read_text().splitlines()
+    return "\n".join(changes.get(line.partition("=")[0].strip(), line) for line in lines) + "\n"
+
+
+def _measured_rate(outcome: Outcome, seed: int) -> NDArray[np.float64]:
+    """Rate with the white noise of a rate meter; without its error of gain, which no fit could tell from truth."""
+    rate = outcome.truth.injection_rate
+    return rate + np.random.default_rng(seed).normal(0.0, RATE_NOISE, rate.size)
+
+
+def _bench(
+    variant: Variant, seed: int, events: tuple[Event, ...], noise: int, sample_rate: float, averaged: bool
+) -> Bench:
+    part, line = real_part(seed), LINES[variant]
+    return Bench(part, Needle(), events, sample_rate, seed=noise, averaged=averaged, line=line)
+
+
+def _write_truth(path: Path, outcome: Outcome) -> None:
+    truth = outcome.truth
+    write_columns(
+        truth_path(path),
+        [
+            (TIME, outcome.measured.time),
+            (INJECTION_RATE, truth.injection_rate),
+            (NEEDLE_LIFT, truth.needle_lift),
+            (LINE_PRESSURE, truth.line_pressure),
+            (SAC_PRESSURE, truth.sac_pressure),
+        ],
+    )

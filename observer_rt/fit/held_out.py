@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.evidence.bounded_fit import Quadratic, linearise
 from observer_rt.evidence.likelihood import Judged, Trial
-from observer_rt.fit.kicks import away_from
 from observer_rt.fit.problem import Calibration
 
 
@@ -53,9 +52,8 @@ def unexplained(statistics: PhaseStatistics) -> Unexplained:
 
 
 def line_statistics(trial: Trial, one: Judged) -> PhaseStatistics:
-    """Of the line pressure of a part, away from the moments no model of ours describes (see `kicks`)."""
-    away = away_from(trial.measurement, openings=True, closings=True)
-    return phase_statistics(one.z[away], 1.0, trial.phases[away], 0)
+    """Of the line pressure of a part."""
+    return phase_statistics(one.z, 1.0, trial.phases, 0)
 
 
 def pooled(calibration: Calibration, judged: Sequence[Judged]) -> Unexplained:

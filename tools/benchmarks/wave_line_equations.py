@@ -1,7 +1,7 @@
 """A feed line with travelling waves: discontinuous Galerkin spectral elements, classical Runge-Kutta in time.
 
-Four Gauss-Lobatto nodes an element, upwind fluxes by the local impedances. Imports nothing of `observer_rt`, and shares
-no discretisation with it.
+Four Gauss-Lobatto nodes an element, upwind fluxes by the local impedances. Imports nothing of `observer_rt`, and
+shares no discretisation with it.
 """
 
 import math

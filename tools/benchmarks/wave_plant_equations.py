@@ -1,9 +1,9 @@
 """The richer plant in time: a line with travelling waves, drained by the seat into a small sac.
 
 Gallery in front of the seat and sac: an implicit, L-stable Runge-Kutta method of second order (SDIRK2), between half
-steps of which the line moves (Strang, balanced: the seat's flow of the step before is taken from the gallery while the
-line moves, and given back while the seat's flow is solved for). Every flow that leaves one volume enters the next, so
-volume is conserved. Orifice laws are sharp (no transition pressure). Imports nothing of `observer_rt`.
+steps of which the line moves (Strang, balanced: the seat's flow of the step before is taken from the gallery while
+the line moves, and given back while the seat's flow is solved for). Every flow that leaves one volume enters the
+next, so volume is conserved. Orifice laws are sharp (no transition pressure). Imports nothing of `observer_rt`.
 
 In 12 steps a sample and 12 elements, against 4 times the steps and twice the elements: mass within 1e-5, rate within
 0.03 mm3/ms, line pressure within 0.05 MPa; the error falls with the square of the step.

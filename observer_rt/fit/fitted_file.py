@@ -55,7 +55,7 @@ def write_fitted(path: Path, document: tomlkit.TOMLDocument, done: Calibrated, b
 
 def _state_line(section: Any, before: Line, after: Line) -> None:
     """What a structure changes in [line]."""
-    for key in ("model", "cells", "impedance_ratio"):
+    for key in ("model", "cells", "impedance_ratio", "impedance_step"):
         value = getattr(after, key)
         if value is None:
             section.pop(key, None)

@@ -85,6 +85,11 @@ class Structure:
             return formed
         return _in_cells(formed, _cells(formed, spare))
 
+    def refines(self, other: "Structure") -> bool:
+        """Whether it is another with more parameters: pressure travels in both, and the same flow drains them."""
+        travels = WAVE_DAMPING in other.free and set(other.free) < set(self.free)
+        return travels and self.outflow is other.outflow
+
 
 def _cells(injector: InjectorParameters, spare: float) -> int:
     """The most cells in which sound crosses no more than CROSSED of one in a step, and steps are stable."""

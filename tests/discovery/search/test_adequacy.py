@@ -67,6 +67,7 @@ def test_a_fitted_file_is_a_baseline(adequate: bool) -> None:
         {
             "adequate": adequate,
             "level": "file",
+            "mass_share": 0.002,
             "sample_rate_Hz": 1e5,
             "injections": 36,
             "rail_pressure_MPa": (60.0, 140.0),

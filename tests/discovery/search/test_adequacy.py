@@ -73,7 +73,7 @@ def test_a_fitted_file_is_a_baseline(adequate: bool) -> None:
             "rail_pressure_MPa": (60.0, 140.0),
             "variance": left | {"open": 1.96},
             "chi2": left,
-            "colour": left,
+            "colour": left | {"open": 1.96},
             "noise": {"rail_pressure_MPa": 0.1, "line_pressure_MPa": 0.15, "needle_lift_um": 0.4},
         }
     )

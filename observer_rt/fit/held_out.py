@@ -65,6 +65,23 @@ def pooled(calibration: Calibration, judged: Sequence[Judged]) -> Unexplained:
     return unexplained(total)
 
 
+def worst_parts(calibration: Calibration, judged: Sequence[Judged]) -> Unexplained:
+    """In each phase that of the part with the most left: what the model gets wrong goes with the operating point."""
+    of_parts = [
+        unexplained(line_statistics(trial, one))
+        for trial, one in zip(calibration.trials, judged, strict=True)
+    ]
+
+    def largest(figures: Sequence[Mapping[Phase, float]]) -> dict[Phase, float]:
+        return {phase: float(np.fmax.reduce([one[phase] for one in figures])) for phase in Phase}
+
+    return Unexplained(
+        largest([one.chi2 for one in of_parts]),
+        largest([one.variance for one in of_parts]),
+        largest([one.colour for one in of_parts]),
+    )
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """Every part judged by what the others say of the parameters.

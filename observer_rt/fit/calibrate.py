@@ -20,9 +20,8 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.model.parameters import InjectorParameters
 
 SPARE = 1.2  # by which the stiffness of the file may be too small
-GATE = 4.0  # chi2 of a phase, above which a model is not adequate
+GATE = 2.5  # chi2 of a phase, above which a model is not adequate
 LEAST_MASS_SHARE = 1e-3  # of a mass: cells, corners of the lift and the like
-CALM_GATE = 2.0  # the same away from openings and closings, where nothing excuses it
 
 
 class Level(StrEnum):
@@ -67,10 +66,8 @@ class Calibrated:
     @property
     def inadequate(self) -> tuple[Phase, ...]:
         """Phases the model does not explain, the worst first; none where it is adequate."""
-        calm = self.fitted.left.chi2
-        ratio = {p: np.fmax(self.left.chi2[p] / GATE, calm[p] / CALM_GATE) for p in Phase}
-        over = [phase for phase in Phase if ratio[phase] > 1.0]
-        return tuple(sorted(over, key=lambda phase: -ratio[phase]))
+        over = [phase for phase in Phase if self.left.chi2[phase] > GATE]
+        return tuple(sorted(over, key=lambda phase: -self.left.chi2[phase]))
 
     @property
     def mass_share(self) -> float:

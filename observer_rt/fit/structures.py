@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MILLIMETRE
 from observer_rt.model.coefficients import coefficients
-from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, MOST_CELLS, STEP
+from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, STEP, cells_for
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
-CROSSED = 0.88  # share of a cell that sound crosses in a step, at most: up to there the dispersion is least
 CALM = 0.93  # of what a step may be, so that a fit can still move
 
 
@@ -57,6 +56,7 @@ SAC = FreeParameter("V_S", "nozzle", "sac_volume", "mm3", CUBIC_MILLIMETRE, 1e-1
 WAVE_DAMPING = FreeParameter("nu", "line", "damping", "m2/s", 1.0, 0.01, 20.0, DAMPING, 2.0)
 END = FreeParameter("V_E", "line", "end_volume", "mm3", CUBIC_MILLIMETRE, 1e-10, 1e-6, 1e-8, 2.0)
 RATIO = FreeParameter("Z_2/Z_1", "line", "impedance_ratio", "-", 1.0, 0.2, 5.0, 1.0, 0.5)
+JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5, 0.5)
 INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
 """Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass tells the level."""
 
@@ -71,27 +71,27 @@ class Structure:
     free: tuple[FreeParameter, ...]
 
     def of(self, injector: InjectorParameters, spare: float = 1.0) -> InjectorParameters:
-        """An injector in this form, its numbers as they are, its line in as many cells as its sound speed allows.
+        """An injector in this form, its numbers as they are, its line in the cells that serve it best.
 
         spare: by what factor the stiffness, and more than that the damping, may still grow in these cells.
         """
         keys: dict[str, object] = {"model": self.line, "cells": None}
         if RATIO not in self.free:
-            keys[RATIO.key] = None
+            keys |= {RATIO.key: None, JOINT.key: None}
         line = injector.line.model_copy(update=keys)
         formed = injector.model_copy(update={"line_outflow": self.outflow, "line": line})
         if WAVE_DAMPING not in self.free:
             return formed
-        return _in_cells(formed, _cells(formed, spare, 2 if RATIO in self.free else 1))
+        return _in_cells(formed, _cells(formed, spare))
 
 
-def _cells(injector: InjectorParameters, spare: float, multiple: int) -> int:
-    """The most cells in which sound crosses no more than CROSSED of one in a step, and steps are stable."""
+def _cells(injector: InjectorParameters, spare: float) -> int:
+    """The cells that serve it best, or as many as are stable with what may still grow."""
     free = (STIFFNESS, WAVE_DAMPING)
     grown = with_values(injector, free, values_of(injector, free) * [spare, spare**4])
-    for cells in range(MOST_CELLS // multiple * multiple, FEWEST_CELLS, -multiple):
-        line = coefficients(_in_cells(grown, cells)).line
-        if line.crossing * STEP <= CROSSED and line.strain(STEP) <= CALM:
+    best = cells_for(injector, STEP)
+    for cells in range(best, FEWEST_CELLS, -1):
+        if coefficients(_in_cells(grown, cells)).line.strain(STEP) <= CALM:
             return cells
     return FEWEST_CELLS
 
@@ -104,7 +104,7 @@ _ORIFICES = (SEAT, NOZZLE, SAC)
 _LINES: Mapping[str, tuple[str, tuple[FreeParameter, ...]]] = {
     "lump": ("one lump", (STIFFNESS, LOSS)),
     "wave": ("waves", (STIFFNESS, LOSS, WAVE_DAMPING, END)),
-    "wave_two_part": ("waves in two parts", (STIFFNESS, LOSS, WAVE_DAMPING, END, RATIO)),
+    "wave_two_part": ("waves in two parts", (STIFFNESS, LOSS, WAVE_DAMPING, END, RATIO, JOINT)),
 }
 _DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
 STRUCTURES: tuple[Structure, ...] = tuple(

@@ -101,7 +101,7 @@ def linearise(
 def _squares(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
     """slopes.T @ slopes (p, p), in blocks that BLAS does not spread over threads: they would wait more than work."""
     p = slopes.shape[1]
-    rows = max(1, _ALONE // (p * p))
+    rows = max(1, _ALONE // max(1, p * p))
     total = np.zeros((p, p))
     for first in range(0, slopes.shape[0], rows):
         block = slopes[first : first + rows]

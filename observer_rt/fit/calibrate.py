@@ -21,7 +21,7 @@ from observer_rt.model.parameters import InjectorParameters
 
 SPARE = 1.2  # by which the stiffness of the file may be too small
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
-LEAST_MASS_SHARE = 1e-3  # of a mass: cells, corners of the lift and the like
+LEAST_MASS_SHARE = 1.5e-3  # of a mass: cells, corners of the lift and the like
 
 
 class Level(StrEnum):
@@ -103,7 +103,7 @@ def calibrate(
     coarse, steps = rough(parts), len(structures) + 2
     tried: list[Fitted | Failed] = []
     for structure in structures:
-        tried.append(fitted(structure, file, _free(structure, level), coarse, ROUGH_ITERATIONS, SPARE))
+        tried.append(_tried(structure, tried, file, level, coarse))
         progress(len(tried) / steps)
     choice = choose(tried)
     if choice is None:
@@ -112,6 +112,19 @@ def calibrate(
     best, kept = settled(choice.best, file, fine(parts))
     progress((len(structures) + 1) / steps)
     return Calibrated(file, found, choice, best, kept, level, _comparison(file, best, found))
+
+
+def _tried(
+    structure: Structure,
+    earlier: Sequence[Fitted | Failed],
+    file: InjectorParameters,
+    level: Level,
+    parts: Sequence[Part],
+) -> Fitted | Failed:
+    """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of."""
+    simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
+    start, spare = (simpler[-1].injector, 1.0) if simpler else (file, SPARE)
+    return fitted(structure, start, _free(structure, level), parts, ROUGH_ITERATIONS, spare)
 
 
 def _free(structure: Structure, level: Level) -> tuple[FreeParameter, ...]:

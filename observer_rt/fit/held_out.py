@@ -17,7 +17,7 @@ from observer_rt.fit.problem import Calibration
 class Unexplained:
     """What a model leaves of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples.
 
-    chi2: of means of 8 samples, which coloured residuals fill, or of samples where a phase is shorter; variance: of
+    chi2: of means of 8 samples, which coloured residuals fill (of samples where a phase is shorter); variance: of
     samples; colour: the larger of means of 8 and of 20.
     """
 

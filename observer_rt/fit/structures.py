@@ -84,6 +84,11 @@ class Structure:
             return formed
         return _in_cells(formed, _cells(formed, spare))
 
+    def refines(self, other: "Structure") -> bool:
+        """Whether it is another with more parameters: pressure travels in both, and the same flow drains them."""
+        travels = WAVE_DAMPING in other.free and set(other.free) < set(self.free)
+        return travels and self.outflow is other.outflow
+
 
 def _cells(injector: InjectorParameters, spare: float) -> int:
     """The cells that serve it best, or as many as are stable with what may still grow."""

@@ -10,8 +10,8 @@ _TRY = {
     Phase.OPEN: "check the chamber pressure, and run `discover` on these recordings: cavitation, or a coefficient "
     "of the seat that depends on the lift, shows here",
     Phase.CLOSING: _SEAT,
-    Phase.AFTER: "the line rings otherwise than any structure tried: check line.length, and where along the line the "
-    "pressure is measured",
+    Phase.AFTER: "the line rings otherwise than any structure tried (friction that depends on frequency is in none): "
+    "check line.length, and where along the line the pressure is measured",
 }
 _FITTED = "; line.diameter stands for A_L/(rho_L L_L) and was fitted with it"
 

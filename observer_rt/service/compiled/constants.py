@@ -1,6 +1,7 @@
 """The observer's constants for an injector of a bench: parameters, sample rate, temperature of the fuel."""
 
 from observer_rt.config.bench import BenchInjector
+from observer_rt.config.recording import Meaning
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
@@ -61,7 +62,8 @@ def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bo
     durations = Durations(learning.event_gap_ms * MILLISECOND, learning.learning_delay_ms * MILLISECOND)
     events_required = EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
     rate = fitted.config.sampling.rate_hz
-    return constants_for(injector, rate, durations, events_required, rail_every(fitted))
+    means = fitted.config.sampling.meaning is Meaning.MEAN
+    return constants_for(injector, rate, durations, events_required, rail_every(fitted), means)
 
 
 def rail_every(fitted: BenchInjector) -> float:

@@ -69,7 +69,7 @@ class Quadratic:
 def linearise(
     problem: Problem, theta: NDArray[np.float64], here: Residuals, ranges: Sequence[Range]
 ) -> Quadratic:
-    """Slopes by one-sided differences, inwards where a bound is near.
+    """Slopes by one-sided differences, inwards where a bound is near or the model has no solution on the other side.
 
     With z = e/sigma, -log L = sum rho(z) + log sigma has the Fisher information z'z' (sigma held) + 2 (log sigma)'^2.
     """
@@ -80,9 +80,10 @@ def linearise(
     gradient = np.zeros(p)
     for j, bounds in enumerate(ranges):
         step = bounds.step if theta[j] + bounds.step <= bounds.highest else -bounds.step
-        shifted = theta.copy()
-        shifted[j] += step
-        there = problem.residuals(shifted)
+        there = _beside(problem, theta, j, step)
+        if there is None and theta[j] - step >= bounds.lowest:
+            step = -step
+            there = _beside(problem, theta, j, step)
         if there is None:
             continue
         slope = (there.z - here.z) / step
@@ -93,6 +94,12 @@ def linearise(
         slopes[:, j] = np.sqrt(weights) * slope
     information = slopes.T @ slopes + 2.0 * (spreads.T * here.counts) @ spreads
     return Quadratic(theta, here, here.statistic, gradient, information, slopes)
+
+
+def _beside(problem: Problem, theta: NDArray[np.float64], j: int, step: float) -> Residuals | None:
+    shifted = theta.copy()
+    shifted[j] += step
+    return problem.residuals(shifted)
 
 
 @dataclass(frozen=True, eq=False)

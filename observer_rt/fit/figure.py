@@ -7,6 +7,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from observer_rt.evidence.operating_points import point_name
 from observer_rt.evidence.pooled import Signal
@@ -77,15 +78,19 @@ def _phases(axes: Axes, done: Calibrated) -> None:
     """chi2 of every signal and phase, before and after."""
     residuals = done.comparison.residuals
     places = np.arange(len(residuals))
-    for shift, colour, which, label in ((-0.2, _FILE, 0, "file"), (0.2, _FITTED, 1, "fitted")):
-        heights = [one.chi2[which] for one in residuals]
-        axes.bar(places + shift, heights, 0.38, color=colour, label=label, bottom=0.0)
+    before, after = ([one.chi2[which] for one in residuals] for which in (0, 1))
+    both = bool(np.isfinite(before).any())
+    if both:
+        axes.bar(places - 0.2, before, 0.38, color=_FILE, label="file")
+    axes.bar(places + 0.2 * both, after, 0.38, color=_FITTED, label="fitted")
     axes.axhline(GATE, color="#59636e", lw=1.0, ls=":")
     axes.text(len(residuals) - 0.55, GATE, "limit", va="bottom", ha="right", fontsize=8, color="#59636e")
     axes.axhline(1.0, color="#59636e", lw=0.6)
     axes.grid(visible=False, axis="x")
     axes.set_yscale("log")
-    axes.set_ylim(bottom=_LEAST)
+    axes.set_ylim(_LEAST, 1.5 * float(np.nanmax([*before, *after, GATE])))
+    axes.yaxis.set_major_formatter(ScalarFormatter())
+    axes.yaxis.set_minor_formatter(NullFormatter())
     names = {Signal.LINE_PRESSURE: "line pressure", Signal.INJECTION_RATE: "injection rate"}
     axes.set_xticks(places, [f"{phase_name(one.phase)}\n{names[one.signal]}" for one in residuals])
     axes.set_ylabel("chi2 (1: noise alone)")

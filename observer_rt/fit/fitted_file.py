@@ -55,7 +55,7 @@ def write_fitted(path: Path, document: tomlkit.TOMLDocument, done: Calibrated, b
 
 def _state_line(section: Any, before: Line, after: Line) -> None:
     """What a structure changes in [line]."""
-    for key in ("model", "cells", "impedance_ratio"):
+    for key in ("model", "cells", "impedance_ratio", "impedance_step"):
         value = getattr(after, key)
         if value is None:
             section.pop(key, None)
@@ -80,9 +80,9 @@ def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
         chi2=PhaseFigures.of({phase.name: rounded(v) for phase, v in left.chi2.items()}),
         colour=PhaseFigures.of({phase.name: rounded(v) for phase, v in left.colour.items()}),
         noise=NoiseFigures(
-            rail_pressure_MPa=_mean([one.rail_pressure for one in noise]) / MEGAPASCAL,
-            line_pressure_MPa=_mean([one.line_pressure for one in noise]) / MEGAPASCAL,
-            needle_lift_um=_mean([one.needle_lift for one in noise]) / MICROMETRE,
+            rail_pressure_MPa=_mean([one.rail_pressure / MEGAPASCAL for one in noise]),
+            line_pressure_MPa=_mean([one.line_pressure / MEGAPASCAL for one in noise]),
+            needle_lift_um=_mean([one.needle_lift / MICROMETRE for one in noise]),
         ),
         ci95={
             one.name: _rounded_pair(interval(one.of(done.injector), float(sigma)))

@@ -12,6 +12,7 @@ from observer_rt.fit.problem import Calibration
 from observer_rt.fit.structures import FreeParameter
 
 TOLD = 1.0 / 3.0  # of what was unknown before, above which a parameter is left to the file
+LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
 _WEAK_SHARE = 0.3  # of a weak direction, from which a parameter is named in it
 
 
@@ -71,5 +72,6 @@ def _shares(free: Sequence[FreeParameter], vector: NDArray[np.float64]) -> tuple
 
 
 def interval(value: float, sigma: float) -> tuple[float, float]:
-    """95 % interval of a value whose logarithm has the standard deviation `sigma`."""
-    return value * math.exp(-NORMAL_975 * sigma), value * math.exp(NORMAL_975 * sigma)
+    """95 % interval of a value whose logarithm has the standard deviation `sigma` (that of 3 for more)."""
+    half = NORMAL_975 * min(sigma, LARGEST_SIGMA)
+    return value * math.exp(-half), value * math.exp(half)

@@ -57,6 +57,7 @@ SAC = FreeParameter("V_S", "nozzle", "sac_volume", "mm3", CUBIC_MILLIMETRE, 1e-1
 WAVE_DAMPING = FreeParameter("nu", "line", "damping", "m2/s", 1.0, 0.01, 20.0, DAMPING, 2.0)
 END = FreeParameter("V_E", "line", "end_volume", "mm3", CUBIC_MILLIMETRE, 1e-10, 1e-6, 1e-8, 2.0)
 RATIO = FreeParameter("Z_2/Z_1", "line", "impedance_ratio", "-", 1.0, 0.2, 5.0, 1.0, 0.5)
+JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5, 0.5)
 INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
 """Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass tells the level."""
 
@@ -77,19 +78,19 @@ class Structure:
         """
         keys: dict[str, object] = {"model": self.line, "cells": None}
         if RATIO not in self.free:
-            keys[RATIO.key] = None
+            keys |= {RATIO.key: None, JOINT.key: None}
         line = injector.line.model_copy(update=keys)
         formed = injector.model_copy(update={"line_outflow": self.outflow, "line": line})
         if WAVE_DAMPING not in self.free:
             return formed
-        return _in_cells(formed, _cells(formed, spare, 2 if RATIO in self.free else 1))
+        return _in_cells(formed, _cells(formed, spare))
 
 
-def _cells(injector: InjectorParameters, spare: float, multiple: int) -> int:
+def _cells(injector: InjectorParameters, spare: float) -> int:
     """The most cells in which sound crosses no more than CROSSED of one in a step, and steps are stable."""
     free = (STIFFNESS, WAVE_DAMPING)
     grown = with_values(injector, free, values_of(injector, free) * [spare, spare**4])
-    for cells in range(MOST_CELLS // multiple * multiple, FEWEST_CELLS, -multiple):
+    for cells in range(MOST_CELLS, FEWEST_CELLS, -1):
         line = coefficients(_in_cells(grown, cells)).line
         if line.crossing * STEP <= CROSSED and line.strain(STEP) <= CALM:
             return cells
@@ -104,7 +105,7 @@ _ORIFICES = (SEAT, NOZZLE, SAC)
 _LINES: Mapping[str, tuple[str, tuple[FreeParameter, ...]]] = {
     "lump": ("one lump", (STIFFNESS, LOSS)),
     "wave": ("waves", (STIFFNESS, LOSS, WAVE_DAMPING, END)),
-    "wave_two_part": ("waves in two parts", (STIFFNESS, LOSS, WAVE_DAMPING, END, RATIO)),
+    "wave_two_part": ("waves in two parts", (STIFFNESS, LOSS, WAVE_DAMPING, END, RATIO, JOINT)),
 }
 _DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
 STRUCTURES: tuple[Structure, ...] = tuple(

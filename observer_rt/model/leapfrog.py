@@ -17,9 +17,9 @@ from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.line.lump import stiffness, stiffness_slopes
 from observer_rt.model.line.wave import (
     WaveLine,
+    across_joint,
+    across_joint_slopes,
     before_at,
-    cell_compliance,
-    cell_compliance_slopes,
     cells_of,
     flow_at,
     pressure_at,
@@ -107,7 +107,7 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
         place, here = flow_at(i, cells), pressure_at(i, cells)
         behind = flow_at(min(i + 1, cells), cells)
         flow, pressure, drop = x[place], x[here], ahead_pressure - x[here]
-        inertia = line.a3_near if 2 * i > cells else line.a3
+        inertia = across_joint(line.joint - (i - 1), line.a3, line.a3_near)
         uneven = ahead_flow - 2.0 * flow + x[behind]
         if tangent is not None:
             keep = 1.0 - step * (2.0 * line.a4 * math.fabs(flow) + 2.0 * line.damping)
@@ -124,7 +124,9 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
                 step * inertia,
             )
             by_coefficient = tangent.slopes.by_coefficient
-            by_coefficient[place, _A3_NEAR if 2 * i > cells else _A3] = step * drop
+            far, near = across_joint_slopes(line.joint - (i - 1), line.a3, line.a3_near)
+            by_coefficient[place, _A3] = step * far * drop
+            by_coefficient[place, _A3_NEAR] = step * near * drop
             by_coefficient[place, _A4] = -step * flow * math.fabs(flow)
             by_coefficient[place, _DAMPING] = step * uneven
         x[place] = flow + step * (inertia * drop - line.a4 * flow * math.fabs(flow) + line.damping * uneven)
@@ -135,13 +137,13 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
     _stress_end(x, cells, line, tangent)
     for i in range(1, cells):
         place, inflow, outflow = pressure_at(i, cells), flow_at(i, cells), flow_at(i + 1, cells)
-        compliance = step * cell_compliance(i, cells, line.b, line.b_near)
+        compliance = step * across_joint(line.joint - (i - 0.5), line.b, line.b_near)
         soft, net = stiffness(x[place], line), x[inflow] - x[outflow]
         if tangent is not None:
             by_pressure, by_air, by_slope = stiffness_slopes(x[place], line)
             keep = 1.0 + compliance * by_pressure * net
             _pressure_row(tangent.by, place, inflow, outflow, keep, compliance * soft)
-            far, near = cell_compliance_slopes(i, cells, line.b, line.b_near)
+            far, near = across_joint_slopes(line.joint - (i - 0.5), line.b, line.b_near)
             by_coefficient = tangent.slopes.by_coefficient
             by_coefficient[place, _B] = step * soft * far * net
             by_coefficient[place, _B_NEAR] = step * soft * near * net

@@ -23,12 +23,14 @@ from observer_rt.model.line.lump import STIFFNESS_PRESSURE
 if TYPE_CHECKING:
     from observer_rt.model.departures import Departures
     from observer_rt.model.parameters import InjectorParameters
+    from observer_rt.model.parameters import Line as LineParameters
 
 NAMES = ("wave", "wave_two_part")  # of `line.model`; in two parts where their impedances differ
 STEP = 10e-6  # s, internal, whatever the sample period
 CROSSED = 0.84  # share of a cell that sound crosses in a step, for which cells are chosen
 STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
 FEWEST_CELLS, MOST_CELLS = 4, 64
+HALF_WAY = 0.5  # of the length, where two parts meet whose file does not say
 DAMPING = 0.5  # m2/s, of a line whose file does not say
 
 
@@ -80,7 +82,7 @@ def fastest(line: "WaveLine") -> float:
 
 
 class _WaveCoefficients(NamedTuple):
-    """Rates [1/s] normalised by (24), of one cell or face; "near" is the half at the injector."""
+    """Rates [1/s] normalised by (24), of one cell or face; "near" is the part at the injector."""
 
     a1: float  # end cell, inflow
     a2_nozzle: float  # end cell, drained by the nozzle flow
@@ -97,6 +99,7 @@ class _WaveCoefficients(NamedTuple):
     stiffness_pressure: float
     chamber_pressure: float
     cells: float  # n
+    joint: float  # where the parts meet, in cells from the rail
 
 
 class WaveLine(_WaveCoefficients):
@@ -123,18 +126,20 @@ class WaveLine(_WaveCoefficients):
         inertia = line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow)
         damping = DAMPING if line.damping is None else line.damping
         cells = line.cells or cells_for(parameters, STEP)
-        step = math.sqrt(1.0 if line.impedance_ratio is None else line.impedance_ratio)
-        end = compliance * step * cells / (0.5 + cells * (line.end_volume or 0.0) / line.volume)
+        ratio, far = _parts(line)
+        of_inertia, of_volume = _of_parts(ratio, far)
+        end = compliance * of_volume * ratio * cells
+        end /= 0.5 + of_volume * ratio * cells * (line.end_volume or 0.0) / line.volume
         drained_by_nozzle = parameters.line_outflow == "nozzle"
         return cls(
             a1=end * scaling.flow,
             a2_nozzle=end * nozzle_flow if drained_by_nozzle else 0.0,
             a2_seat=0.0 if drained_by_nozzle else end * seat_flow,
-            a3=cells * inertia * step,
-            a3_near=cells * inertia / step,
+            a3=cells * inertia * of_inertia,
+            a3_near=cells * inertia * of_inertia / ratio,
             a4=line.loss_factor * scaling.flow / (2 * line.area * line.length),
-            b=cells * compliance * scaling.flow / step,
-            b_near=cells * compliance * scaling.flow * step,
+            b=cells * compliance * scaling.flow * of_volume,
+            b_near=cells * compliance * scaling.flow * of_volume * ratio,
             damping=damping * (cells / line.length) ** 2,
             leak=end * departures.leakage * scaling.pressure,
             air=departures.air * fluid.bulk_modulus_line / scaling.pressure,
@@ -142,12 +147,13 @@ class WaveLine(_WaveCoefficients):
             stiffness_pressure=(STIFFNESS_PRESSURE - parameters.chamber.pressure) / scaling.pressure,
             chamber_pressure=parameters.chamber.pressure / scaling.pressure,
             cells=float(cells),
+            joint=far * cells,
         )
 
     @property
     def crossing(self) -> float:
         """Rate [1/s] at which sound crosses cells."""
-        return math.sqrt(self.a3 * self.b)
+        return math.sqrt(self.a3 * self.b)  # of either part
 
     @property
     def mode(self) -> float:
@@ -191,10 +197,9 @@ class WaveLine(_WaveCoefficients):
         flows = np.eye(size + 1)  # the rail pressure comes last
         pressures = np.eye(size + 1)
         for i in range(1, n + 1):
-            near = i > n // 2
             q, p = row[flow_at(i, n)], row[pressure_at(i, n)]
             before = size if i == 1 else row[pressure_at(i - 1, n)]
-            inertia = self.a3_near if near else self.a3
+            inertia = across_joint(self.joint - (i - 1), self.a3, self.a3_near)
             flows[q, before] += step * inertia
             flows[q, p] -= step * inertia
             for neighbour in {max(i - 1, 1), min(i + 1, n)} - {i}:
@@ -206,7 +211,7 @@ class WaveLine(_WaveCoefficients):
                 flows[q, row[before_at(n)]] += stress
                 pressures[row[before_at(n)]] = np.eye(size + 1)[p]
             if i < n:
-                compliance = cell_compliance(i, n, self.b, self.b_near)
+                compliance = across_joint(self.joint - (i - 0.5), self.b, self.b_near)
                 pressures[p, q] += step * compliance
                 pressures[p, row[flow_at(i + 1, n)]] -= step * compliance
             else:
@@ -268,34 +273,48 @@ class MeanWaveLine(WaveLine):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def cell_compliance(cell: int, cells: int, far: float, near: float) -> float:
-    """Of a cell before the end one; where the halves meet, of half a cell each."""
-    if 2 * cell < cells:
+def across_joint(share: float, far: float, near: float) -> float:
+    """Inertia of a face or compliance of a cell, of which a share (0 to 1) is on the far side of the joint.
+
+    Inertances of parts of a face add up, volumes of parts of a cell do.
+    """
+    if share >= 1.0:
         return far
-    if 2 * cell > cells:
+    if share <= 0.0:
         return near
-    return 2.0 * far * near / (far + near)
+    return 1.0 / (share / far + (1.0 - share) / near)
 
 
 @njit(cache=True, nogil=True)
-def cell_compliance_slopes(cell: int, cells: int, far: float, near: float) -> tuple[float, float]:
-    """Derivatives of `cell_compliance` with respect to that of a cell far from the injector, and near it."""
-    if 2 * cell < cells:
+def across_joint_slopes(share: float, far: float, near: float) -> tuple[float, float]:
+    """Derivatives of `across_joint` with respect to the value far and near."""
+    if share >= 1.0:
         return 1.0, 0.0
-    if 2 * cell > cells:
+    if share <= 0.0:
         return 0.0, 1.0
-    square = (far + near) ** 2
-    return 2.0 * near * near / square, 2.0 * far * far / square
+    square = across_joint(share, far, near) ** 2
+    return share * square / (far * far), (1.0 - share) * square / (near * near)
+
+
+def _parts(line: "LineParameters") -> tuple[float, float]:
+    """Impedance near over far, and the share of the length that is far."""
+    ratio = 1.0 if line.impedance_ratio is None else line.impedance_ratio
+    return ratio, HALF_WAY if line.impedance_step is None else line.impedance_step
+
+
+def _of_parts(ratio: float, far: float) -> tuple[float, float]:
+    """Slopes of flow and pressure in the far part over those of an even line as long, heavy and large as both."""
+    return far + (1.0 - far) * ratio, far + (1.0 - far) / ratio
 
 
 def cells_for(parameters: "InjectorParameters", step: float) -> int:
     """Cells for a step [s]: sound crosses `CROSSED` of one, less where damping leaves no more."""
     fluid, line = parameters.fluid, parameters.line
     along = math.sqrt(fluid.bulk_modulus_line * line.area / (line.volume * fluid.density_line * line.length))
+    along *= math.sqrt(math.prod(_of_parts(*_parts(line))))
     damping = DAMPING if line.damping is None else line.damping
     calm = math.sqrt(STABLE / ((along * step) ** 2 + 2.0 * damping * step / line.length**2))
-    cells = int(max(FEWEST_CELLS, min(MOST_CELLS, CROSSED / (along * step), calm)))
-    return cells - cells % 2  # halves of as many
+    return int(max(FEWEST_CELLS, min(MOST_CELLS, CROSSED / (along * step), calm)))
 
 
 def with_cells(parameters: "InjectorParameters") -> "InjectorParameters":

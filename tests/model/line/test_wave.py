@@ -74,7 +74,13 @@ def test_derivatives(seed: int, needle: str, sac_volume: float, outflow: str, ra
         sized("entrained_air", g=0.02),
     ]
     parameters = injector(
-        sac_volume, outflow, model="wave_two_part", cells=4, impedance_ratio=1.5, end_volume=3e-8
+        sac_volume,
+        outflow,
+        model="wave_two_part",
+        cells=4,
+        impedance_ratio=1.5,
+        impedance_step=0.33,
+        end_volume=3e-8,
     )
     c = effective_model(parameters, effects).coefficients
     theta = random.uniform(-0.1, 0.1, PARAMETERS)

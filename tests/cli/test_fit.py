@@ -1,0 +1,149 @@
+"""`observer-rt fit`: what it writes and prints, and the mistakes it names."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.recording.formats import write_recording
+from observer_rt.recording.signals.recording import Recording
+from tests.cli.conftest import Command
+from tests.fit.healthy import simulations
+
+POINTS = ((60e6, 0.6e-3), (140e6, 1.9e-3))
+
+
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
+    """Two recordings of the nominal injector."""
+    folder = tmp_path_factory.mktemp("healthy")
+    paths = []
+    for number, one in enumerate(simulations(POINTS)):
+        paths.append(folder / f"healthy_{number}.csv")
+        write_recording(paths[-1], one.recording)
+    return tuple(paths)
+
+
+@pytest.fixture
+def wrong(tmp_path: Path) -> Path:
+    """An injector file 10 % wrong in stiffness and nozzle."""
+    path = tmp_path / "injector.toml"
+    text = NOMINAL_INJECTOR.read_text().replace("bulk_modulus_line = 1.6e9", "bulk_modulus_line = 1.44e9")
+    path.write_text(text.replace("flow_coefficient = 0.78", "flow_coefficient = 0.858"))
+    return path
+
+
+def test_a_fit_writes_the_file_the_figure_and_says_what_it_is_worth(
+    command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path
+) -> None:
+    fitted, figure = tmp_path / "fitted.toml", tmp_path / "fit.png"
+    done = command("fit", *healthy, "--model", wrong, "--output", fitted, "--plot", figure)
+    assert done.code == 0
+    for words in ("verdict: adequate", "one to one on A_L/(rho_L L_L)", "alpha_H", "chosen: one lump"):
+        assert words in done.out
+    assert "6 injections" not in done.err
+    injector = load_injector(fitted)
+    assert injector.fluid.bulk_modulus_line == pytest.approx(1.6e9, rel=0.005)
+    assert injector.nozzle.flow_coefficient == pytest.approx(0.78, rel=0.01)
+    assert injector.baseline is not None
+    assert injector.baseline.adequate
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    refused = command("fit", *healthy, "--model", wrong, "--output", fitted)
+    assert refused.code == 2
+    assert "--force" in refused.err
+    evaluated = command("evaluate", healthy[0], "--model", fitted, "--json")
+    assert evaluated.code == 0
+
+
+def test_json_holds_all_of_it(
+    command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path
+) -> None:
+    masses = tmp_path / "masses.csv"
+    masses.write_text("recording,mass_mg\nhealthy_1.csv,144.2\n")
+    fitted = tmp_path / "fitted.toml"
+    done = command("fit", *healthy, "--model", wrong, "--output", fitted, "--mass", masses, "--json")
+    assert done.code == 0
+    document = json.loads(done.out, parse_constant=lambda name: pytest.fail(name))
+    assert document["schema"] == 1
+    assert document["verdict"] == "adequate"
+    assert document["level"]["from"] == "measured_mass"
+    assert document["parameters"]["line.diameter"]["unit"] == "mm"
+    low, high = document["parameters"]["nozzle.flow_coefficient"]["ci95"]
+    assert low < document["parameters"]["nozzle.flow_coefficient"]["value"] < high
+    assert {one["phase"] for one in document["residuals"]} == {
+        "standstill",
+        "opening",
+        "open",
+        "closing",
+        "after",
+    }
+    assert len(document["injections"]) == 6
+    assert len(document["structures"]) == 6
+    assert document["baseline"]["injections"] == 6
+
+
+def _refusal(command: Command, recording: Recording, folder: Path, *more: object) -> str:
+    path = folder / "recording.csv"
+    write_recording(path, recording)
+    done = command("fit", path, "--model", NOMINAL_INJECTOR, "--output", folder / "fitted.toml", *more)
+    assert done.code == 2
+    assert not (folder / "fitted.toml").exists()
+    assert "recording.csv" in done.err
+    return done.err
+
+
+RECORDING = simulations([(100e6, 1.9e-3)], injections=1)[0].recording
+
+
+def _first(recording: Recording, samples: int) -> Recording:
+    return Recording(
+        recording.time[:samples],
+        recording.rail_pressure[:samples],
+        recording.needle_lift[:samples],
+        recording.line_pressure[:samples],
+    )
+
+
+def test_a_recording_without_an_injection_is_refused(command: Command, tmp_path: Path) -> None:
+    assert "no complete injection" in _refusal(command, _first(RECORDING, 10_000), tmp_path)
+
+
+def test_a_recording_that_ends_too_soon_is_refused(command: Command, tmp_path: Path) -> None:
+    assert "ms of shut needle follow" in _refusal(command, _first(RECORDING, 15_400), tmp_path)
+
+
+def test_another_unit_is_refused(command: Command, tmp_path: Path) -> None:
+    in_bar = replace(RECORDING, line_pressure=10.0 * RECORDING.line_pressure)
+    assert "unit" in _refusal(command, in_bar, tmp_path)
+
+
+def test_a_clipped_signal_is_refused(command: Command, tmp_path: Path) -> None:
+    clipped = replace(RECORDING, line_pressure=np.minimum(RECORDING.line_pressure, 103e6))
+    assert "is clipped" in _refusal(command, clipped, tmp_path)
+
+
+def test_the_model_is_not_written_over(command: Command, healthy: tuple[Path, ...], wrong: Path) -> None:
+    before = wrong.read_bytes()
+    done = command("fit", *healthy, "--model", wrong, "--output", wrong, "--force")
+    assert done.code == 2
+    assert "is the model that is fitted" in done.err
+    assert wrong.read_bytes() == before
+
+
+def test_one_operating_point_is_warned_of(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "one.csv"
+    write_recording(path, RECORDING)
+    done = command("fit", path, "--model", NOMINAL_INJECTOR, "--output", tmp_path / "fitted.toml", "--json")
+    assert done.code == 0
+    assert "one operating point only" in done.err
+    assert any("one operating point only" in one for one in json.loads(done.out)["warnings"])
+
+
+def test_help_has_an_example(command: Command) -> None:
+    done = command("fit", "--help")
+    assert "Example: observer-rt fit healthy_*.csv --model injector.toml --output fitted.toml" in " ".join(
+        done.out.split()
+    )

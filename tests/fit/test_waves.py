@@ -1,0 +1,73 @@
+"""A line in which pressure travels: found, told from a lump, its cells as its sound speed wants them."""
+
+import numpy as np
+import pytest
+
+from observer_rt.evidence.measurement import measurements
+from observer_rt.fit.calibrate import Calibrated, calibrate
+from observer_rt.fit.choice import judged_by
+from observer_rt.fit.search import Failed
+from observer_rt.fit.structures import CROSSED, SAC, STIFFNESS, STRUCTURES, values_of, with_values
+from observer_rt.model.coefficients import coefficients
+from observer_rt.model.line.wave import STEP
+from observer_rt.model.parameters import LineOutflow
+from tests.fit.healthy import NOMINAL, of_independent_plant, off_by_ten_percent
+from tools.benchmarks.plant import wave_injector
+
+SMALL_SAC = with_values(NOMINAL, (SAC,), np.array([3e-9]))
+WAVES = tuple(one for one in STRUCTURES if one.line == "wave")
+
+
+@pytest.fixture(scope="module")
+def travelling() -> Calibrated:
+    """Six recordings of the benchmark's plant with 40 cells, drained by the seat into a sac of 3 mm3."""
+    found = measurements(of_independent_plant(wave_injector()))
+    return calibrate(off_by_ten_percent(SMALL_SAC), found, {}, lambda _: None)
+
+
+def test_waves_drained_by_the_seat_are_chosen_and_adequate(travelling: Calibrated) -> None:
+    assert travelling.fitted.structure.line == "wave"
+    assert travelling.fitted.structure.outflow is LineOutflow.SEAT
+    assert travelling.inadequate == ()
+    assert judged_by(travelling.choice.best).mean < 1.2
+
+
+def test_the_numbers_of_another_discretisation_are_near(travelling: Calibrated) -> None:
+    """Its end cell has a volume of its own, which is ours to some mm3: hence the stiffness to two percent."""
+    fitted = travelling.injector
+    assert fitted.fluid.bulk_modulus_line == pytest.approx(1.6e9, rel=0.02)
+    assert fitted.nozzle.flow_coefficient == pytest.approx(0.78, rel=0.005)
+    assert fitted.seat.flow_coefficient == pytest.approx(0.75, rel=0.02)
+    assert fitted.line.loss_factor == pytest.approx(8.0, rel=0.03)
+
+
+def test_a_lump_that_cannot_be_stepped_is_left_out_with_the_reason(travelling: Calibrated) -> None:
+    lumps = [one for one in travelling.choice.tried if one.structure.line == "lump"]
+    assert len(lumps) == 2
+    for one in lumps:
+        assert isinstance(one, Failed)
+        assert "steps a sample" in one.reason
+
+
+@pytest.mark.parametrize("stiffness", [0.8e9, 1.2e9, 1.6e9, 2.0e9, 2.6e9])
+@pytest.mark.parametrize(
+    "structure", [one for one in STRUCTURES if one.line != "lump"], ids=lambda one: one.name
+)
+def test_cells_are_as_many_as_sound_allows(structure: object, stiffness: float) -> None:
+    assert structure in STRUCTURES
+    chosen = next(one for one in STRUCTURES if one is structure)
+    injector = chosen.of(with_values(NOMINAL, (STIFFNESS,), np.array([stiffness])))
+    line = coefficients(injector).line
+    assert line.strain(STEP) < 0.95
+    assert 0.6 < line.crossing * STEP <= CROSSED
+    assert injector.line.cells is not None
+    assert chosen.line == "wave" or injector.line.cells % 2 == 0
+
+
+def test_a_structure_keeps_the_numbers_of_the_file() -> None:
+    for structure in STRUCTURES:
+        formed = structure.of(NOMINAL)
+        assert formed.line_outflow is structure.outflow
+        assert formed.line.model == structure.line
+        stated = [one for one in structure.free if one.stated(NOMINAL) is not None]
+        assert values_of(formed, stated).tolist() == values_of(NOMINAL, stated).tolist()

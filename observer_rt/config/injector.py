@@ -94,7 +94,7 @@ class InjectorConfig(Section):
     @model_validator(mode="after")
     def _means_are_ours(self) -> Self:
         if self.learning.training is Training.PAPER and self.sampling.meaning is Meaning.MEAN:
-            raise ValueError("sampling.meaning = 'mean' is not for learning.training = 'paper', which knows instants only")
+            raise ValueError("learning.training = 'paper' knows no sampling.meaning = 'mean', only instants")
         return self
 
     @property

@@ -112,7 +112,7 @@ def _riccati(
         covariance = moved @ transition.T + process
         column = covariance @ shown + moved @ shown_before
         row = shown @ covariance + moved @ shown_before
-        variance = shown @ column + shown_before @ earlier + measurement
+        variance = float(shown @ column + shown_before @ earlier + measurement)
         gains[k] = column / variance
         covariance = covariance - np.outer(gains[k], row)
     return variance

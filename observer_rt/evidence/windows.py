@@ -29,8 +29,8 @@ FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in
 class Batch(NamedTuple):
     """All windows of a recording, one after another; n samples, w windows, normalised by (24).
 
-    inputs (n, 2), output (n,), resting (n,), starts (w, states + 1), knots as in `Window`; bounds (w + 1,): window i is
-    [bounds[i], bounds[i+1]); openings (w,): in the window.
+    inputs (n, 2), output (n,), resting (n,), starts (w, states + 1), knots (n, 2) or (0, 2) as in `Window`; bounds
+    (w + 1,): window i is [bounds[i], bounds[i+1]); openings (w,): in the window.
     """
 
     inputs: NDArray[np.float64]

@@ -87,7 +87,6 @@ def constants_for(
             lookahead=max(LOOKAHEAD + toe, sensor.late),
             toe=toe,
             ramp=ramp_samples(interval),
-            partial=int(means),
         ),
         events_required=events_required,
         rail_every=rail_every,

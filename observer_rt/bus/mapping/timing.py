@@ -16,8 +16,8 @@ from observer_rt.bus.database.lookup import MessageLayout, find_signal
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.load import frame_time
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.recording import Meaning
 from observer_rt.config.links import LinkConfig
+from observer_rt.config.recording import Meaning
 from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND

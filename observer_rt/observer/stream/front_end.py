@@ -1,8 +1,8 @@
 """From measured lift to seat area: dead band with hysteresis, look-back to the foot of the ramp.
 
-Of samples that are means, the first and the last of a lift hold only a part of a ramp: there the ramp of their
-neighbours is extended, too. A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
-extended to where the needle leaves or meets its seat.
+A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
+extended to where the needle leaves or meets its seat. So it is in the first and the last sample of a lift that are
+means, for they hold only a part of a ramp.
 """
 
 import math
@@ -10,6 +10,7 @@ import math
 from numba import njit
 
 from observer_rt.model.effective import InputTerms
+from observer_rt.model.line.interface import is_averaged
 from observer_rt.model.seat import normalised_area
 from observer_rt.observer.stream.state import RING, Observer
 
@@ -84,14 +85,14 @@ def _foot_ahead(observer: Observer, position: int, nearest: int) -> int:
     ahead = known(observer, position)
     for distance in range(nearest, min(nearest + observer.constants.timing.toe, ahead) + 1):
         if _opens_within(observer, position + distance, min(ahead - distance, LOOKAHEAD)):
-            return distance + _is_partial(observer, position + distance)
+            return int(distance + _is_partial(observer, position + distance))
     return -1
 
 
 @njit(cache=True, nogil=True)
 def _is_partial(observer: Observer, position: int) -> int:
     """1 where a ramp begins within the mean that `position`, recorded as open, is; else 0."""
-    if observer.constants.timing.partial == 0:
+    if not is_averaged(observer.constants.coefficients.line):
         return 0
     is_first = position <= observer.memory[0].segment_start
     return int(is_first or not _opens_within(observer, position - 1, LOOKAHEAD))
@@ -140,7 +141,7 @@ def _lift_before_foot(observer: Observer, foot: int, rise: float) -> float:
 
     Of means it was, and does not count.
     """
-    if observer.constants.timing.partial:
+    if is_averaged(observer.constants.coefficients.line):
         return float(_recorded_lift(observer, foot) - rise)
     return float(min(_recorded_lift(observer, foot) - rise, observer.constants.inputs.lift_shift))
 
@@ -161,9 +162,9 @@ def is_recorded_shut(observer: Observer, position: int) -> bool:
     """Whether an open needle is recorded as shut from `position` on (not while the ramp is still to come)."""
     if position < observer.memory[0].foot:
         return False
-    if observer.constants.timing.partial and _ends_within(observer, position):
+    if is_averaged(observer.constants.coefficients.line) and _ends_within(observer, position):
         return bool(_lift_before_end(observer, position) <= 0.0)
-    return _no_lift_from(observer, position)
+    return bool(_no_lift_from(observer, position))
 
 
 @njit(cache=True, nogil=True)
@@ -207,7 +208,7 @@ def keep_sinking(observer: Observer, position: int) -> bool:
     if memory.fall > 0.0:
         memory.sinking_lift -= memory.fall
     else:
-        beyond = 1 + timing.partial
+        beyond = 2 if is_averaged(observer.constants.coefficients.line) else 1
         last = position - beyond  # its interval may be cut, as at the foot of the opening
         length = min(timing.ramp, last - max(memory.event_opening, memory.foot))
         final = 1 if length > 1 else 0
@@ -230,7 +231,7 @@ def area_at(observer: Observer, position: int) -> float:
         lift = memory.foot_lift - (memory.foot - 1 - position) * memory.rise
     elif memory.fall > 0.0:
         lift = memory.sinking_lift
-    elif observer.constants.timing.partial and _ends_within(observer, position):
+    elif is_averaged(observer.constants.coefficients.line) and _ends_within(observer, position):
         lift = _lift_before_end(observer, position)
     else:
         lift = _recorded_lift(observer, position)

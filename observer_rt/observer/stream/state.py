@@ -223,7 +223,6 @@ class Timing(NamedTuple):
     lookahead: int  # samples the observer must know beyond the one in hand
     toe: int  # most samples of an opening ramp that a lift recorded too low does not show
     ramp: int  # samples beyond the first of a ramp from which its slope is taken
-    partial: int  # 1: the outermost sample of a ramp is a mean over a part of it only; 0: a point of it
 
 
 class Constants(NamedTuple):

@@ -37,7 +37,7 @@ EXAMPLE_BENCH = PACKAGE_DATA / "example_bench.toml"
 _Sections = TypeVar("_Sections", bound=Section)
 
 # Keys of files that earlier versions printed, which could have one value only: with it they are passed over.
-ONLY_VALUES: dict[str, dict[str, Any]] = {"sampling": {"meaning": "instant"}, "learning": {"lookahead": 4}}
+ONLY_VALUES: dict[str, dict[str, Any]] = {"learning": {"lookahead": 4}}
 
 
 class DatabaseConfig(Section):

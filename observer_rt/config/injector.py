@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from observer_rt.config.links import Positive
-from observer_rt.config.recording import RecordingConfig
+from observer_rt.config.recording import Meaning, RecordingConfig
 from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.config.toml_file import Section
 
@@ -15,6 +15,7 @@ Identifier = Annotated[int, Field(ge=0, le=0x1FFF_FFFF)]
 
 class SamplingConfig(Section):
     rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] = 100e3
+    meaning: Meaning = Meaning.INSTANT
 
 
 class ModelConfig(Section):
@@ -89,6 +90,12 @@ class InjectorConfig(Section):
     learning: LearningConfig = LearningConfig()
     state: StateConfig = StateConfig()
     recording: RecordingConfig | None = None  # of files in a layout of the user's own
+
+    @model_validator(mode="after")
+    def _means_are_ours(self) -> Self:
+        if self.learning.training is Training.PAPER and self.sampling.meaning is Meaning.MEAN:
+            raise ValueError("learning.training = 'paper' knows no sampling.meaning = 'mean', only instants")
+        return self
 
     @property
     def stated_links(self) -> list[tuple[str, str | None]]:

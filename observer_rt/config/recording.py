@@ -1,11 +1,20 @@
 """Where the signals are in recordings of the user's own, as a bench file says it: names, units, dialect, gaps."""
 
 from collections.abc import Iterator
+from enum import StrEnum
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from observer_rt.config.toml_file import Section
+
+
+class Meaning(StrEnum):
+    """What a sample is: the value at its time, or the mean over the sample period that ends there."""
+
+    INSTANT = "instant"
+    MEAN = "mean"
+
 
 OneCharacter = Annotated[str, Field(min_length=1, max_length=1)]
 
@@ -59,6 +68,7 @@ class RecordingConfig(Section):
     separator: OneCharacter | None = None  # of CSV, as are the next two; None: as the file looks
     decimal: OneCharacter | None = None
     comment: OneCharacter = "#"
+    meaning: Meaning | None = None  # of their samples; None: as [sampling] says
     bridge_ms: Annotated[float, Field(ge=0.0, le=100.0)] = 0.05  # gaps up to this become a straight line
 
     @model_validator(mode="after")

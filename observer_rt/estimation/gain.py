@@ -8,7 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.sensor import lagged_slopes
+from observer_rt.model.sensor import lagged_slopes, recorded_mean
 
 START_DURATION = 2e-3  # s, after which the gain is steady
 START_FLOW_SIGMA = 1e-5  # m3/s (10 mm3/ms), of Q_L when x~ starts anew in a ringing line
@@ -60,6 +60,7 @@ def gain_schedule(
     transition[m, 0] += by_start
     transition[m, m] = by_self
     rail_effect = np.append(rail, by_end * rail[0])
+    shown, shown_before = _measurement(c, m + 1, interval, lag, late)
     measurement = (noise.line_pressure / c.pressure_scale) ** 2
     covariance = np.zeros((m + 1, m + 1))
     covariance[[0, 0, m, m], [0, m, 0, m]] = measurement
@@ -67,9 +68,27 @@ def gain_schedule(
     covariance[range(2, m), range(2, m)] = c.line.further_variance(covariance[1, 1])
     process = np.outer(rail_effect, rail_effect) * rail_every * (noise.rail_pressure / c.pressure_scale) ** 2
     gains = np.zeros((max(2, round(START_DURATION * sample_rate)), m + 1))
-    variance = _riccati(transition, process, measurement, late, covariance, gains)
+    variance = _riccati(transition, process, measurement, shown, shown_before, covariance, gains)
     columns = [0, 1, m, *range(2, m)]
     return GainSchedule(np.ascontiguousarray(gains[:, columns]), math.sqrt(variance))
+
+
+def _measurement(
+    c: Coefficients, size: int, interval: float, lag: float, late: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What is measured of the states at a sample, and of those one sample before, both (size,).
+
+    The last state is the indicated pressure; of an averaged line, the one before it the integral of p_L.
+    """
+    now, before = np.zeros(size), np.zeros(size)
+    if c.line.averaged:
+        share = lag / interval
+        now[-2] = recorded_mean(0.0, 0.0, 1.0 / interval, share, late)
+        now[-1] = recorded_mean(0.0, 1.0, 0.0, share, late)
+        before[-1] = recorded_mean(1.0, 0.0, 0.0, share, late)
+    else:
+        now[-1], before[-1] = 1.0 - late, late
+    return now, before
 
 
 @njit(cache=True, nogil=True)
@@ -77,23 +96,23 @@ def _riccati(
     transition: NDArray[np.float64],
     process: NDArray[np.float64],
     measurement: float,
-    late: float,
+    shown: NDArray[np.float64],
+    shown_before: NDArray[np.float64],
     covariance: NDArray[np.float64],
     gains: NDArray[np.float64],
 ) -> float:
     """Fill `gains` from a start `covariance` on; returns the last innovation variance.
 
-    The last state is the indicated pressure. Measured is (1 - late) times it and `late` times the one before.
+    Measured is `shown` of the state and `shown_before` of the one before, both (m,).
     """
     variance = measurement
-    newer = 1.0 - late
     for k in range(gains.shape[0]):
         moved = transition @ covariance  # of the state with the one before
-        earlier = newer * moved[-1, -1] + late * covariance[-1, -1]
+        earlier = shown @ moved + covariance @ shown_before
         covariance = moved @ transition.T + process
-        column = newer * covariance[:, -1] + late * moved[:, -1]
-        row = newer * covariance[-1] + late * moved[:, -1]
-        variance = newer * column[-1] + late * earlier + measurement
+        column = covariance @ shown + moved @ shown_before
+        row = shown @ covariance + moved @ shown_before
+        variance = float(shown @ column + shown_before @ earlier + measurement)
         gains[k] = column / variance
         covariance = covariance - np.outer(gains[k], row)
     return variance

@@ -13,9 +13,10 @@ from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import Interval, advance_over, empty_sac
+from observer_rt.model.line.interface import begin_mean
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import Tangent, injection_rate, tangent_of
-from observer_rt.model.sensor import LAG_UNIT, lagged, lagged_slopes, recorded
+from observer_rt.model.sensor import LAG_UNIT, lagged, lagged_slopes, recorded, recorded_mean
 
 NO_RATE = np.empty(0)
 NO_SLOPES = np.empty((0, 0))
@@ -109,25 +110,72 @@ def predict(
     """
     before = x[0]
     if gradient is None:
+        begin_mean(x, None, c.line)
         advance_over(x, interval, knot, c, network, None)
+        moved = lagged(indicated, before, x[0], interval.length, lag)
     else:
         gradient.before[:] = gradient.tangent.by[0]
+        begin_mean(x, gradient.tangent, c.line)
         advance_over(x, interval, knot, c, network, gradient.tangent)
-        _predict_gradient(gradient, lagged_slopes(indicated, before, x[0], interval.length, lag), late)
-    moved = lagged(indicated, before, x[0], interval.length, lag)
-    return moved, recorded(indicated, moved, late)
+        moved = lagged(indicated, before, x[0], interval.length, lag)
+        slopes = lagged_slopes(indicated, before, x[0], interval.length, lag)
+        _predict_gradient(gradient, slopes, late, interval.length, lag, moved - indicated, c.line)
+    return moved, _shown(indicated, moved, x[-1], interval.length, lag, late, c.line)
+
+
+def _shown(
+    indicated_before: float,
+    indicated: float,
+    integral: float,
+    interval: float,
+    lag: float,
+    late: float,
+    line: Any,
+) -> float:
+    """What is recorded of a signal, and of its slopes: its value or its mean, by the line. For compiled code.
+
+    integral: of the pressure over the interval, of an averaged line.
+    """
+    raise NotImplementedError
+
+
+@overload(_shown, strict=False)
+def _shown_compiled(
+    indicated_before: Any, indicated: Any, integral: Any, interval: Any, lag: Any, late: Any, line: Any
+) -> Any:
+    def mean(
+        indicated_before: Any, indicated: Any, integral: Any, interval: Any, lag: Any, late: Any, line: Any
+    ) -> Any:
+        return recorded_mean(indicated_before, indicated, integral / interval, lag / interval, late)
+
+    def value(
+        indicated_before: Any, indicated: Any, integral: Any, interval: Any, lag: Any, late: Any, line: Any
+    ) -> Any:
+        return recorded(indicated_before, indicated, late)
+
+    return mean if line.instance_class.averaged else value
 
 
 @njit(cache=True, nogil=True)
-def _predict_gradient(gradient: Gradient, slopes: tuple[float, float, float, float], late: float) -> None:
-    """The gradient through the sensor, with its slopes as `lagged_slopes` has them."""
+def _predict_gradient(
+    gradient: Gradient,
+    slopes: tuple[float, float, float, float],
+    late: float,
+    interval: float,
+    lag: float,
+    rise: float,
+    line: Any,
+) -> None:
+    """The gradient through the sensor, with its slopes as `lagged_slopes` has them; rise: of what it indicates."""
     by_self, by_start, by_end, by_lag = slopes
-    pressure = gradient.tangent.by[0]
+    pressure, integral = gradient.tangent.by[0], gradient.tangent.by[-1]
     for j in range(gradient.error.shape[0]):
         predicted = by_self * gradient.indicated[j] + by_start * gradient.before[j] + by_end * pressure[j]
+        integrated = integral[j]
         if j == _LAG:
             predicted += by_lag * LAG_UNIT
-        gradient.error[j] = -recorded(gradient.indicated[j], predicted, late)
+            integrated -= rise * LAG_UNIT
+        gradient.error[j] = -_shown(gradient.indicated[j], predicted, integrated, interval, lag, late, line)
         gradient.indicated[j] = predicted
     gradient.error[_OFFSET] -= 1.0
 

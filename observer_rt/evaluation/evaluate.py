@@ -107,8 +107,8 @@ def evaluate(
             raise UserError(
                 str(recording.path),
                 f"is sampled at {recording.sample_rate:g} Hz, {recordings[0].path} before it at "
-                f"{recordings[0].sample_rate:g} Hz",
-                "recordings of one history must have one sample rate",
+                f"{recordings[0].sample_rate:g} Hz; or their samples differ in what they mean",
+                "recordings of one history must be sampled alike",
             )
     fuel_temperature = bench.injector.parameters.fluid.reference_temperature  # a recording knows none
     run = ObserverRun(bench, knowledge, learning, progress, learner_of, fuel_temperature, keeps_frames=True)

@@ -12,6 +12,7 @@ from observer_rt.bus.alignment.message_timing import MessageTiming
 from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.stream.standstill import Standstill
@@ -114,6 +115,10 @@ class LoggedSignals(SignalStream):
     ) -> None:
         """from_channels: texts of `--from-channel`; progress: share done, 0 to 1."""
         super().__init__(path)
+        sampling = bench.injector.config.sampling
+        self.meaning = sampling.meaning
+        # samples as they were sent: what they mean is for whoever reads them
+        bench = bench.with_sections(sampling=sampling.model_copy(update={"meaning": Meaning.INSTANT}))
         self._bench = bench
         self._bus = map_bus(bench)
         needed = {layout.bus for layout in self._bus.input_layouts}

@@ -14,7 +14,7 @@ from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
 from observer_rt.evidence.bounded_fit import Residuals
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.open_loop import SPARE_SUBSTEPS
-from observer_rt.evidence.windows import Batch, Rows, TrueInputs, batch_of, latest, phases
+from observer_rt.evidence.windows import Batch, Rows, TrueInputs, batch_of, latest, phases, rate_as_recorded
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.line.interface import Line
@@ -43,7 +43,7 @@ def predict(
             batch.resting[first:end],
             batch.starts[i],
             batch.openings[i],
-            np.empty((0, 2)),  # compiled code knows no defaults
+            batch.knots[first:end],
         )
         follow(window, setting, learned, end - first, innovation[first:end], rate[first:end], None, no_slopes)
 
@@ -72,8 +72,9 @@ class Trial:
         self._substeps = min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS)
         self._gains: dict[tuple[Line, float, float], GainSchedule] = {}
         self._nominal_key = _input_key(nominal)
-        self._nominal_inputs = TrueInputs(measurement, nominal.inputs, nominal.coefficients)
-        batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, 0.0, nominal.coefficients)
+        self._nominal_inputs = self._inputs(nominal)
+        c = measurement.coefficients_of(nominal)
+        batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, 0.0, c)
         every = phases(measurement, batch)
         self.phases = every[self._rows.counted]
         """(n,): of the counted innovations."""
@@ -114,7 +115,7 @@ class Trial:
         self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
-        c, sensor, interval = model.coefficients, model.sensor, self.measurement.interval
+        c, sensor, interval = self.measurement.coefficients_of(model), model.sensor, self.measurement.interval
         batch = batch_of(self.measurement, self._rows, inputs, late, sensor.offset, c)
         share = sensor.delay / interval - late
         offset = sensor.offset / c.pressure_scale
@@ -122,14 +123,14 @@ class Trial:
         setting = Setting(interval, self._substeps_of(model), c, gain, share, sensor.lag, offset)
         innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
         predict(batch, setting, nothing_learned(c), innovation, rate, NO_SLOPES)
-        return innovation, rate
+        return innovation, rate_as_recorded(self.measurement, rate)
 
     def _substeps_of(self, model: EffectiveModel) -> int:
         rate = self.measurement.recording.sample_rate
         return max(self._substeps, substeps_needed(model.injector, rate, model.departures))
 
     def _schedule(self, model: EffectiveModel) -> GainSchedule:
-        c, sensor = model.coefficients, model.sensor
+        c, sensor = self.measurement.coefficients_of(model), model.sensor
         share = (sensor.delay / self.measurement.interval) % 1.0
         key = (c.line, sensor.lag, share)
         schedule = self._gains.get(key)
@@ -145,7 +146,10 @@ class Trial:
         """True inputs under the model's terms; only the nominal ones are kept."""
         if _input_key(model) == self._nominal_key:
             return self._nominal_inputs
-        return TrueInputs(self.measurement, model.inputs, model.coefficients)
+        return self._inputs(model)
+
+    def _inputs(self, model: EffectiveModel) -> TrueInputs:
+        return TrueInputs(self.measurement, model.inputs, self.measurement.coefficients_of(model))
 
     def _rate_noise(self, nominal: EffectiveModel) -> NDArray[np.float64]:
         """Standard deviation of measured minus modelled rate (m,): its own noise and the lift's."""

@@ -7,12 +7,15 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.config.recording import Meaning
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.evidence.gaps import Gaps
 from observer_rt.evidence.noise import white_noise
-from observer_rt.evidence.openings import Opening, find_openings
+from observer_rt.evidence.openings import Opening, find_openings, ramp_samples
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
+from observer_rt.model.coefficients import Coefficients, averaged
+from observer_rt.model.effective import EffectiveModel
 from observer_rt.recording.signals.recording import Recording, Sampled
 
 LEAD = 3e-3  # s before an opening from which x~ runs
@@ -90,6 +93,15 @@ class Measurement:
     def interval(self) -> float:
         """Sample interval [s]."""
         return 1.0 / self.recording.sample_rate
+
+    @property
+    def means(self) -> bool:
+        """Whether samples are means over the sample period that ends at their time."""
+        return self.recording.meaning is Meaning.MEAN
+
+    def coefficients_of(self, model: EffectiveModel) -> Coefficients:
+        """A model whose line pressure is as this recording's."""
+        return averaged(model.coefficients) if self.means else model.coefficients
 
 
 def measurements(recordings: Sequence[Recording]) -> tuple[Measurement, ...]:
@@ -173,7 +185,8 @@ def openings_of(recording: Recording) -> list[Opening]:
     noise = white_noise(lift, everywhere)
     noise = max(noise if np.isfinite(noise) else _GUESSED_LIFT_NOISE, FLOOR.needle_lift)
     shortest = SHORTEST_OPENING * recording.sample_rate
-    return [o for o in find_openings(lift, noise) if o.last - o.first >= shortest]
+    ramp = ramp_samples(recording.sample_rate)
+    return [o for o in find_openings(lift, noise, ramp) if o.last - o.first >= shortest]
 
 
 def events_of(

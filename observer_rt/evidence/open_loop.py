@@ -10,7 +10,7 @@ from observer_rt.estimation.gain import gain_schedule
 from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, follow
 from observer_rt.evidence.measurement import JudgedEvent, Measurement
-from observer_rt.evidence.windows import Rows, TrueInputs, batch_of, in_mass_window
+from observer_rt.evidence.windows import Rows, TrueInputs, batch_of, in_mass_window, rate_as_recorded
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import substeps_needed
 
@@ -36,7 +36,7 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
 
     The state follows the measurement by x~ up to the opening and runs open loop from there.
     """
-    c, sensor, interval = model.coefficients, model.sensor, measurement.interval
+    c, sensor, interval = measurement.coefficients_of(model), model.sensor, measurement.interval
     late = math.floor(sensor.delay / interval)
     share = sensor.delay / interval - late
     rows = Rows(measurement)
@@ -54,6 +54,7 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
         size = window.output.size
         errors, rate = np.empty(size), np.empty(size)
         follow(window, setting, learned, window.opening, errors, rate, None, NO_SLOPES)
+        rate = rate_as_recorded(measurement, rate)
         shown = window.output - errors
         first = event.openings[0].first - event.start
         samples = rows.samples[batch.bounds[number] : batch.bounds[number + 1]][first:]

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from observer_rt.observer.stream.front_end import CONFIRM, FOOT, LOOK_BACK, dead_band
 
-RAMP = 8  # samples through which the straight line of a ramp is laid
+RAMP = 8  # samples at most, through which the straight line of a ramp is laid
+RAMP_TIME = 80e-6  # s, of these samples
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,15 @@ class Opening:
     falling: Ramp
 
 
-def find_openings(lift: NDArray[np.float64], noise: float) -> list[Opening]:
+def ramp_samples(sample_rate: float) -> int:
+    """Samples through which the straight line of a ramp is laid; sample rate [Hz]."""
+    return min(max(round(RAMP_TIME * sample_rate), 2), RAMP)
+
+
+def find_openings(lift: NDArray[np.float64], noise: float, ramp: int = RAMP) -> list[Opening]:
     """Openings in a measured lift [m] (n,) with white noise [m] of this standard deviation.
 
+    ramp: samples through which the straight line of a ramp is laid.
     Open from the first of CONFIRM samples above the dead band to the last before CONFIRM samples below its half;
     up to LOOK_BACK samples beside them that stand out of the noise belong to the ramps.
     """
@@ -45,7 +52,7 @@ def find_openings(lift: NDArray[np.float64], noise: float) -> list[Opening]:
         if end is None:
             break  # cut off: the recording ends with an open needle
         if first > 0:
-            result.append(_opening(lift, first, end - 1, opens))
+            result.append(_opening(lift, first, end - 1, opens, ramp))
         k = end
     return result
 
@@ -64,22 +71,22 @@ def _next(starts: NDArray[np.int64], k: int) -> int | None:
     return int(starts[place]) if place < starts.size else None
 
 
-def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float) -> Opening:
+def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float, ramp: int) -> Opening:
     for _ in range(LOOK_BACK):
         if first > 0 and lift[first - 1] > FOOT * opens:
             first -= 1
         if last + 1 < lift.size and lift[last + 1] > FOOT * opens:
             last += 1
     inside = lift[first : last + 1]
-    return Opening(first, last, _ramp(inside), _ramp(inside[::-1]))
+    return Opening(first, last, _ramp(inside, ramp), _ramp(inside[::-1], ramp))
 
 
-def _ramp(lift: NDArray[np.float64]) -> Ramp:
+def _ramp(lift: NDArray[np.float64], samples: int) -> Ramp:
     """The straight line through the first samples of a ramp, never falling.
 
     The very first lies in the rounded foot; an opening shorter than two ramps has its line from its first half.
     """
-    first, end = (1, 1 + RAMP) if lift.size > 2 * RAMP else (0, max(2, math.ceil(lift.size / 2)))
+    first, end = (1, 1 + samples) if lift.size > 2 * samples else (0, max(2, math.ceil(lift.size / 2)))
     used = lift[first:end]
     slope, level = np.polyfit(np.arange(first, first + used.size), used, 1)
     return Ramp(float(level), max(float(slope), 0.0))

@@ -29,8 +29,8 @@ FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in
 class Batch(NamedTuple):
     """All windows of a recording, one after another; n samples, w windows, normalised by (24).
 
-    inputs (n, 2), output (n,), resting (n,), starts (w, states + 1) as in `Window`; bounds (w + 1,): window i is
-    [bounds[i], bounds[i+1]); openings (w,): in the window.
+    inputs (n, 2), output (n,), resting (n,), starts (w, states + 1), knots (n, 2) or (0, 2) as in `Window`; bounds
+    (w + 1,): window i is [bounds[i], bounds[i+1]); openings (w,): in the window.
     """
 
     inputs: NDArray[np.float64]
@@ -39,6 +39,7 @@ class Batch(NamedTuple):
     starts: NDArray[np.float64]
     bounds: NDArray[np.int64]
     openings: NDArray[np.int64]
+    knots: NDArray[np.float64]
 
     def window(self, number: int) -> Window:
         """One of the windows."""
@@ -49,6 +50,7 @@ class Batch(NamedTuple):
             self.resting[part],
             self.starts[number],
             self.openings[number],
+            self.knots[part],
         )
 
 
@@ -100,7 +102,11 @@ class Rows:
 
 
 class TrueInputs:
-    """A recording's true inputs under given input terms, normalised, for every sample."""
+    """A recording's true inputs under given input terms, normalised, for every sample.
+
+    A mean over the sample period that ends at a sample's time is the value half a period before. The rail pressure is
+    brought from there to the times of the samples, by straight lines; the area has its corners there, as knots.
+    """
 
     def __init__(self, measurement: Measurement, terms: InputTerms, c: Coefficients) -> None:
         recording = measurement.recording
@@ -108,6 +114,7 @@ class TrueInputs:
         rail = terms.rail_factor * recording.rail_pressure + terms.rail_shift
         self.rail = (rail - c.chamber_pressure) / c.pressure_scale
         self.area = np.zeros(recording.samples)
+        self.knots = np.empty((0, 2))
         _fill_areas(
             recording.needle_lift,
             np.array([(o.first, o.last) for o in openings]),
@@ -115,9 +122,15 @@ class TrueInputs:
             terms.lift_factor,
             terms.lift_shift,
             FOOT_ROUNDING / measurement.interval,
+            measurement.means,
             c,
             self.area,
         )
+        if measurement.means:
+            later = np.append(self.area[1:], self.area[-1])
+            self.knots = np.column_stack([np.full(later.size, 0.5), later])
+            self.area = 0.5 * (self.area + later)
+            self.rail = 0.5 * (self.rail + np.append(self.rail[1:], self.rail[-1]))
 
 
 @njit(cache=True, nogil=True)
@@ -128,12 +141,14 @@ def _fill_areas(
     factor: float,
     shift: float,
     rounding: float,
+    means: bool,
     c: Coefficients,
     area: NDArray[np.float64],
 ) -> None:
     """Normalised seat areas (n,): of the true lift while open, 0 while shut.
 
     openings: (k, 2) first and last sample; ramps: (k, 4) lift and slope of the rising ramp, of the falling one.
+    means: the first and the last sample of an opening are each over a part of a ramp only, which is extended to it.
 
     A sensor that reads too little misses the foot of a ramp, which is extended to where the needle leaves its seat.
     Beside it stands the negative area the ramp comes from, see `integrator.between`.
@@ -142,6 +157,9 @@ def _fill_areas(
         first, last = openings[i, 0], openings[i, 1]
         for k in range(first, last + 1):
             area[k] = _area(factor * lift[k] + shift, c)
+        if means:
+            area[first] = _area(factor * ramps[i, 0] + shift, c)
+            area[last] = _area(factor * ramps[i, 2] + shift, c)
         hidden = max(shift, 0.0)
         _extend(area, first, -1, factor * ramps[i, 0] + shift, factor * ramps[i, 1], hidden, rounding, c)
         _extend(area, last, 1, factor * ramps[i, 2] + shift, factor * ramps[i, 3], hidden, rounding, c)
@@ -201,7 +219,7 @@ def batch_of(
     for i, event in enumerate(measurement.events):
         mean = float(np.mean(output[event.start - beside : event.start + beside + 1]))
         starts[i, -1] = mean - offset / c.pressure_scale
-        rest_line(starts[i], starts[i, -1], c.line)
+        rest_line(starts[i, :-1], starts[i, -1], c.line)
     return Batch(
         np.ascontiguousarray(np.stack((inputs.rail[source], inputs.area[source]), axis=1)),
         output[rows.samples],
@@ -209,7 +227,15 @@ def batch_of(
         starts,
         rows.bounds,
         np.array([event.openings[0].first - event.start + late for event in measurement.events]),
+        inputs.knots[source] if inputs.knots.size else inputs.knots,
     )
+
+
+def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A modelled injection rate (n,) at the samples as a measured one is: over each period where that is a mean."""
+    if not measurement.means:
+        return rate
+    return np.append(rate[:1], 0.5 * (rate[1:] + rate[:-1]))
 
 
 def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:

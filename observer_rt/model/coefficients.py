@@ -49,3 +49,8 @@ def coefficients(parameters: InjectorParameters, departures: Departures = NO_DEP
         density=parameters.fluid.density_nozzle,
         compression=parameters.scaling.pressure / parameters.fluid.bulk_modulus_line,
     )
+
+
+def averaged(c: Coefficients) -> Coefficients:
+    """The same for samples that are means over the sample period that ends at their time."""
+    return c._replace(line=c.line.with_mean())

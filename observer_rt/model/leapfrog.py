@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from observer_rt.model.coefficients import Coefficients
@@ -247,6 +248,7 @@ def move_end(
     if tangent is not None:
         _end_rows(tangent, x, (middle, x[1], sac), u_mean, half, half, c, network)
     x[0], x[2] = middle, sac
+    _add_to_mean(x, step, tangent, c.line)
     if tangent is not None:
         _beyond_middle(tangent)
     x[0] = 2.0 * middle - before
@@ -256,6 +258,24 @@ def move_end(
     if tangent is not None:
         _end_rows(tangent, x, (x[0], x[1], sac), u_end, half, 0.0, c, network)
     x[2] = sac
+
+
+def _add_to_mean(x: Any, step: float, tangent: Any, line: Any) -> None:
+    """The integral of p_L, where a line has it, a step [s] further; p_L is that in its middle."""
+
+
+@overload(_add_to_mean, strict=False)
+def _add_to_mean_compiled(x: Any, step: Any, tangent: Any, line: Any) -> Any:
+    if not line.instance_class.averaged:
+        return lambda x, step, tangent, line: None
+
+    def add(x: Any, step: Any, tangent: Any, line: Any) -> None:
+        x[-1] += step * x[0]
+        if tangent is not None:
+            for j in range(tangent.by.shape[1]):
+                tangent.by[-1, j] += step * tangent.by[0, j]
+
+    return add
 
 
 @njit(cache=True, nogil=True)

@@ -37,6 +37,21 @@ def recorded(indicated_before: float, indicated: float, fraction: float) -> floa
 
 
 @njit(cache=True, nogil=True)
+def recorded_mean(
+    indicated_before: float, indicated: float, pressure_mean: float, lag_share: float, fraction: float
+) -> float:
+    """As `recorded`, of the mean over a sample interval instead of the value at its end; also of its slopes.
+
+    pressure_mean: of the pressure; lag_share: lag over interval. The mean of a lagged signal is exactly that of the
+    pressure less lag/T times its rise; a `fraction` of a sample earlier, as of the parabola through all three.
+    """
+    rise = indicated - indicated_before
+    mean = pressure_mean - lag_share * rise
+    bend = 3.0 * rise - 6.0 * (mean - indicated_before)
+    return mean - fraction * rise + fraction * fraction * bend
+
+
+@njit(cache=True, nogil=True)
 def lagged(
     indicated: float, pressure_start: float, pressure_end: float, interval: float, lag: float
 ) -> float:

@@ -11,6 +11,7 @@ from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.units import MILLISECOND
+from observer_rt.model.coefficients import averaged
 from observer_rt.model.effects import effective_model
 from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
@@ -55,10 +56,11 @@ def constants_for(
     durations: Durations,
     events_required: int,
     rail_every: float = 1.0,
+    means: bool = False,
 ) -> Constants:
     """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
 
-    rail_every: samples to one of the rail pressure.
+    rail_every: samples to one of the rail pressure; means: samples are means over the sample period before.
     """
     model = effective_model(parameters)
     interval = 1.0 / sample_rate
@@ -69,7 +71,7 @@ def constants_for(
         return round(duration * sample_rate)
 
     return Constants(
-        coefficients=model.coefficients,
+        coefficients=averaged(model.coefficients) if means else model.coefficients,
         inputs=model.inputs,
         sensor=sensor,
         interval=interval,

@@ -122,11 +122,17 @@ def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalS
     layouts = found.layouts
     mapping = injector.config.recording if injector is not None else None
     with file_errors(path):
+        stream: SignalStream
         if layouts is None:
-            return HeldSignals(found.reader(path))
-        if injector is None or mapping is None or layouts.is_own(path, mapping):
-            return layouts.stream(path)
-        return MappedSignals(layouts.table(path, mapping), injector.config.sampling.rate_hz)
+            stream = HeldSignals(found.reader(path))
+        elif injector is None or mapping is None or layouts.is_own(path, mapping):
+            stream = layouts.stream(path)
+        else:
+            stream = MappedSignals(layouts.table(path, mapping), injector.config.sampling.rate_hz)
+    if injector is not None:
+        stated = mapping.meaning if mapping is not None else None
+        stream.meaning = stated or injector.config.sampling.meaning
+    return stream
 
 
 def read_recording(path: Path, injector: BenchInjector | None = None) -> Recording:

@@ -140,7 +140,7 @@ def test_unknown_key_names_the_nearest(tmp_path: Path, place: str, nearest: str)
 
 @pytest.mark.parametrize(
     ("section", "only", "other"),
-    [("sampling.meaning", '"instant"', '"mean"'), ("learning.lookahead", "4", "2")],
+    [("learning.lookahead", "4", "2")],
 )
 def test_keys_of_earlier_versions_are_passed_over_with_the_one_value_they_could_have(
     tmp_path: Path, section: str, only: str, other: str

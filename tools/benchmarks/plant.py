@@ -207,17 +207,22 @@ def _measure(bench: Bench, time: Array, rail: Array, result: Array, lateness: ND
     lift = np.where(lift > 0.0, np.maximum(lift - fault("lift_offset"), 0.0), 0.0)
     noise = np.random.default_rng(bench.seed).normal(size=(3, time.size)) * bench.noise
     every = round(SAMPLE_RATE / bench.sample_rate)
-    slowed = _block_means if bench.averaged else _single_values
+
+    def slowed(values: Array, noise: Array) -> Array:
+        return _means(values, noise, every) if bench.averaged else (values + noise)[::every]
+
     return Measured(
         time[::every],
-        _coded(slowed(rail + RAIL_NOISE * noise[0], every), PRESSURE_STEP, PRESSURE_FLOOR),
-        _coded(slowed(lift + LIFT_NOISE * noise[1], every), LIFT_STEP, LIFT_FLOOR),
-        _coded(slowed(line + LINE_NOISE * noise[2], every), PRESSURE_STEP, PRESSURE_FLOOR),
+        _coded(slowed(rail, RAIL_NOISE * noise[0]), PRESSURE_STEP, PRESSURE_FLOOR),
+        _coded(slowed(lift, LIFT_NOISE * noise[1]), LIFT_STEP, LIFT_FLOOR),
+        _coded(slowed(line, LINE_NOISE * noise[2]), PRESSURE_STEP, PRESSURE_FLOOR),
     )
 
 
-def _single_values(values: Array, every: int) -> Array:
-    return values[::every]
+def _means(values: Array, noise: Array, every: int) -> Array:
+    """Means over the `every` intervals that end at every `every`-th value: straight lines join the values."""
+    between = np.append(values[:1], 0.5 * (values[1:] + values[:-1]))
+    return _block_means(between, every) + _block_means(noise, every)
 
 
 def _block_means(values: Array, every: int) -> Array:

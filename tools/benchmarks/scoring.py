@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import SamplingConfig
+from observer_rt.config.recording import Meaning
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.recording.signals.recording import Recording
@@ -32,7 +33,7 @@ PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 
 def score_case(case: Case, model: Path | None = None) -> CaseScore:
     """Record a case and score our observer, and the model it starts from beside it, on the recording."""
-    return score_outcome(case, record(case.bench), bench_at(case.bench.sample_rate, model))
+    return score_outcome(case, record(case.bench), bench_for_case(case, model))
 
 
 def score_outcome(
@@ -108,6 +109,13 @@ def recording_of(outcome: Outcome) -> Recording:
 def bench_at(sample_rate: float, model: Path | None = None) -> Bench:
     """The example bench at a sample rate [Hz], with another injector file than its own."""
     return load_bench(model=model).with_sections(sampling=SamplingConfig(rate_hz=sample_rate))
+
+
+def bench_for_case(case: Case, model: Path | None = None) -> Bench:
+    """The same as a case is recorded."""
+    meaning = Meaning.MEAN if case.bench.averaged else Meaning.INSTANT
+    sampling = SamplingConfig(rate_hz=case.bench.sample_rate, meaning=meaning)
+    return load_bench(model=model).with_sections(sampling=sampling)
 
 
 def x3_of_rate(rate: NDArray[np.float64], bench: Bench) -> NDArray[np.float64]:

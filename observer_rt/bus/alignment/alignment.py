@@ -64,7 +64,7 @@ def decide(alignment: Alignment) -> None:
         elif not memory.followers[m].begun:
             return
     for m in range(memory.stream_count):
-        if not memory.streams[m].on_grid:
+        if memory.followers[m].roles != 0:
             frontier = min(frontier, _frontier_of(alignment, memory.followers[m], frontier))
     decide_until(alignment, frontier)
 

@@ -2,6 +2,8 @@
 
 A rail pressure of another time base, or a slower one, has on the grid the value that lies between its two neighbours.
 Neighbours too far apart are not joined: what lies between them is missing.
+What is a mean over the sample period that ends at a sample's time is of half a period before: on the grid, too, it
+follows, as if it were sampled there.
 A lift stays as it was sampled, with the time by which that was later: straight lines would cut off the corners of its
 ramps, which at 20 kHz is worth up to 3 % of the mass.
 """

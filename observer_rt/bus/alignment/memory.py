@@ -37,6 +37,7 @@ FOLLOWER = np.dtype(
             np.float64,
         ),  # samples of the grid between two of its own that are joined by a straight line
         ("holds", np.bool_),  # its last value counts for `reach`
+        ("early", np.float64),  # samples of the grid by which its values are of before its samples' time
         ("begun", np.bool_),
         ("position", np.float64),  # of its last sample on the grid
         ("values", np.float64, (MAX_INPUTS,)),  # SI
@@ -105,7 +106,7 @@ class Alignment(NamedTuple):
 
 
 def make_alignment(following: Sequence[Following | None], closed_lift: float) -> Alignment:
-    """Empty alignment of messages on the grid (None) and others that follow it.
+    """Empty alignment of messages on the grid (None, or in part) and others that follow it.
 
     `closed_lift` [m] bounds the lift of a closed needle.
     """
@@ -113,10 +114,10 @@ def make_alignment(following: Sequence[Following | None], closed_lift: float) ->
     memory = alignment.memory[0]
     memory["stream_count"] = len(following)
     for number, follows in enumerate(following):
-        memory["streams"][number]["on_grid"] = follows is None
+        memory["streams"][number]["on_grid"] = follows is None or follows.on_grid
         if follows is not None:
-            for name, value in follows._asdict().items():
-                memory["followers"][number][name] = value
+            for name in ("roles", "spacing", "reach", "holds", "early"):
+                memory["followers"][number][name] = getattr(follows, name)
     memory["closed_lift"] = closed_lift
     memory["next_break"] = int(Break.START)
     alignment.slots["index"] = -1

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.database.e2e import UNPROTECTED, counter_values
 from observer_rt.bus.database.lookup import MessageLayout, find_signal
+from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.load import frame_time
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.links import LinkConfig
+from observer_rt.config.recording import Meaning
 from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
@@ -73,13 +75,16 @@ TIMING = np.dtype(
 
 
 class Following(NamedTuple):
-    """How a message follows the grid: the roles (bits) it carries, samples of the grid between two of its own,
-    distance of two of them [samples of the grid] that is bridged, whether its last one is held as long."""
+    """How a message follows the grid: the roles (bits) that do, samples of the grid between two of its own,
+    distance of two of them [samples of the grid] that is bridged, whether its last one is held as long; by how many
+    samples of the grid its values are earlier than its samples, and whether these are on the grid."""
 
     roles: int
     spacing: float
     reach: float
     holds: bool
+    early: float = 0.0
+    on_grid: bool = False
 
 
 def map_timing(
@@ -112,17 +117,25 @@ def map_timing(
 def following(
     fitted: BenchInjector, timing: NDArray[np.void], roles: Sequence[int]
 ) -> list[Following | None]:
-    """How each message follows the grid, None where it is on it; `roles` (bits) of each."""
+    """How each message follows the grid, None where all of it is on it; `roles` (bits) of each.
+
+    What is a mean lies half a sample period before its sample; the line pressure stays: the model's is averaged.
+    """
+    is_mean = fitted.config.sampling.meaning is Meaning.MEAN
     result: list[Following | None] = []
     for row, bits in zip(timing, roles, strict=True):
+        spacing = float(row["steps"])
+        early = 0.5 * spacing if is_mean else 0.0
+        reach = MAX_INTERPOLATED + 1.0
         if row["joining"] in (Joining.INDEX, Joining.NEAREST):
-            result.append(None)
+            others = int(bits) & ~(1 << ROLES.index(Role.LINE_PRESSURE))
+            follows = is_mean and others != 0
+            result.append(Following(others, spacing, reach, False, early, True) if follows else None)
             continue
         is_slow = bool(row["steps"] > 1)
-        reach = MAX_INTERPOLATED + 1.0
         if is_slow:
             reach = float(row["hold"]) * fitted.config.sampling.rate_hz
-        result.append(Following(int(bits), float(row["steps"]), reach, is_slow))
+        result.append(Following(int(bits), spacing, reach, is_slow, early))
     return result
 
 

@@ -44,6 +44,7 @@ class Line(Protocol):
     """
 
     staggered: ClassVar[bool]  # like `line.wave`
+    averaged: ClassVar[bool]  # its last state is the integral of p_L [s], see `begin_mean`
     rates: ClassVar[Callable[..., Any]]
     slopes: ClassVar[Callable[..., Any]]
     fastest: ClassVar[Callable[..., Any]]
@@ -96,6 +97,9 @@ class Line(Protocol):
 
     def with_air(self, g: float) -> "Line":
         """K g / p_0 of 1/K_eff = 1/K + g/p added."""
+
+    def with_mean(self) -> "Line":
+        """The same line, averaged: for samples that are means."""
 
 
 _LINES: dict[str, type[Line]] = {}
@@ -173,3 +177,36 @@ def line_from(values: NDArray[np.float64], line: Any) -> Any:
 def _line_from(values: Any, line: Any) -> Any:
     kind, size = line.instance_class, len(line.fields)
     return lambda values, line: kind(*to_fixed_tuple(values, size))
+
+
+def is_averaged(line: Any) -> bool:
+    """Whether samples are means over the sample period that ends at their time; a constant when compiled."""
+    return bool(type(line).averaged)
+
+
+@overload(is_averaged, strict=False)
+def _is_averaged(line: Any) -> Any:
+    if line.instance_class.averaged:
+        return lambda line: True
+    return lambda line: False
+
+
+def begin_mean(x: NDArray[np.float64], tangent: Any, line: Any) -> None:
+    """Let the integral of p_L, where a line has it, begin anew in x (n,); tangent: as of `integrator.advance`.
+
+    For compiled code.
+    """
+    raise NotImplementedError
+
+
+@overload(begin_mean, strict=False)
+def _begin_mean(x: Any, tangent: Any, line: Any) -> Any:
+    if not line.instance_class.averaged:
+        return lambda x, tangent, line: None
+
+    def clear(x: Any, tangent: Any, line: Any) -> None:
+        x[-1] = 0.0
+        if tangent is not None:
+            tangent.by[-1, :] = 0.0
+
+    return clear

@@ -127,6 +127,7 @@ class LumpLine(_LumpCoefficients):
     slopes = staticmethod(slopes)
     fastest = staticmethod(fastest)
     staggered = False
+    averaged = False
     rest = staticmethod(rest)
 
     @classmethod
@@ -163,7 +164,7 @@ class LumpLine(_LumpCoefficients):
     @property
     def by_rail(self) -> NDArray[np.float64]:
         """See `interface.Line`."""
-        return np.array([0.0, self.a3, 0.0])
+        return np.append([0.0, self.a3, 0.0], np.zeros(self.further))
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
         """There are none."""
@@ -199,6 +200,52 @@ class LumpLine(_LumpCoefficients):
     def with_air(self, g: float) -> "LumpLine":
         """See `interface.Line`."""
         return self._replace(air=self.air + g)
+
+    def with_mean(self) -> "MeanLumpLine":
+        """See `interface.Line`."""
+        return MeanLumpLine(*self)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def mean_rates(
+    x: tuple[float, float, float, float], rail: float, q_h: float, q_s: float, line: "MeanLumpLine"
+) -> tuple[float, float, float]:
+    """`rates`, and p_L, whose integral is the last state."""
+    of_line = rates(x, rail, q_h, q_s, line)
+    return of_line[0], of_line[1], x[0]
+
+
+@njit(cache=True, nogil=True)
+def mean_slopes(
+    x: tuple[float, float, float, float],
+    rail: float,
+    q_h: float,
+    q_s: float,
+    line: "MeanLumpLine",
+    result: Slopes,
+) -> None:
+    """Derivatives of `mean_rates`."""
+    slopes(x, rail, q_h, q_s, line, result)
+    result.by_state[3, 0] = 1.0
+
+
+class MeanLumpLine(LumpLine):
+    """The same with the integral of p_L [s] as its last state."""
+
+    __slots__ = ()
+    further = 1
+    averaged = True
+    rates = staticmethod(mean_rates)
+    slopes = staticmethod(mean_slopes)
+
+    def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Exact without friction, of an integral that begins anew."""
+        of_line, rail = super().transition(interval)
+        angle, impedance = self.mode * interval, self.impedance
+        matrix = np.zeros((3, 3))
+        matrix[:2, :2] = of_line
+        matrix[2, :2] = math.sin(angle) / self.mode, impedance * (1.0 - math.cos(angle)) / self.mode
+        return matrix, np.append(rail, interval - math.sin(angle) / self.mode)
 
 
 _A1, _A2_NOZZLE, _A2_SEAT, _A3, _A4, _LEAK, _AIR, _STIFFNESS_SLOPE = (

@@ -42,7 +42,7 @@ def steps_over(interval: float) -> int:
 @njit(cache=True, nogil=True, inline="always")
 def cells_of(x: NDArray[np.float64]) -> int:
     """n of a state."""
-    cells: int = x.shape[0] // 2 - 1
+    cells: int = x.shape[0] // 2 - 1  # of an averaged line, too
     return cells
 
 
@@ -106,6 +106,7 @@ class WaveLine(_WaveCoefficients):
 
     __slots__ = ()
     staggered = True
+    averaged = False
     fastest = staticmethod(fastest)
     rest = staticmethod(rest)
 
@@ -182,9 +183,13 @@ class WaveLine(_WaveCoefficients):
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Of the steps themselves, without friction."""
-        n = int(self.cells)
         steps = steps_over(interval)
-        step = interval / steps
+        moved = np.linalg.matrix_power(self.one_step(interval / steps), steps)
+        return moved[:-1, :-1], moved[:-1, -1]
+
+    def one_step(self, step: float) -> NDArray[np.float64]:
+        """The line at rest over one step [s], a matrix of its states with the rail pressure as the last."""
+        n = int(self.cells)
         size = 2 * n + 1
         places = [*range(2), *range(3, 2 * n + 2)]  # of x without p_S, in rows of the matrix
         row = {place: k for k, place in enumerate(places)}
@@ -210,8 +215,7 @@ class WaveLine(_WaveCoefficients):
                 pressures[p, row[flow_at(i + 1, n)]] -= step * compliance
             else:
                 pressures[p, q] += step * self.a1
-        moved = np.linalg.matrix_power(pressures @ flows, steps)
-        return moved[:size, :size], moved[:size, size]
+        return np.asarray(pressures @ flows, np.float64)
 
     def with_friction(self, k: float) -> "WaveLine":
         """See `interface.Line`."""
@@ -229,6 +233,42 @@ class WaveLine(_WaveCoefficients):
     def with_air(self, g: float) -> "WaveLine":
         """See `interface.Line`."""
         return self._replace(air=self.air + g)
+
+    def with_mean(self) -> "MeanWaveLine":
+        """See `interface.Line`."""
+        return MeanWaveLine(*self)
+
+
+class MeanWaveLine(WaveLine):
+    """The same with the integral of p_L [s] as its last state: of p_L in the middle of every step."""
+
+    __slots__ = ()
+    averaged = True
+
+    @property
+    def further(self) -> int:
+        """One more."""
+        return 2 * int(self.cells)
+
+    def further_variance(self, flow: float) -> NDArray[np.float64]:
+        """See `interface.Line`."""
+        return np.append(super().further_variance(flow), 0.0)
+
+    def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Of the steps themselves, without friction, of an integral that begins anew."""
+        steps = steps_over(interval)
+        step = interval / steps
+        one = self.one_step(step)
+        size = len(one)
+        with_mean = np.zeros((size + 1, size + 1))  # the integral comes last, after the rail pressure
+        with_mean[:size, :size] = one
+        with_mean[size, :size] = 0.5 * step * (one[0] + np.eye(size)[0])
+        with_mean[size, size] = 1.0
+        moved = np.linalg.matrix_power(with_mean, steps)
+        order = [*range(size - 1), size]
+        matrix = moved[np.ix_(order, order)]
+        matrix[:, -1] = 0.0
+        return matrix, moved[order, size - 1]
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -1,7 +1,8 @@
 """From measured lift to seat area: dead band with hysteresis, look-back to the foot of the ramp.
 
 A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
-extended to where the needle leaves or meets its seat.
+extended to where the needle leaves or meets its seat. So it is in the first and the last sample of a lift that are
+means, for they hold only a part of a ramp.
 """
 
 import math
@@ -9,6 +10,7 @@ import math
 from numba import njit
 
 from observer_rt.model.effective import InputTerms
+from observer_rt.model.line.interface import is_averaged
 from observer_rt.model.seat import normalised_area
 from observer_rt.observer.stream.state import RING, Observer
 
@@ -76,12 +78,24 @@ def open_from(observer: Observer, position: int) -> None:
 
 @njit(cache=True, nogil=True)
 def _foot_ahead(observer: Observer, position: int, nearest: int) -> int:
-    """Samples from `position` to the first recorded as open, from `nearest` to a toe beyond; -1 if there is none."""
+    """Samples from `position` to the first recorded as open, from `nearest` to a toe beyond; -1 if there is none.
+
+    One more where that is a mean over a part of the ramp only.
+    """
     ahead = known(observer, position)
     for distance in range(nearest, min(nearest + observer.constants.timing.toe, ahead) + 1):
         if _opens_within(observer, position + distance, min(ahead - distance, LOOKAHEAD)):
-            return distance
+            return int(distance + _is_partial(observer, position + distance))
     return -1
+
+
+@njit(cache=True, nogil=True)
+def _is_partial(observer: Observer, position: int) -> int:
+    """1 where a ramp begins within the mean that `position`, recorded as open, is; else 0."""
+    if not is_averaged(observer.constants.coefficients.line):
+        return 0
+    is_first = position <= observer.memory[0].segment_start
+    return int(is_first or not _opens_within(observer, position - 1, LOOKAHEAD))
 
 
 @njit(cache=True, nogil=True)
@@ -123,7 +137,12 @@ def _rise(observer: Observer, foot: int, ahead: int) -> float:
 
 @njit(cache=True, nogil=True)
 def _lift_before_foot(observer: Observer, foot: int, rise: float) -> float:
-    """Lift [m] a sample before the first recorded one: above the shift of the lift it would have been recorded."""
+    """Lift [m] a sample before the first recorded one: above the shift of the lift it would have been recorded.
+
+    Of means it was, and does not count.
+    """
+    if is_averaged(observer.constants.coefficients.line):
+        return float(_recorded_lift(observer, foot) - rise)
     return float(min(_recorded_lift(observer, foot) - rise, observer.constants.inputs.lift_shift))
 
 
@@ -141,9 +160,17 @@ def _ramp_lift(observer: Observer, position: int, foot: int) -> float:
 @njit(cache=True, nogil=True)
 def is_recorded_shut(observer: Observer, position: int) -> bool:
     """Whether an open needle is recorded as shut from `position` on (not while the ramp is still to come)."""
-    memory = observer.memory[0]
-    if position < memory.foot:
+    if position < observer.memory[0].foot:
         return False
+    if is_averaged(observer.constants.coefficients.line) and _ends_within(observer, position):
+        return bool(_lift_before_end(observer, position) <= 0.0)
+    return bool(_no_lift_from(observer, position))
+
+
+@njit(cache=True, nogil=True)
+def _no_lift_from(observer: Observer, position: int) -> bool:
+    """Whether the lift of an open needle is within the dead band from `position` on."""
+    memory = observer.memory[0]
     # a ramp whose toe is missing ends at once: what is below the dead band is noise
     threshold = memory.lift_on if observer.constants.timing.toe > 0 else memory.lift_off
     ahead = known(observer, position)
@@ -151,6 +178,24 @@ def is_recorded_shut(observer: Observer, position: int) -> bool:
         if observer.ring[(position + distance) & _MASK].needle_lift > threshold:
             return False
     return not _opens_within(observer, position, min(ahead, LOOKAHEAD))
+
+
+@njit(cache=True, nogil=True)
+def _ends_within(observer: Observer, position: int) -> bool:
+    """Whether a ramp ends within the mean that `position` is, and two samples before it tell that ramp."""
+    return bool(
+        position - 2 >= observer.memory[0].foot
+        and known(observer, position) > 0
+        and not _no_lift_from(observer, position)
+        and _no_lift_from(observer, position + 1)
+    )
+
+
+@njit(cache=True, nogil=True)
+def _lift_before_end(observer: Observer, position: int) -> float:
+    """Lift [m] on the ramp of the two samples before `position`."""
+    last, before = _recorded_lift(observer, position - 1), _recorded_lift(observer, position - 2)
+    return float(last - max(before - last, 0.0))
 
 
 @njit(cache=True, nogil=True)
@@ -163,14 +208,15 @@ def keep_sinking(observer: Observer, position: int) -> bool:
     if memory.fall > 0.0:
         memory.sinking_lift -= memory.fall
     else:
-        last = position - 1  # its interval may be cut, as at the foot of the opening
+        beyond = 2 if is_averaged(observer.constants.coefficients.line) else 1
+        last = position - beyond  # its interval may be cut, as at the foot of the opening
         length = min(timing.ramp, last - max(memory.event_opening, memory.foot))
         final = 1 if length > 1 else 0
         if length > 0:
             fall = _recorded_lift(observer, last - length) - _recorded_lift(observer, last - final)
             memory.fall = max(fall / (length - final), 0.0)
         highest = max(_recorded_lift(observer, position), observer.constants.inputs.lift_shift)
-        memory.sinking_lift = min(_recorded_lift(observer, last) - memory.fall, highest)
+        memory.sinking_lift = min(_recorded_lift(observer, last) - beyond * memory.fall, highest)
     if memory.fall == 0.0 or memory.sinking_lift <= 0.0:
         memory.fall = 0.0
         return False
@@ -185,6 +231,8 @@ def area_at(observer: Observer, position: int) -> float:
         lift = memory.foot_lift - (memory.foot - 1 - position) * memory.rise
     elif memory.fall > 0.0:
         lift = memory.sinking_lift
+    elif is_averaged(observer.constants.coefficients.line) and _ends_within(observer, position):
+        lift = _lift_before_end(observer, position)
     else:
         lift = _recorded_lift(observer, position)
     return float(normalised_area(lift, observer.constants.coefficients.seat))

@@ -17,7 +17,6 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
-from observer_rt.config.injector import SamplingConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROMETRE, MILLISECOND
 from observer_rt.recording.signals.recording import Recording, Sampled
@@ -32,7 +31,7 @@ _BY_COUNTER = int(Numbering.COUNTER)
 
 
 def bench_for(bench: Bench, recording: Sampled) -> Bench:
-    """The bench at the recording's sample rate.
+    """The bench at the recording's sample rate, for samples of the recording's meaning.
 
     The example bench takes any rate; a user's own must state the recording's. Raises `UserError` otherwise.
     """
@@ -43,7 +42,11 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
             f"is sampled at {rate:g} Hz, the observer takes {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz",
             "mind the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s"),
         )
-    stated = bench.injector.config.sampling.rate_hz
+    sampling = bench.injector.config.sampling
+    if recording.meaning not in (None, sampling.meaning):
+        sampling = sampling.model_copy(update={"meaning": recording.meaning})
+        bench = bench.with_sections(sampling=sampling)
+    stated = sampling.rate_hz
     if abs(rate - stated) <= RATE_TOLERANCE * stated:
         return bench
     if bench.path != EXAMPLE_BENCH:
@@ -52,7 +55,7 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
             f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz",
             "set rate_hz to the recording's rate, or leave out --bench",
         )
-    return bench.with_sections(sampling=SamplingConfig(rate_hz=rate))
+    return bench.with_sections(sampling=sampling.model_copy(update={"rate_hz": rate}))
 
 
 class TimedFrame(NamedTuple):

@@ -1,7 +1,7 @@
 """One recording of an injector: even time grid, three inputs, and the measured rate where there is one."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Protocol
@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.time_grid import find_uneven_time, sample_rate_of
 
@@ -28,6 +29,10 @@ class Sampled(Protocol):
     @property
     def sample_rate(self) -> float:
         """Of every signal [Hz]."""
+
+    @property
+    def meaning(self) -> Meaning | None:
+        """What a sample is; None: as the bench file says, without one an instant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +55,8 @@ class Recording:
     """Measured [m3/s]; None where no rate was measured."""
     path: Path | None = None
     """Where the recording was read from; None for one made in memory."""
+    meaning: Meaning | None = field(default=None, kw_only=True)
+    """What a sample is; None: as the bench file says, without one an instant."""
 
     def __post_init__(self) -> None:
         name = str(self.path) if self.path is not None else "recording"

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.recording import Chunk, Recording
 from observer_rt.recording.signals.survey import Survey
@@ -40,6 +41,8 @@ class SignalStream(ABC):
         """Ranges of the signals."""
         self.names: dict[str, str] = {}
         """What signals are called in the file, where that is not as in a recording."""
+        self.meaning: Meaning | None = None
+        """What a sample is; None: as the bench file says, without one an instant."""
         self.details: tuple[str, ...] = ()
         """How the file was read, for who looks at it."""
 
@@ -82,7 +85,7 @@ class SignalStream(ABC):
 
     def collected(self) -> Recording:
         """All in memory, as `on_one_grid`."""
-        return joined(list(self.on_one_grid()))
+        return replace(joined(list(self.on_one_grid())), meaning=self.meaning)
 
     def _hole(self, first: int, end: int) -> Chunk:
         missing = np.full(end - first, np.nan)
@@ -136,6 +139,7 @@ class HeldSignals(SignalStream):
         self.rate = recording.sample_rate
         self.stretches = (Stretch(float(recording.time[0]), recording.samples),)
         self.has_rate = recording.injection_rate is not None
+        self.meaning = recording.meaning
         for name, values in recording.signals.items():
             self.survey.take(name, values)
 
@@ -159,4 +163,4 @@ class HeldSignals(SignalStream):
 
     def collected(self) -> Recording:
         """The recording."""
-        return self._recording
+        return replace(self._recording, meaning=self.meaning)

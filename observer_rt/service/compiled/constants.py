@@ -1,6 +1,7 @@
 """The observer's constants for an injector of a bench: parameters, sample rate, temperature of the fuel."""
 
 from observer_rt.config.bench import BenchInjector
+from observer_rt.config.recording import Meaning
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
@@ -61,7 +62,8 @@ def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bo
     durations = Durations(learning.event_gap_ms * MILLISECOND, learning.learning_delay_ms * MILLISECOND)
     events_required = EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
     rate = fitted.config.sampling.rate_hz
-    return constants_for(injector, rate, durations, events_required, rail_every(fitted))
+    means = fitted.config.sampling.meaning is Meaning.MEAN
+    return constants_for(injector, rate, durations, events_required, rail_every(fitted), means)
 
 
 def rail_every(fitted: BenchInjector) -> float:
@@ -94,5 +96,6 @@ def _require_integrable(fitted: BenchInjector, injector: InjectorParameters, con
         fitted.place("sampling.rate_hz"),
         f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS}), "
         f"for the sac of {fitted.parameters_path.name} relaxes at up to {fastest:.3g} 1/s",
-        f"sample at {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more",
+        f"sample at {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give line.model = 'wave', beside which a sac "
+        "of any volume will do",
     )

@@ -202,21 +202,18 @@ def _store(pipeline: Pipeline, group, start):  # type: ignore[no-untyped-def]
     receiver = pipeline.receiver[0]
     roles = pipeline.inputs.streams[group.stream].roles
     on_grid = pipeline.alignment.memory[0].streams[group.stream].on_grid
+    follower = pipeline.alignment.memory[0].followers[group.stream]
     if not on_grid and not has_place(pipeline.keeping, group.stream):
         return
     for k in range(group.samples):
         for role in range(MAX_INPUTS):
             if (roles >> role) & 1:
                 receiver.sample[role] = receiver.values[group.position[role] + k] * group.factor[role]
-                if on_grid:
+                if not (follower.roles >> role) & 1:
                     store(pipeline.alignment, start + k, role, receiver.sample[role])
-        if not on_grid:
-            follow(
-                pipeline.alignment,
-                group.stream,
-                place_of(pipeline.keeping, group.stream, start + k),
-                receiver.sample,
-            )
+        if follower.roles != 0:
+            place = float(start + k) if on_grid else place_of(pipeline.keeping, group.stream, start + k)
+            follow(pipeline.alignment, group.stream, place - follower.early, receiver.sample)
 
 
 @njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.learned import by_theta, learned_of
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.coefficients import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.integrator import Interval, advance_over, fine_step
 from observer_rt.model.line.interface import rest_line
@@ -67,8 +67,11 @@ def run(
     st.sampled_from([75e-9, 2e-9]),
     st.sampled_from(["seat", "nozzle"]),
     st.sampled_from([1e5, 2e4]),
+    st.booleans(),
 )
-def test_derivatives(seed: int, needle: str, sac_volume: float, outflow: str, rate: float) -> None:
+def test_derivatives(
+    seed: int, needle: str, sac_volume: float, outflow: str, rate: float, means: bool
+) -> None:
     """Of an interval's step by theta and by the state before it, against differences of the step itself."""
     random = np.random.default_rng(seed)
     effects = [
@@ -86,6 +89,7 @@ def test_derivatives(seed: int, needle: str, sac_volume: float, outflow: str, ra
         end_volume=3e-8,
     )
     c = effective_model(parameters, effects).coefficients
+    c = averaged(c) if means else c
     theta = random.uniform(-0.1, 0.1, PARAMETERS)
     theta[[Parameter.GUIDE_LEAKAGE, Parameter.ENTRAINED_AIR, Parameter.BACK_PRESSURE]] = 0.02
     start = np.zeros(c.states)

@@ -1,0 +1,131 @@
+"""Lines whose last state is the integral of p_L: what it is, what it leaves alone, and the line at rest."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
+from observer_rt.estimation.learned import by_theta, learned_of
+from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.model.coefficients import Coefficients, averaged, coefficients
+from observer_rt.model.integrator import Interval, advance_over
+from observer_rt.model.line.interface import rest_line
+from observer_rt.model.line.wave import steps_over
+from observer_rt.model.network import constant_network
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.right_hand_side import tangent_of
+from observer_rt.model.stability import substeps_needed
+
+PERIOD = 50e-6  # s
+RAIL = 0.95
+LIFTED = ([0.3e-3, 0.5e-3, 1.1e-3, 1.35e-3], [0.0, 1.39, 1.39, 0.0])  # a seat area over time
+NO_KNOT = (0.0, 0.0)
+LINES: list[dict[str, Any]] = [
+    {"model": "lump"},
+    {"model": "wave"},
+    {"model": "wave_two_part", "impedance_ratio": 1.4, "end_volume": 2e-8},
+]
+NAMES = [str(line["model"]) for line in LINES]
+
+
+def injector(line: dict[str, Any]) -> InjectorParameters:
+    nominal = load_injector()
+    return nominal.model_copy(update={"line": nominal.line.model_copy(update=line)})
+
+
+def at_rest(c: Coefficients, pressure: float = RAIL) -> NDArray[np.float64]:
+    x = np.zeros(c.states)
+    rest_line(x, pressure, c.line)
+    return x
+
+
+def step(x: NDArray[np.float64], c: Coefficients, start: float, length: float, substeps: int) -> None:
+    u = [(RAIL, float(np.interp(time, *LIFTED))) for time in (start, start + length)]
+    advance_over(x, Interval(u[0], u[1], length, substeps), NO_KNOT, c, constant_network(), None)
+
+
+@pytest.mark.parametrize("line", LINES, ids=NAMES)
+def test_the_integral_is_that_of_the_pressure_and_changes_nothing_else(line: dict[str, Any]) -> None:
+    """Through an injection, against the same line in steps of the line's own that are summed up."""
+    parameters = injector(line)
+    plain = coefficients(parameters)
+    fine = 10e-6
+    # of a wave one implicit step each: the sac takes part of it, and the pressure has a middle only
+    at_once, each = (steps_over(length) if plain.line.staggered else 40 for length in (PERIOD, fine))
+    once, often = at_rest(averaged(plain)), at_rest(plain)
+    differences = []
+    for k in range(60):
+        once[-1] = 0.0
+        step(once, averaged(plain), k * PERIOD, PERIOD, at_once)
+        pressures = [often[0]]
+        for j in range(round(PERIOD / fine)):
+            step(often, plain, k * PERIOD + j * fine, fine, each)
+            pressures.append(often[0])
+        differences.append(once[-1] / PERIOD - np.trapezoid(pressures) * fine / PERIOD)
+        np.testing.assert_allclose(once[: plain.states], often, atol=2e-3)
+        assert abs(once[-1] / PERIOD - once[0]) < 0.2
+    assert np.abs(differences).max() < 1.5e-4
+    assert abs(once[-1] / PERIOD - RAIL) > 1e-3  # it still rings
+
+
+@pytest.mark.parametrize("line", LINES, ids=NAMES)
+def test_transition_is_that_of_the_line_at_rest(line: dict[str, Any]) -> None:
+    parameters = injector({"loss_factor": 0.0} | line)
+    c = averaged(coefficients(parameters))
+    matrix, rail = c.line.transition(PERIOD)
+    places = [i for i in range(c.states) if i != 2]  # without p_S
+    small = 1e-4
+    substeps = substeps_needed(parameters, 1 / PERIOD)
+
+    def moved(x: NDArray[np.float64], pressure: float) -> NDArray[np.float64]:
+        after = x.copy()
+        after[-1] = 0.0
+        interval = Interval((pressure, 0.0), (pressure, 0.0), PERIOD, substeps)
+        advance_over(after, interval, NO_KNOT, c, constant_network(), None)
+        return after[places]
+
+    x = at_rest(c)
+    base = moved(x, RAIL)
+    units = np.ones(c.states)
+    units[-1] = PERIOD  # the integral is counted in seconds
+    for column, place in enumerate(places):
+        beside = x.copy()
+        beside[place] += small
+        found = (moved(beside, RAIL) - base) / small
+        np.testing.assert_allclose(matrix[:, column] / units[places], found / units[places], atol=2e-4)
+    found = (moved(x, RAIL + small) - base) / small
+    np.testing.assert_allclose(rail / units[places], found / units[places], atol=2e-4)
+
+
+@pytest.mark.parametrize("opened", [0.0, 0.8], ids=["shut", "open"])
+def test_derivatives_of_the_lump(opened: float) -> None:
+    """By theta and by the state before, against differences of the step itself."""
+    parameters = injector({"model": "lump"})
+    c = averaged(coefficients(parameters))
+    random = np.random.default_rng(4)
+    theta = random.uniform(0.01, 0.1, PARAMETERS)
+    start = np.array([0.9, 0.2, 0.5 if opened else 0.0, 0.0])
+    interval = Interval((RAIL, opened), (RAIL, opened), PERIOD, substeps_needed(parameters, 1 / PERIOD))
+
+    def stepped(theta: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+        learned = learned_of(theta, c)
+        after = x.copy()
+        advance_over(after, interval, NO_KNOT, learned.coefficients, learned.network, None)
+        return after / np.array([1.0, 1.0, 1.0, PERIOD])
+
+    learned = learned_of(theta, c)
+    tangent = tangent_of(c, learned.network, by_theta(theta, c), PARAMETERS + 4)
+    tangent.by[:, PARAMETERS:] = np.eye(4)
+    x = start.copy()
+    advance_over(x, interval, NO_KNOT, learned.coefficients, learned.network, tangent)
+    by = tangent.by / np.array([1.0, 1.0, 1.0, PERIOD])[:, None]
+    for j, d in enumerate(np.eye(PARAMETERS) * 1e-5):
+        numeric = (stepped(theta + d, start) - stepped(theta - d, start)) / 2e-5
+        np.testing.assert_allclose(by[:, j], numeric, rtol=1e-4, atol=2e-6, err_msg=f"theta {j}")
+    assert np.abs(by[3, :PARAMETERS]).max() > 1e-4
+    for j in (0, 1, *((2,) if opened else ())):
+        d = np.eye(4)[j] * 1e-5
+        numeric = (stepped(theta, start + d) - stepped(theta, start - d)) / 2e-5
+        np.testing.assert_allclose(by[:, PARAMETERS + j], numeric, rtol=1e-4, atol=2e-6, err_msg=f"x{j}")

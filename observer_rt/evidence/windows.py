@@ -80,14 +80,15 @@ class Rows:
         for event, bound in zip(events, self.bounds, strict=False):
             near = np.zeros(event.end - event.start, np.bool_)
             for opening in event.openings:
-                near[opening.first - event.start + skipped : opening.last - event.start + 1] = True
+                end = opening.last + 1 - int(measurement.means)
+                near[opening.first - event.start + skipped : end - event.start] = True
             rows.append(bound + np.flatnonzero(near))
             times.append(event.start + np.flatnonzero(near))
         self.rate_rows = np.concatenate(rows)
         """(m,): rows at which a measured rate is judged, when the line pressure is not recorded late.
 
         Those with an open needle, from RATE_DELAY on: a lift within its noise, and an orifice law that is smooth at
-        low pressure, say little of how the sac begins to fill.
+        low pressure, say little of how the sac begins to fill. Of means, not the one in which the needle shuts.
         """
         self.rate_samples = np.concatenate(times)
         self._injecting = np.concatenate(
@@ -235,7 +236,9 @@ def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDA
     """A modelled injection rate (n,) at the samples as a measured one is: over each period where that is a mean."""
     if not measurement.means:
         return rate
-    return np.append(rate[:1], 0.5 * (rate[1:] + rate[:-1]))
+    beyond = np.concatenate([rate[:1], rate, rate[-1:]])
+    middle = 13.0 * (rate[1:] + rate[:-1]) - beyond[:-3] - beyond[3:]  # of the cubic through four samples
+    return np.append(rate[:1], middle / 24.0)
 
 
 def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:

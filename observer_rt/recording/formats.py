@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from observer_rt.config.bench import BenchInjector
+from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.canlog.asc.writer import ASC
@@ -132,6 +133,12 @@ def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalS
     if injector is not None:
         stated = mapping.meaning if mapping is not None else None
         stream.meaning = stated or injector.config.sampling.meaning
+    if stream.meaning is Meaning.MEAN and isinstance(stream, MappedSignals) and stream.is_resampled:
+        raise UserError(
+            str(path),
+            f"its samples, which are means, are not on a grid of {stream.rate:g} Hz, and cannot be resampled",
+            'set sampling.rate_hz to the rate of the file, or say meaning = "instant" if that is what they are',
+        )
     return stream
 
 

@@ -152,6 +152,13 @@ def test_keys_of_earlier_versions_are_passed_over_with_the_one_value_they_could_
     assert (error.place.endswith(f": {section}"), error.problem) == (True, "unknown key")
 
 
+def test_means_are_not_for_the_training_of_the_paper(tmp_path: Path) -> None:
+    learning = '[learning]\ntraining = "paper"\nidentification_gain = 1e5\n'
+    load_bench(bench_file(tmp_path, f"{BENCH}{learning}"))
+    error = bench_refusal(tmp_path, f'{BENCH}{learning}[sampling]\nmeaning = "mean"\n')
+    assert "knows no sampling.meaning = 'mean'" in error.problem
+
+
 def test_unknown_key_in_a_list_and_deep_down(tmp_path: Path) -> None:
     error = bench_refusal(tmp_path, BENCH.replace("file =", "fil ="))
     assert error.place.endswith(": dbc.0.fil")

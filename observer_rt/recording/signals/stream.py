@@ -163,4 +163,5 @@ class HeldSignals(SignalStream):
 
     def collected(self) -> Recording:
         """The recording."""
-        return replace(self._recording, meaning=self.meaning)
+        whole = self._recording
+        return whole if whole.meaning is self.meaning else replace(whole, meaning=self.meaning)

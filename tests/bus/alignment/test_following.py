@@ -229,6 +229,32 @@ def test_lift_that_misses_samples_is_bridged_and_marked() -> None:
     assert set(joined.lift_after) == {0.25}
 
 
+def test_means_on_the_grid_count_half_a_sample_before() -> None:
+    """Rail pressure and lift of one message with the line pressure, whose samples are means."""
+    alignment = make_alignment([Following(1 << RAIL | 1 << LIFT, 1.0, 3.0, False, 0.5, True)], CLOSED_LIFT)
+    values = np.zeros(MAX_INPUTS)
+    rows = []
+    for start in range(0, 60, 5):
+        place_block(alignment, 0, start, 5, True)
+        for index in range(start, start + 5):
+            store(alignment, index, ROLES.index(Role.LINE_PRESSURE), 1e6 + index)
+            values[RAIL], values[LIFT] = line(index - 0.5), 1e-6 * index
+            follow(alignment, 0, index - 0.5, values)
+        decide(alignment)
+        rows += [row.copy() for row in alignment.queue[: int(alignment.memory[0]["ready"])]]
+        alignment.memory[0]["ready"] = 0
+    assert [row["index"] for row in rows] == list(range(59))  # the last one waits for the next
+    for row in rows:
+        index = int(row["index"])
+        rail, lift, pressure = (
+            row["values"][ROLES.index(role)]
+            for role in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT, Role.LINE_PRESSURE)
+        )
+        assert (rail, pressure) == (pytest.approx(line(index), rel=1e-12), 1e6 + index)
+        assert (lift, row["shares"][LIFT]) == (pytest.approx(1e-6 * (index + 1)), 0.5)
+        assert not row["interpolated"]
+
+
 def test_samples_that_wait_for_a_message_of_the_grid_are_told() -> None:
     alignment = make_alignment([None, None], CLOSED_LIFT)
     place_block(alignment, 0, 0, 1, True)

@@ -239,6 +239,12 @@ class MappedSignals(SignalStream):
             )
         return runs
 
+    @property
+    def is_resampled(self) -> bool:
+        """Whether samples are not those of the file, but lie between them."""
+        axis = self._axes[self._main]
+        return not axis.is_on_grid or abs(1.0 / axis.period / self.rate - 1.0) > SAME_RATE
+
     def _samples(self, run: Run) -> int:
         """Of the grid within a run."""
         span = (run.end - run.begin) * self.rate

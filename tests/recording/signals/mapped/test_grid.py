@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording
 from observer_rt.recording.signals import stream
@@ -72,6 +73,18 @@ def test_a_restart_splits(tmp_path: Path) -> None:
     assert any("the time begins anew" in note for note in found.notes)
     lifts = [chunk.needle_lift for chunk in found.chunks()]
     np.testing.assert_array_equal(np.concatenate(lifts), np.arange(500) % 100 * 1e-6)
+
+
+@pytest.mark.parametrize("rate", [48e3, 50e3, 100.003e3, 250e3])
+def test_means_are_not_resampled(tmp_path: Path, rate: float) -> None:
+    path = write(tmp_path, np.arange(20_000) / rate)
+    with pytest.raises(UserError, match="cannot be resampled") as caught:
+        opened(path, tmp_path, 'meaning = "mean"')
+    assert "set sampling.rate_hz to the rate of the file" in caught.value.remedy
+    assert (
+        opened(write(tmp_path, np.arange(500) / RATE), tmp_path, 'meaning = "mean"').meaning is Meaning.MEAN
+    )
+    assert opened(path, tmp_path).meaning is Meaning.INSTANT
 
 
 @pytest.mark.parametrize("rate", [48e3, 50e3, 100.003e3, 250e3])

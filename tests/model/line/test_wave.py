@@ -202,7 +202,10 @@ def test_a_tiny_sac_is_where_its_flows_balance() -> None:
 
 @pytest.mark.parametrize("sac_volume", [75e-9, 3e-9])
 def test_ten_cells_are_as_good_as_forty(sac_volume: float) -> None:
-    """Against four times the cells in steps of a quarter: mass and pressure of an injection."""
+    """Against four times the cells in steps of a quarter: mass and pressure of an injection.
+
+    Between samples the area is linear, so that its corners are cut; short waves differ a little.
+    """
     coarse = injector(sac_volume, damping=0.3, end_volume=1e-8)
     steps = substeps_needed(coarse, RATE)
     states, rates = run(effective_model(coarse).coefficients, RATE, steps, 3e-3)
@@ -210,8 +213,8 @@ def test_ten_cells_are_as_good_as_forty(sac_volume: float) -> None:
     every = 4
     exact, exact_rates = _run_fine(effective_model(fine).coefficients, every, 3e-3)
     mass, exact_mass = np.sum(rates), np.sum(exact_rates[::every])
-    assert mass == pytest.approx(exact_mass, rel=5e-4)
-    assert np.sqrt(np.mean((states[:, 0] - exact[::every, 0]) ** 2)) < 4e-3  # of p_0; the dip is .15
+    assert mass == pytest.approx(exact_mass, rel=1.5e-3)
+    assert np.sqrt(np.mean((states[:, 0] - exact[::every, 0]) ** 2)) < 6e-3  # of p_0; the dip is .15
 
 
 def _run_fine(c: Coefficients, every: int, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

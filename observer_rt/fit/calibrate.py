@@ -73,11 +73,14 @@ class Calibrated:
     def mass_share(self) -> float:
         """Standard deviation of a mass, as a share, that learning will not remove.
 
-        From what a recording left out changes, and from structures that explain the recordings as well.
+        From what a recording left out changes, from structures that explain the recordings as well, and, where the
+        absolute level is measured, from how well it was told.
         """
         held_out = self.fitted.held_out
         left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))
-        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread)
+        told = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
+        level = sum(2.0 * float(sigma) for one, sigma in told if one is INERTANCE)  # an area, of a diameter
+        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, level)
 
 
 def level_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> Level:

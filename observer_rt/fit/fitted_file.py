@@ -10,6 +10,7 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Float, Trivia
 
 from observer_rt.config.bench import load_injector
+from observer_rt.evidence.measurement import rail_pressure_before
 from observer_rt.fit.calibrate import Calibrated
 from observer_rt.fit.held_out import worst_parts
 from observer_rt.fit.identifiability import interval
@@ -68,7 +69,9 @@ def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
     """What the file is to remember. hashes: SHA-256 of the recordings by name."""
     found, left = done.found, worst_parts(done.fitted.calibration, done.fitted.judged)
     noise = [one.noise for one in found]
-    pressures = [one.rail_pressure / MEGAPASCAL for one in found]
+    pressures = [
+        rail_pressure_before(event, one.recording) / MEGAPASCAL for one in found for event in one.events
+    ]
     sigmas = done.fitted.certainty.sigmas
     return Baseline(
         adequate=not done.inadequate,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.evidence.measurement import POINT_DURATION, Measurement, open_time
+from observer_rt.evidence.measurement import POINT_DURATION, Measurement, open_time, rail_pressure_before
 from observer_rt.evidence.operating_points import distinct
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
@@ -54,7 +54,7 @@ def warnings(found: Sequence[Measurement]) -> list[str]:
     """What makes the result less sure, in sentences."""
     result = []
     events = [(one, event) for one in found for event in one.events]
-    pressures = distinct(one.rail_pressure for one in found)
+    pressures = distinct(rail_pressure_before(event, one.recording) for one, event in events)
     durations = np.array([open_time(event, one.recording) for one, event in events])
     one_duration = float(np.ptp(durations)) < POINT_DURATION
     if pressures == 1 and one_duration:

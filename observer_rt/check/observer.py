@@ -9,67 +9,68 @@ from observer_rt.estimation.gain import gain_schedule
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
 from observer_rt.model.effects import effective_model
+from observer_rt.model.line.wave import steps_over
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
-from observer_rt.observer.learning.healthy import holds_at
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.paper_scheme.gain import doubts_about_gain
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.state import MAX_EVENT
 from observer_rt.service.compiled.constants import bench_constants, configured_noise, rail_every
-from observer_rt.service.core.learners import make_learner
+from observer_rt.service.core.learners import doubt_about_fit, make_learner
 
 SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
 LARGEST_DEAD_BAND = 0.1  # of the full lift
+_LEVEL = {
+    "file": "absolute level by A_L/(rho_L L_L) of the file, not measured",
+    "measured_rate": "absolute level by the measured rate",
+    "measured_mass": "absolute level by measured masses",
+}
 
 
 def observer_findings(fitted: BenchInjector) -> list[Finding]:
-    """All findings about the observer of an injector."""
-    return _integration(fitted) + _fitted_model(fitted) + _observer(fitted)
-
-
-def _integration(fitted: BenchInjector) -> list[Finding]:
+    """All findings about the observer of an injector; there is none with too many cells to be stable."""
     try:
         substeps = bench_constants(fitted).substeps
     except UserError as error:
-        return [failed("integration", error)]
-    model = effective_model(fitted.parameters)
-    return [
-        Finding(
-            "integration",
-            Level.OK,
-            f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {fitted.config.sampling.rate_hz:g} Hz, "
-            f"for a fastest rate of {fastest_rate(model.injector, model.departures):.3g} 1/s",
-        ),
-        *fuel_findings(fitted),
-    ]
+        staggered = effective_model(fitted.parameters).coefficients.line.staggered
+        observer = [] if staggered else _observer(fitted)
+        return [failed("integration", error), *_fitted_model(fitted), *observer]
+    integration = Finding("integration", Level.OK, _steps(fitted, substeps))
+    return [integration, *fuel_findings(fitted), *_fitted_model(fitted), *_observer(fitted)]
+
+
+def _steps(fitted: BenchInjector, substeps: int) -> str:
+    """How a sample is integrated, and how near the limits that is."""
+    model, rate = effective_model(fitted.parameters), fitted.config.sampling.rate_hz
+    line = model.coefficients.line
+    if not line.staggered:
+        fastest = fastest_rate(model.injector, model.departures)
+        return (
+            f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {rate:g} Hz, for a fastest rate of "
+            f"{fastest:.3g} 1/s"
+        )
+    steps = steps_over(1.0 / rate)
+    step = 1.0 / (rate * steps)
+    return (
+        f"{substeps} steps a sample at {rate:g} Hz; a line of {line.cells:.0f} cells, of which sound crosses "
+        f"{line.crossing * step:.2g} in its step of {step / MICROSECOND:.3g} us"
+    )
 
 
 def _fitted_model(fitted: BenchInjector) -> list[Finding]:
     """What the injector's file remembers of being fitted; nothing where it was not."""
-    baseline, rate = fitted.parameters.baseline, fitted.config.sampling.rate_hz
+    baseline, topic = fitted.parameters.baseline, "fitted model"
     if baseline is None:
         return []
-    name = fitted.parameters_path.name
-    if not baseline.adequate:
-        trusted = fitted.config.learning.on_inadequate_model
-        so = "learned with all the same" if trusted else "nothing is learned, no injection is valid"
-        remedy = "fit again with another structure or more recordings; see its report"
-        return [graded("fitted model", trusted, f"{name} was found inadequate by its own fit: {so}", remedy)]
-    holds = holds_at(baseline, rate)
-    judged = (
-        "injections are judged against it"
-        if holds
-        else f"not comparable at {rate:g} Hz: nothing is judged against it"
+    doubt = doubt_about_fit(fitted)
+    if doubt is not None:
+        return [graded(topic, False, doubt.text, doubt.remedy)]
+    text = (
+        f"{fitted.parameters_path.name}: adequate, by {baseline.injections} healthy injections at "
+        f"{baseline.sample_rate_Hz:g} Hz; {_LEVEL[baseline.level]}"
     )
-    return [
-        graded(
-            "fitted model",
-            holds,
-            f"{name}: {baseline.injections} healthy injections at {baseline.sample_rate_Hz:g} Hz; {judged}",
-            "fit recordings of the bench's own sample rate",
-        )
-    ]
+    return [Finding(topic, Level.OK, text)]
 
 
 def _observer(fitted: BenchInjector) -> list[Finding]:

@@ -14,7 +14,7 @@ from observer_rt.discovery.comparison.standstill import standstill_checks
 from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.opinion import Opinion
 from observer_rt.discovery.report.text import headline
-from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline
+from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, baseline_of_fit
 from observer_rt.discovery.search.candidates import FitMemory
 from observer_rt.discovery.search.result import Verdict
 from observer_rt.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
@@ -58,6 +58,12 @@ class Question:
     healthy: tuple[Measurement, ...]
     hashes: Mapping[str, str]
     chosen: tuple[str, ...] = ()
+
+
+_INADEQUATE = (
+    "The fit of this model to healthy recordings was not adequate: what is named here may be its error. Fit again "
+    "with another structure or more recordings."
+)
 
 
 def answer(
@@ -122,9 +128,15 @@ def answer(
 def _judged_by_healthy(
     nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int
 ) -> tuple[HealthyBaseline, str]:
-    """What healthy recordings leave unexplained, and what they say against the model, if anything."""
-    if not healthy:
+    """What healthy recordings leave unexplained, and what they say against the model, if anything.
+
+    Where none are given, what the fit of the model remembers of them.
+    """
+    fitted = nominal.injector.baseline
+    if not healthy and fitted is None:
         return NO_BASELINE, ""
+    if not healthy and fitted is not None:
+        return baseline_of_fit(fitted), "" if fitted.adequate else _INADEQUATE
     points = [point.measurement for point in by_operating_point(healthy)]
     baseline, found = healthy_baseline(nominal, points, workers)
     if found.verdict is Verdict.NONE:

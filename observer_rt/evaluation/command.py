@@ -28,7 +28,7 @@ from observer_rt.recording.replay.clamped import clamped_in
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.compiled.constants import injector_at
-from observer_rt.service.core.learners import refuse_state
+from observer_rt.service.core.learners import doubt_about_fit, refuse_state
 from observer_rt.service.keeping.lock import sole_writer
 from observer_rt.service.run import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
@@ -193,6 +193,9 @@ def _evaluated(
     Gives the knowledge at the end of the last one, too.
     """
     benches = [bench_for(bench, source) for source in sources]  # refuse before the first one is evaluated
+    for doubt in dict.fromkeys(doubt_about_fit(own.injector) for own in benches):
+        if doubt is not None:
+            say(console, f"warning: {doubt.text}\n  remedy: {doubt.remedy}")
     for source in sources:
         if not isinstance(source, LoggedSignals):
             for warning in clamped_in(source.survey, map_bus(bench)):

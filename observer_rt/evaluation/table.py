@@ -28,7 +28,8 @@ def print_evaluation(evaluation: Evaluated, c: Coefficients, console: Console) -
         say(
             console,
             f"MODEL_INADEQUATE: the measured line pressure contradicts the model in {len(unfit)} of {count} "
-            "injections; their rates and masses are not to be believed",
+            "injections; their rates and masses are not to be believed\n  remedy: check units and injector file; "
+            "`observer-rt fit` calibrates it to recordings of the healthy injector",
         )
     say(
         console,

@@ -15,6 +15,7 @@ MAX_TRIALS = 8  # of ever shorter steps in one iteration
 TOLERANCE = 0.02  # of the expected and the achieved decrease of -2 log L
 FIRST_DAMPING = 1e-3
 MORE_DAMPING, LESS_DAMPING = 8.0, 0.1
+_ALONE = 200_000  # multiplications that BLAS does in one thread
 NORMAL_975 = 1.959964  # quantile of the normal distribution, of a 95 % interval
 
 
@@ -75,7 +76,8 @@ def linearise(
     """
     p = theta.size
     weights = np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER))
-    slopes = np.zeros((here.z.size, p))
+    roots, weighted = np.sqrt(weights), weights * here.z
+    slopes = np.zeros((here.z.size, p), order="F")  # filled by columns
     spreads = np.zeros((here.counts.size, p))
     gradient = np.zeros(p)
     for j, bounds in enumerate(ranges):
@@ -88,12 +90,23 @@ def linearise(
             continue
         slope = (there.z - here.z) / step
         spreads[:, j] = (there.log_sigma - here.log_sigma) / step
-        gradient[j] = float(weights * here.z @ slope + here.counts @ spreads[:, j])
+        gradient[j] = float(np.sum(weighted * slope) + here.counts @ spreads[:, j])
         if spreads[:, j].any():
             slope += here.z * np.repeat(spreads[:, j], here.counts)
-        slopes[:, j] = np.sqrt(weights) * slope
-    information = slopes.T @ slopes + 2.0 * (spreads.T * here.counts) @ spreads
+        np.multiply(roots, slope, out=slopes[:, j])
+    information = _squares(slopes) + 2.0 * (spreads.T * here.counts) @ spreads
     return Quadratic(theta, here, here.statistic, gradient, information, slopes)
+
+
+def _squares(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """slopes.T @ slopes (p, p), in blocks that BLAS does not spread over threads: they would wait more than work."""
+    p = slopes.shape[1]
+    rows = max(1, _ALONE // max(1, p * p))
+    total = np.zeros((p, p))
+    for first in range(0, slopes.shape[0], rows):
+        block = slopes[first : first + rows]
+        total += block.T @ block
+    return total
 
 
 def _beside(problem: Problem, theta: NDArray[np.float64], j: int, step: float) -> Residuals | None:

@@ -20,9 +20,8 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.model.parameters import InjectorParameters
 
 SPARE = 1.2  # by which the stiffness of the file may be too small
-GATE = 4.0  # chi2 of a phase, above which a model is not adequate
-LEAST_MASS_SHARE = 1e-3  # of a mass: cells, corners of the lift and the like
-CALM_GATE = 2.0  # the same away from openings and closings, where nothing excuses it
+GATE = 2.5  # chi2 of a phase, above which a model is not adequate
+LEAST_MASS_SHARE = 1.5e-3  # of a mass: cells, corners of the lift and the like
 
 
 class Level(StrEnum):
@@ -67,10 +66,8 @@ class Calibrated:
     @property
     def inadequate(self) -> tuple[Phase, ...]:
         """Phases the model does not explain, the worst first; none where it is adequate."""
-        calm = self.fitted.left.chi2
-        ratio = {p: np.fmax(self.left.chi2[p] / GATE, calm[p] / CALM_GATE) for p in Phase}
-        over = [phase for phase in Phase if ratio[phase] > 1.0]
-        return tuple(sorted(over, key=lambda phase: -ratio[phase]))
+        over = [phase for phase in Phase if self.left.chi2[phase] > GATE]
+        return tuple(sorted(over, key=lambda phase: -self.left.chi2[phase]))
 
     @property
     def mass_share(self) -> float:
@@ -106,7 +103,7 @@ def calibrate(
     coarse, steps = rough(parts), len(structures) + 2
     tried: list[Fitted | Failed] = []
     for structure in structures:
-        tried.append(fitted(structure, file, _free(structure, level), coarse, ROUGH_ITERATIONS, SPARE))
+        tried.append(_tried(structure, tried, file, level, coarse))
         progress(len(tried) / steps)
     choice = choose(tried)
     if choice is None:
@@ -115,6 +112,19 @@ def calibrate(
     best, kept = settled(choice.best, file, fine(parts))
     progress((len(structures) + 1) / steps)
     return Calibrated(file, found, choice, best, kept, level, _comparison(file, best, found))
+
+
+def _tried(
+    structure: Structure,
+    earlier: Sequence[Fitted | Failed],
+    file: InjectorParameters,
+    level: Level,
+    parts: Sequence[Part],
+) -> Fitted | Failed:
+    """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of."""
+    simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
+    start, spare = (simpler[-1].injector, 1.0) if simpler else (file, SPARE)
+    return fitted(structure, start, _free(structure, level), parts, ROUGH_ITERATIONS, spare)
 
 
 def _free(structure: Structure, level: Level) -> tuple[FreeParameter, ...]:

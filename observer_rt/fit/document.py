@@ -6,7 +6,7 @@ from typing import Any
 
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.pooled import Signal
-from observer_rt.fit.calibrate import CALM_GATE, GATE, Calibrated
+from observer_rt.fit.calibrate import GATE, Calibrated
 from observer_rt.fit.choice import judged_by
 from observer_rt.fit.identifiability import interval
 from observer_rt.fit.search import Failed, Fitted
@@ -23,7 +23,7 @@ def as_json(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> di
         "schema": SCHEMA,
         "verdict": "inadequate" if done.inadequate else "adequate",
         "verdict_words": verdict_words(done),
-        "gate_chi2": {"all": GATE, "away_from_openings_and_closings": CALM_GATE},
+        "gate_chi2": GATE,
         "inadequate_phases": [phase_name(phase) for phase in done.inadequate],
         "structure": {
             "name": done.fitted.structure.name,
@@ -52,7 +52,6 @@ def as_json(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> di
             for one in done.comparison.masses
         ],
         "mass_share": done.mass_share,
-        "chi2_away_from_kicks": {phase_name(phase): done.fitted.left.chi2[phase] for phase in Phase},
         "line_pressure_offsets_MPa": {
             str(done.found[part.recording].recording.path or part.recording): float(offset)
             for part, offset in zip(done.fitted.calibration.parts, done.offsets, strict=True)

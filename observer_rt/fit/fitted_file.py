@@ -11,6 +11,7 @@ from tomlkit.items import Float, Trivia
 
 from observer_rt.config.bench import load_injector
 from observer_rt.fit.calibrate import Calibrated
+from observer_rt.fit.held_out import worst_parts
 from observer_rt.fit.identifiability import interval
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
@@ -65,7 +66,7 @@ def _state_line(section: Any, before: Line, after: Line) -> None:
 
 def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
     """What the file is to remember. hashes: SHA-256 of the recordings by name."""
-    found, left = done.found, done.left
+    found, left = done.found, worst_parts(done.fitted.calibration, done.fitted.judged)
     noise = [one.noise for one in found]
     pressures = [one.rail_pressure / MEGAPASCAL for one in found]
     sigmas = done.fitted.certainty.sigmas

@@ -1,5 +1,6 @@
 """What a fit is worth on recordings it has not seen: each part left out in turn."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.evidence.bounded_fit import Quadratic, linearise
 from observer_rt.evidence.likelihood import Judged, Trial
-from observer_rt.fit.kicks import away_from
 from observer_rt.fit.problem import Calibration
 
 
@@ -17,8 +17,8 @@ from observer_rt.fit.problem import Calibration
 class Unexplained:
     """What a model leaves of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples.
 
-    chi2: of means of 8 samples, which coloured residuals fill; variance: of single samples; colour: the larger of
-    means of 8 and of 20.
+    chi2: of means of 8 samples, which coloured residuals fill (of samples where a phase is shorter); variance: of
+    samples; colour: the larger of means of 8 and of 20.
     """
 
     chi2: Mapping[Phase, float]
@@ -38,24 +38,23 @@ class Unexplained:
 
 def unexplained(statistics: PhaseStatistics) -> Unexplained:
     """In figures."""
-    seen = {phase: statistics.samples[phase] > 0 for phase in Phase}
-    chi2 = {
-        phase: statistics.block_squares[phase, 0] / statistics.blocks[phase, 0]
-        if statistics.blocks[phase, 0]
-        else np.nan
-        for phase in Phase
-    }
+    seen = [phase for phase in Phase if statistics.samples[phase] > 0]
+    nothing = dict.fromkeys(Phase, math.nan)
     return Unexplained(
-        {phase: float(value) for phase, value in chi2.items()},
-        {phase: statistics.variance(phase) if seen[phase] else np.nan for phase in Phase},
-        {phase: statistics.colour(phase) if seen[phase] else np.nan for phase in Phase},
+        nothing | {phase: _chi2(statistics, phase) for phase in seen},
+        nothing | {phase: statistics.variance(phase) for phase in seen},
+        nothing | {phase: statistics.colour(phase) for phase in seen},
     )
 
 
+def _chi2(statistics: PhaseStatistics, phase: Phase) -> float:
+    blocks = statistics.blocks[phase, 0]
+    return float(statistics.block_squares[phase, 0] / blocks) if blocks else statistics.variance(phase)
+
+
 def line_statistics(trial: Trial, one: Judged) -> PhaseStatistics:
-    """Of the line pressure of a part, away from the moments no model of ours describes (see `kicks`)."""
-    away = away_from(trial.measurement, openings=True, closings=True)
-    return phase_statistics(one.z[away], 1.0, trial.phases[away], 0)
+    """Of the line pressure of a part."""
+    return phase_statistics(one.z, 1.0, trial.phases, 0)
 
 
 def pooled(calibration: Calibration, judged: Sequence[Judged]) -> Unexplained:
@@ -64,6 +63,23 @@ def pooled(calibration: Calibration, judged: Sequence[Judged]) -> Unexplained:
     for trial, one in zip(calibration.trials, judged, strict=True):
         total = total.faded(1.0, line_statistics(trial, one))
     return unexplained(total)
+
+
+def worst_parts(calibration: Calibration, judged: Sequence[Judged]) -> Unexplained:
+    """In each phase that of the part with the most left: what the model gets wrong goes with the operating point."""
+    of_parts = [
+        unexplained(line_statistics(trial, one))
+        for trial, one in zip(calibration.trials, judged, strict=True)
+    ]
+
+    def largest(figures: Sequence[Mapping[Phase, float]]) -> dict[Phase, float]:
+        return {phase: float(np.fmax.reduce([one[phase] for one in figures])) for phase in Phase}
+
+    return Unexplained(
+        largest([one.chi2 for one in of_parts]),
+        largest([one.variance for one in of_parts]),
+        largest([one.colour for one in of_parts]),
+    )
 
 
 @dataclass(frozen=True)

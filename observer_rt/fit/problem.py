@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from observer_rt.evidence.bounded_fit import Range, Residuals
 from observer_rt.evidence.likelihood import Judged, Trial
-from observer_rt.fit.kicks import away_from
 from observer_rt.fit.parts import Part, standstill_offset
 from observer_rt.fit.structures import FreeParameter, values_of, with_values
 from observer_rt.foundation.units import MEGAPASCAL
@@ -37,7 +36,6 @@ class Calibration:
         self.parts = tuple(parts)
         self._injector = start
         self._trials = [Trial(part.measurement, effective_model(start)) for part in parts]
-        self._counted = [away_from(part.measurement, openings=True, closings=False) for part in parts]
         self._kept: list[dict[tuple[float, ...], Judged | None]] = [{} for _ in parts]
         self.centre = np.concatenate(
             [np.log(values_of(start, free)), [standstill_offset(part) / MEGAPASCAL for part in parts]]
@@ -102,7 +100,7 @@ class Calibration:
 
     def _groups(self, number: int, one: Judged) -> list[tuple[NDArray[np.float64], float]]:
         masses = self.parts[number].mass_residuals(one.masses)
-        return [(one.z[self._counted[number]], one.log_sigma), (one.rate_z, 0.0), (masses, 0.0)]
+        return [(one.z, one.log_sigma), (one.rate_z, 0.0), (masses, 0.0)]
 
     def residuals_of(self, theta: NDArray[np.float64], number: int) -> Residuals | None:
         """Of one part, without the prior."""

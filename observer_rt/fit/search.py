@@ -23,8 +23,7 @@ MOST_FITS = 3  # of a structure, as its cells change with the sound speed found
 class Fitted:
     """A structure at its best.
 
-    judged: of every part there; left: of the line pressure on the recordings it was fitted to, away from openings and
-    closings.
+    judged: of every part there; left: of the line pressure on the recordings it was fitted to.
     """
 
     structure: Structure

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MILLIMETRE
 from observer_rt.model.coefficients import coefficients
-from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, MOST_CELLS, STEP
+from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, STEP, cells_for
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
-CROSSED = 0.88  # share of a cell that sound crosses in a step, at most: up to there the dispersion is least
 CALM = 0.93  # of what a step may be, so that a fit can still move
 
 
@@ -72,7 +71,7 @@ class Structure:
     free: tuple[FreeParameter, ...]
 
     def of(self, injector: InjectorParameters, spare: float = 1.0) -> InjectorParameters:
-        """An injector in this form, its numbers as they are, its line in as many cells as its sound speed allows.
+        """An injector in this form, its numbers as they are, its line in the cells that serve it best.
 
         spare: by what factor the stiffness, and more than that the damping, may still grow in these cells.
         """
@@ -85,14 +84,19 @@ class Structure:
             return formed
         return _in_cells(formed, _cells(formed, spare))
 
+    def refines(self, other: "Structure") -> bool:
+        """Whether it is another with more parameters: pressure travels in both, and the same flow drains them."""
+        travels = WAVE_DAMPING in other.free and set(other.free) < set(self.free)
+        return travels and self.outflow is other.outflow
+
 
 def _cells(injector: InjectorParameters, spare: float) -> int:
-    """The most cells in which sound crosses no more than CROSSED of one in a step, and steps are stable."""
+    """The cells that serve it best, or as many as are stable with what may still grow."""
     free = (STIFFNESS, WAVE_DAMPING)
     grown = with_values(injector, free, values_of(injector, free) * [spare, spare**4])
-    for cells in range(MOST_CELLS, FEWEST_CELLS, -1):
-        line = coefficients(_in_cells(grown, cells)).line
-        if line.crossing * STEP <= CROSSED and line.strain(STEP) <= CALM:
+    best = cells_for(injector, STEP)
+    for cells in range(best, FEWEST_CELLS, -1):
+        if coefficients(_in_cells(grown, cells)).line.strain(STEP) <= CALM:
             return cells
     return FEWEST_CELLS
 

@@ -24,7 +24,7 @@ def print_fit(done: Calibrated, console: Console) -> None:
     """Structures, parameters, residuals, level and verdict."""
     say(
         console,
-        "structures, by chi2 on recordings left out, away from openings and closings (1: noise alone)",
+        "structures, by chi2 on recordings left out (1: noise alone)",
     )
     console.print(_structures(done))
     say(console, f"chosen: {done.choice.reason}\n")

@@ -1,7 +1,7 @@
 """What a fit says in sentences: level, verdict, what to try."""
 
 from observer_rt.estimation.phases import Phase
-from observer_rt.fit.calibrate import CALM_GATE, GATE, Calibrated, Level
+from observer_rt.fit.calibrate import GATE, Calibrated, Level
 
 _SEAT = "check the lift's calibration and the seat's geometry, and run `discover` on these recordings"
 _TRY = {
@@ -10,10 +10,9 @@ _TRY = {
     Phase.OPEN: "check the chamber pressure, and run `discover` on these recordings: cavitation, or a coefficient "
     "of the seat that depends on the lift, shows here",
     Phase.CLOSING: _SEAT,
-    Phase.AFTER: "the line rings otherwise than any structure tried: check line.length, and where along the line the "
-    "pressure is measured",
+    Phase.AFTER: "the line rings otherwise than any structure tried (friction that depends on frequency is in none): "
+    "check line.length, and where along the line the pressure is measured",
 }
-_AWAY = "away from openings and closings"
 _FITTED = "; line.diameter stands for A_L/(rho_L L_L) and was fitted with it"
 
 
@@ -46,16 +45,13 @@ def kept_words(done: Calibrated) -> list[str]:
 
 def verdict_words(done: Calibrated) -> str:
     """Adequate or not, where, and what to try."""
-    calm = done.fitted.left
+    left = done.left
     if not done.inadequate:
-        all_of_it, away = (
-            f"{one.chi2[one.worst]:.2f} ({phase_name(one.worst)})" for one in (done.left, calm)
+        return (
+            f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({phase_name(left.worst)}; limit {GATE:g})"
         )
-        return f"adequate: chi2 at most {all_of_it}, limit {GATE:g}; {_AWAY} {away}, limit {CALM_GATE:g}"
-    chi2 = ((phase_name(one), done.left.chi2[one], calm.chi2[one]) for one in done.inadequate)
-    where = ", ".join(f"{name} {all_of_it:.3g}, {_AWAY} {away:.3g}" for name, all_of_it, away in chi2)
-    limits = f"limits {GATE:g} and {CALM_GATE:g}"
-    return f"INADEQUATE: chi2 in {where} ({limits}). To try: {_TRY[done.inadequate[0]]}"
+    where = ", ".join(f"{phase_name(phase)} {left.chi2[phase]:.3g}" for phase in done.inadequate)
+    return f"INADEQUATE: chi2 above {GATE:g} in {where}. To try: {_TRY[done.inadequate[0]]}"
 
 
 def oddities(done: Calibrated) -> list[str]:

@@ -47,8 +47,8 @@ class Baseline(_Section):
     """What the fitted model leaves unexplained on recordings of the healthy injector.
 
     variance, chi2, colour: of the innovations of the line pressure, of samples, of means of 8, and the larger of
-    means of 8 and 20; mass_share: standard deviation of a mass, as a share, that comes of the model and not of noise;
-    level: what the absolute level of flow rests on.
+    means of 8 and 20, each of the recording with the most left; mass_share: standard deviation of a mass, as a share,
+    that comes of the model and not of noise; level: what the absolute level of flow rests on.
     """
 
     format: Literal[1] = 1

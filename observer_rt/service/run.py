@@ -15,6 +15,7 @@ from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.compiled.constants import bench_constants
+from observer_rt.service.core.learners import doubt_about_fit
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.keeping.keeper import keeper_of
 from observer_rt.service.log import ServiceLog
@@ -147,6 +148,8 @@ def _announce(bench: Bench, bus: BusMap, log: ServiceLog) -> None:
         f"{constants.substeps} integration steps a sample, look-ahead {lookahead} samples "
         f"({lookahead / rate / MICROSECOND:g} us)",
     )
+    if doubt := doubt_about_fit(bench.injector):
+        log.say(Topic.START, f"warning: {doubt.text}; remedy: {doubt.remedy}")
     if any(link.config.interface == "virtual" for link in bench.config.buses):
         log.say(
             Topic.START,

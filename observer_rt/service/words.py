@@ -76,7 +76,8 @@ REASONS: Mapping[Reason, Words] = {
     ),
     Reason.MODEL_INADEQUATE: Words(
         "the injector does not behave as its model",
-        "check injector file and units; `observer-rt discover` finds what the model lacks",
+        "check injector file and units; `observer-rt fit` calibrates it to healthy recordings, "
+        "`observer-rt discover` finds what it lacks",
     ),
     Reason.PRESSURE_OFFSET: Words(
         "line and rail pressure differ at standstill", "calibrate the two sensors; check their units"

@@ -14,6 +14,7 @@ import typer.main
 from observer_rt.check.findings import Level
 from observer_rt.check.interface import interface_findings
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.config.links import LinkConfig
 from observer_rt.config.signals import SignalConfig
 from observer_rt.recording.formats import read_recording
 from tests.cli.conftest import Command
@@ -26,6 +27,9 @@ NOT_RUN = {  # with the reason, and what looks after it instead
     "source .venv/bin/activate": "these tests run in that environment",
     "sudo ip link set can0 up type can bitrate 500000 dbitrate 5000000 fd on restart-ms 100": (
         "it needs a controller; below: it is what `check` tells for the example bench file"
+    ),
+    "sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up": (
+        "below: it is what `check` tells; the tests on a bus have one"
     ),
     'sqlite3 -readonly injections.sqlite "SELECT judged_utc, mass_mg, nozzle_v_H FROM injection WHERE valid"': (
         "the tool may not be there; test_on_vcan_pages.py gives the query to Python's sqlite3"
@@ -115,7 +119,9 @@ def test_the_interface_is_brought_up_as_check_tells(tmp_path: Path) -> None:
     (network / "operstate").write_text("down")
     down = interface_findings(load_bench(EXAMPLE_BENCH).config.buses[0].config, network=tmp_path)[0]
     assert down.level is not Level.OK
-    assert next(line for line in NOT_RUN if "ip link" in line) in str(down)
+    assert next(line for line in NOT_RUN if "ip link set can0" in line) in str(down)
+    missing = interface_findings(LinkConfig(channel="vcan0"), network=tmp_path)[0]
+    assert next(line for line in NOT_RUN if "ip link add vcan0" in line) in str(missing)
 
 
 def test_the_state_section_is_one(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from observer_rt.recording.replay.player import play
 from observer_rt.service import opening
 from observer_rt.service.state_file import load_knowledge, model_hash
 from tests.cli.conftest import Command, Outcome
+from tests.cli.injector_files import FITTED, injector
 from tests.links import FakeLink
 from tests.service.end_to_end import SUMMARY, Heard, decoded
 from tests.service.participants import BLOCK_ID, ScriptedLink, give_link, listening, until
@@ -114,6 +115,22 @@ def test_state_learned_from_nothing_earns_no_trust(
     run_and_stop(command, bench, resting, signal.SIGTERM, "--state", state)
     bench.write_text(text)
     _, heard = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    assert valid_injections(heard) == [0, 0, 1, 1]
+
+
+def test_an_inadequate_fit_is_told_at_the_start_and_nothing_is_valid(
+    command: Command, bench: Path, worn: Path, tmp_path: Path
+) -> None:
+    injector(tmp_path / "injector.toml", end=FITTED.format(adequate="false", rate=50e3))
+    bench.write_text(bench.read_text().replace("# file = ", "file = ", 1))
+    outcome, heard = run_and_stop(command, bench, worn, signal.SIGTERM)
+    (told,) = (line for line in outcome.err.splitlines() if "inadequate by its own fit" in line)
+    assert " WARNING start: injector.toml was found inadequate" in told
+    assert "remedy: see what `observer-rt fit` says to try" in told
+    assert valid_injections(heard) == [0, 0, 0, 0]
+    bench.write_text(bench.read_text().replace("on_inadequate_model = false", "on_inadequate_model = true"))
+    outcome, heard = run_and_stop(command, bench, worn, signal.SIGTERM)
+    assert "learned with all the same" in outcome.err
     assert valid_injections(heard) == [0, 0, 1, 1]
 
 

@@ -31,8 +31,15 @@ def means(recording: Recording, meaning: Meaning | None) -> Recording:
         whole = between[: between.size // EVERY * EVERY].reshape(-1, EVERY).mean(axis=1)
         return np.append(signal[:1], whole)
 
-    signals = {name: averaged(values) for name, values in recording.signals.items()}
-    return Recording(recording.time[::EVERY][: signals["rail_pressure"].size], meaning=meaning, **signals)
+    rail, rate = averaged(recording.rail_pressure), recording.injection_rate
+    return Recording(
+        recording.time[::EVERY][: rail.size],
+        rail,
+        averaged(recording.needle_lift),
+        averaged(recording.line_pressure),
+        None if rate is None else averaged(rate),
+        meaning=meaning,
+    )
 
 
 @cache
@@ -80,7 +87,7 @@ def test_the_area_is_that_of_the_needle() -> None:
     inputs = TrueInputs(slow, InputTerms(), C)
     knots = np.arange(inputs.area.size) + inputs.knots[:, 0]
     place = np.sort(np.append(np.arange(inputs.area.size), knots))
-    area = np.column_stack([inputs.area, inputs.knots[:, 1]]).ravel()
+    area = np.column_stack([inputs.area, inputs.knots[:, 1]]).ravel().astype(np.float64)
     found = np.interp(np.arange(expected.size) / EVERY, place, area)
     assert np.abs(np.maximum(found, 0.0) - np.maximum(expected, 0.0)).max() < 0.06
     total = np.maximum(expected, 0.0).sum()

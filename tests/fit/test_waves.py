@@ -7,7 +7,7 @@ from observer_rt.evidence.measurement import measurements
 from observer_rt.fit.calibrate import Calibrated, calibrate
 from observer_rt.fit.choice import judged_by
 from observer_rt.fit.search import Failed
-from observer_rt.fit.structures import CROSSED, SAC, STIFFNESS, STRUCTURES, values_of, with_values
+from observer_rt.fit.structures import SAC, STIFFNESS, STRUCTURES, Structure, values_of, with_values
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.line.wave import STEP
 from observer_rt.model.parameters import LineOutflow
@@ -53,15 +53,11 @@ def test_a_lump_that_cannot_be_stepped_is_left_out_with_the_reason(travelling: C
 @pytest.mark.parametrize(
     "structure", [one for one in STRUCTURES if one.line != "lump"], ids=lambda one: one.name
 )
-def test_cells_are_as_many_as_sound_allows(structure: object, stiffness: float) -> None:
-    assert structure in STRUCTURES
-    chosen = next(one for one in STRUCTURES if one is structure)
-    injector = chosen.of(with_values(NOMINAL, (STIFFNESS,), np.array([stiffness])))
+def test_cells_are_as_many_as_sound_allows(structure: Structure, stiffness: float) -> None:
+    injector = structure.of(with_values(NOMINAL, (STIFFNESS,), np.array([stiffness])))
     line = coefficients(injector).line
     assert line.strain(STEP) < 0.95
-    assert 0.6 < line.crossing * STEP <= CROSSED
-    assert injector.line.cells is not None
-    assert chosen.line == "wave" or injector.line.cells % 2 == 0
+    assert 0.6 < line.crossing * STEP < 1.0
 
 
 def test_a_structure_keeps_the_numbers_of_the_file() -> None:

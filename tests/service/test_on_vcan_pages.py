@@ -20,6 +20,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import own_injector
 from tests.interface import OwnInterface
 from tests.pages import PAGES, ROOT, Page, needs_bus
 from tests.service.end_to_end import START_TIMEOUT
@@ -95,7 +96,8 @@ def only(commands: list[str], pattern: str) -> str:
 @pytest.mark.slow
 @pytest.mark.vcan
 def test_the_commands_that_need_a_bus(shell: Shell, vcan: str) -> None:
-    commands = list(dict.fromkeys(c for page in PAGES for c in page.commands if needs_bus(c)))
+    pages = [page for page in PAGES if page.path != own_injector.PAGE.path]
+    commands = list(dict.fromkeys(c for page in pages for c in page.commands if needs_bus(c)))
     viewed, kept, piped = (only(commands, f" run .*{word}") for word in ("--view", "--journal", "jq"))
     recorded, rotated = only(commands, r" record .*bus\.blf$"), only(commands, "--rotate-size")
     played, log_played = only(commands, r"replay worn\.csv .*--speed"), only(commands, r"replay bus\.blf")
@@ -118,6 +120,26 @@ def test_the_commands_that_need_a_bus(shell: Shell, vcan: str) -> None:
         can0.remove()
     _journal(shell)
     _several_buses(shell, on_several)
+
+
+@pytest.mark.slow
+@pytest.mark.vcan
+def test_an_injector_of_ones_own(shell: Shell, vcan: str) -> None:
+    """The page's fit, and the daemon on the model it found."""
+    own_injector.write_files(shell.folder)
+    commands = own_injector.PAGE.commands
+    for command in commands:
+        if re.match("observer-rt simulate|.*> injector.toml|.*--mass ", command):
+            shell.do(command)
+    shell.do(own_injector.PRINT_BENCH)
+    own_injector.change_bench(shell.folder / "bench.toml")
+    run, replay = (command for command in commands if needs_bus(command))
+    with shell.going(run, "start: ready") as out:
+        shell.do(replay)
+    injections = [json.loads(line) for line in out.read_text().splitlines()]
+    assert [one["number"] for one in injections] == [1, 2, 3, 4, 5, 6]
+    assert injections[-1]["valid"]
+    assert injections[-1]["indicators"]["nozzle_v_H"]["value"] == pytest.approx(0.2, abs=0.01)
 
 
 def _run_and_record(shell: Shell, run: str, record: str, replay: str) -> None:

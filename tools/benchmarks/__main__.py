@@ -14,6 +14,7 @@ from rich.markup import escape
 
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.terminal.console import progress_bar
+from tools.benchmarks import wave_command
 from tools.benchmarks.ablation import CLASSES_TRIED, run_ablation
 from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
 from tools.benchmarks.accuracy import Results, print_results, run_accuracy
@@ -34,16 +35,15 @@ from tools.benchmarks.kills.campaign import Plan as KillPlan
 from tools.benchmarks.kills.campaign import run_campaign
 from tools.benchmarks.kills.tables import kills_document, kills_table
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
-from tools.benchmarks.plant import record
 from tools.benchmarks.runs import Plan
 from tools.benchmarks.surgery import findings_table, operate, surgeries
 from tools.benchmarks.tables import json_document
 from tools.benchmarks.wave_accuracy import WavePlan, run_wave_accuracy
 from tools.benchmarks.wave_cases import WAVE_CLASSES
 from tools.benchmarks.wave_plant import Variant
-from tools.benchmarks.wave_recordings import faulty_bench, healthy_benches, parsed_faults, write_recordings
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app.command(epilog=wave_command.EXAMPLE)(wave_command.wave_recordings)
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
 WorkersOption = Annotated[int, typer.Option(min=1, help="Processes.")]
 OutOption = Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")]
@@ -238,43 +238,6 @@ def kills(
         messages.print(problem, highlight=False, markup=False)
     if problems:
         raise typer.Exit(1)
-
-
-@app.command(
-    epilog="Example: tools/bench wave-recordings --out build/plain; observer-rt fit build/plain/*ms.csv ..."
-)
-def wave_recordings(
-    out: Annotated[Path, typer.Option(help="Folder for the recordings and their truth.")],
-    variant: Annotated[Variant, typer.Option(help="What the line is like.")] = Variant.PLAIN,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(help="NAME=VALUE (SI; may be repeated): one recording of 20 events with it, instead."),
-    ] = None,
-    rate: Annotated[float, typer.Option(help="Sample rate [kHz], a divisor of 100.")] = 100.0,
-    averaged: Annotated[
-        bool, typer.Option("--averaged", help="Samples are means over the sample period that ends there.")
-    ] = False,
-    measured_rate: Annotated[
-        bool,
-        typer.Option(
-            "--measured-rate", help="With a measured rate; the injector file's inertance is 5 % wrong."
-        ),
-    ] = False,
-    seed: SeedOption = 1,
-) -> None:
-    """Six healthy recordings of an injector on a line with travelling waves, as `fit` wants them."""
-    if 100.0 % rate:
-        raise UserError("--rate", f"{rate:g} kHz is no divisor of 100", "give 100, 50, 20 or 10")
-    hz = 1e3 * rate
-    if fault:
-        benches = {"_".join(fault): faulty_bench(variant, seed, parsed_faults(fault), hz, averaged)}
-    else:
-        benches = healthy_benches(variant, seed, hz, averaged)
-    outcomes = ((name, record(bench)) for name, bench in benches.items())
-    with progress_bar(messages, "recording", float(len(benches))) as progress:
-        for number, path in enumerate(write_recordings(out, outcomes, measured_rate), 1):
-            progress(float(number))
-            messages.print(f"{path}, truth beside it", highlight=False, soft_wrap=True)
 
 
 @app.command(epilog="Example: tools/bench peer-tuning --peer ekf")

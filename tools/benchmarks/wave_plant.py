@@ -12,7 +12,8 @@ import numpy as np
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import Rail
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
-from tools.benchmarks.wave_plant_equations import NODES, STEPS, Lattice, WaveState, run_wave
+from tools.benchmarks.wave_line_equations import NODES, Lattice, WaveState
+from tools.benchmarks.wave_plant_equations import STEPS, run_wave
 
 SAC_VOLUME = 3e-9  # m3, of the new part
 HIDDEN_SHARE = 0.1  # by which the real part differs from its data sheet, at most

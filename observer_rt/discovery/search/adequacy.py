@@ -9,6 +9,7 @@ from observer_rt.discovery.search.result import Cell
 from observer_rt.estimation.phases import Phase, phase_statistics
 from observer_rt.evidence.likelihood import Evidence, Judged
 from observer_rt.evidence.pooled import Pool, Signal, normalised, phases_by_signal
+from observer_rt.model.baseline import Baseline
 from observer_rt.model.effective import EffectiveModel
 
 VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
@@ -71,6 +72,16 @@ def baseline_of(pool: Pool) -> HealthyBaseline:
     return HealthyBaseline(
         {(s, p): max(1.0, pool[s].variance(p)) for s, p in keys},
         {(s, p): max(1.0, pool[s].colour(p)) for s, p in keys},
+    )
+
+
+def baseline_of_fit(baseline: Baseline) -> HealthyBaseline:
+    """What a fitted injector file remembers; nothing is named by a model whose fit was not adequate."""
+    keys = [(Signal.LINE_PRESSURE, phase) for phase in Phase]
+    return HealthyBaseline(
+        {key: max(1.0, baseline.variance.at(key[1].name)) for key in keys},
+        {key: max(1.0, baseline.colour.at(key[1].name)) for key in keys},
+        trusted=baseline.adequate,
     )
 
 

@@ -1,8 +1,8 @@
 """The feed line as a pipe in which pressure travels: cells of volume between faces with inertia, staggered.
 
 Pressures p_1 .. p_n at i L/n, p_n at the closed end, the rail's p_0 in front; flows q_1 .. q_n at the faces before
-them, half a step earlier than the pressures. Stepped by `model.leapfrog`: with n such that sound crosses most of a
-cell in a step, the errors of space and of time cancel. The end cell is half a cell and the volume beyond the pipe.
+them, half a step earlier than the pressures. Stepped by `model.leapfrog`: with the right n, the errors of space and
+of time cancel. The end cell is half a cell and the volume beyond the pipe.
 
 What damps waves is a stress that goes with the rate at which a cell is compressed, as of a viscous fuel. That of
 the end cell must be of the same time as the flow it acts on: half a step later it would be inertia, and 1 % of mass.
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 NAMES = ("wave", "wave_two_part")  # of `line.model`; in two parts where their impedances differ
 STEP = 10e-6  # s, internal, whatever the sample period
-CROSSED = 0.84  # share of a cell that sound crosses in a step, for which cells are chosen
 STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
 FEWEST_CELLS, MOST_CELLS = 4, 64
 HALF_WAY = 0.5  # of the length, where two parts meet whose file does not say
@@ -308,13 +307,18 @@ def _of_parts(ratio: float, far: float) -> tuple[float, float]:
 
 
 def cells_for(parameters: "InjectorParameters", step: float) -> int:
-    """Cells for a step [s]: sound crosses `CROSSED` of one, less where damping leaves no more."""
+    """Cells for a step [s] in which errors cancel best.
+
+    Cells make short waves slower, by 1 - c^2 of what they would without steps, c the share of a cell that sound
+    crosses in one; damping, taken at the start of a step, makes them faster, by 6 nu step/h^2 of the same.
+    """
     fluid, line = parameters.fluid, parameters.line
     along = math.sqrt(fluid.bulk_modulus_line * line.area / (line.volume * fluid.density_line * line.length))
     along *= math.sqrt(math.prod(_of_parts(*_parts(line))))
     damping = DAMPING if line.damping is None else line.damping
-    calm = math.sqrt(STABLE / ((along * step) ** 2 + 2.0 * damping * step / line.length**2))
-    return int(max(FEWEST_CELLS, min(MOST_CELLS, CROSSED / (along * step), calm)))
+    wanted = 1.0 / math.sqrt((along * step) ** 2 + 6.0 * damping * step / line.length**2)
+    stable = math.sqrt(STABLE / ((along * step) ** 2 + 2.0 * damping * step / line.length**2))
+    return max(FEWEST_CELLS, min(MOST_CELLS, round(wanted), int(stable)))
 
 
 def with_cells(parameters: "InjectorParameters") -> "InjectorParameters":

@@ -1,13 +1,14 @@
 """Which training an injector's observer uses, and what that asks of bench and injector."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.injector import Training
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import LineOutflow
-from observer_rt.observer.learning.healthy import Healthy, healthy_of
+from observer_rt.observer.learning.healthy import Healthy, healthy_of, holds_at
 from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.paper_scheme.gain import check_gain
@@ -46,6 +47,39 @@ def healthy_injector(fitted: BenchInjector) -> Healthy:
     return healthy_of(
         fitted.parameters.baseline, config.sampling.rate_hz, config.learning.on_inadequate_model
     )
+
+
+class Doubt(NamedTuple):
+    """Why a fitted model is not what it should be, and what to do."""
+
+    text: str
+    remedy: str
+
+
+def doubt_about_fit(fitted: BenchInjector) -> Doubt | None:
+    """What speaks against an injector's fitted model on this bench; None where nothing does or it was not fitted."""
+    baseline, rate = fitted.parameters.baseline, fitted.config.sampling.rate_hz
+    name = fitted.parameters_path.name
+    if baseline is None:
+        return None
+    if not baseline.adequate:
+        trusted = fitted.config.learning.on_inadequate_model
+        so = (
+            "it is learned with all the same, as learning.on_inadequate_model says"
+            if trusted
+            else "nothing is learned, and no injection is valid (MODEL_INADEQUATE)"
+        )
+        return Doubt(
+            f"{name} was found inadequate by its own fit: {so}",
+            "see what `observer-rt fit` says to try, and docs/own-injector.md",
+        )
+    if not holds_at(baseline, rate):
+        return Doubt(
+            f"{name} was fitted at {baseline.sample_rate_Hz:g} Hz and is not comparable at {rate:g} Hz: what its fit "
+            "left unexplained is not allowed for",
+            f"fit it to recordings at {rate:g} Hz",
+        )
+    return None
 
 
 def refuse_state(fitted: BenchInjector, option: str) -> None:

@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, baseline_of, worst
+from observer_rt.discovery.search.adequacy import (
+    NO_BASELINE,
+    HealthyBaseline,
+    baseline_of,
+    baseline_of_fit,
+    worst,
+)
 from observer_rt.estimation.phases import Phase, phase_statistics
 from observer_rt.evidence.pooled import Pool, Signal
+from observer_rt.model.baseline import Baseline
 
 N = 5000
 
@@ -51,3 +58,26 @@ def test_no_baseline_is_trusted_and_gains_nothing() -> None:
     assert HealthyBaseline({}, {}) == NO_BASELINE
     assert NO_BASELINE.trusted
     assert NO_BASELINE.gain == 0.0
+
+
+@pytest.mark.parametrize("adequate", [True, False])
+def test_a_fitted_file_is_a_baseline(adequate: bool) -> None:
+    left = dict.fromkeys(("standstill", "opening", "open", "closing", "after"), 1.0)
+    of_file = Baseline.model_validate(
+        {
+            "adequate": adequate,
+            "level": "file",
+            "mass_share": 0.002,
+            "sample_rate_Hz": 1e5,
+            "injections": 36,
+            "rail_pressure_MPa": (60.0, 140.0),
+            "variance": left | {"open": 1.96},
+            "chi2": left,
+            "colour": left | {"open": 1.96},
+            "noise": {"rail_pressure_MPa": 0.1, "line_pressure_MPa": 0.15, "needle_lift_um": 0.4},
+        }
+    )
+    baseline = baseline_of_fit(of_file)
+    assert baseline.trusted is adequate
+    assert worst(_pool(scale=1.4), baseline).ratio <= 1.0
+    assert worst(_pool(scale=1.4, phase=Phase.AFTER), baseline).ratio > 1.0

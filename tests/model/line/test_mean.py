@@ -113,7 +113,7 @@ def test_derivatives_of_the_lump(opened: float) -> None:
         learned = learned_of(theta, c)
         after = x.copy()
         advance_over(after, interval, NO_KNOT, learned.coefficients, learned.network, None)
-        return after / np.array([1.0, 1.0, 1.0, PERIOD])
+        return np.asarray(after / np.array([1.0, 1.0, 1.0, PERIOD]), np.float64)
 
     learned = learned_of(theta, c)
     tangent = tangent_of(c, learned.network, by_theta(theta, c), PARAMETERS + 4)

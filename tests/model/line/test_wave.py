@@ -3,8 +3,10 @@
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
@@ -12,11 +14,12 @@ from observer_rt.estimation.learned import by_theta, learned_of
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.integrator import Interval, advance_over
+from observer_rt.model.integrator import Interval, advance_over, fine_step
 from observer_rt.model.line.interface import rest_line
+from observer_rt.model.line.wave import pressure_at
 from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.model.right_hand_side import injection_rate, tangent_of
+from observer_rt.model.right_hand_side import changed_flows, injection_rate, tangent_of
 from observer_rt.model.stability import substeps_needed
 
 RATE = 1e5  # Hz
@@ -131,3 +134,118 @@ def test_derivatives(
         np.testing.assert_allclose(
             tangent.by[:, PARAMETERS + j], numeric, rtol=1e-4, atol=2e-5, err_msg=f"x{j}"
         )
+
+
+@pytest.mark.parametrize("rate", [1e5, 2e4])
+def test_transition_is_that_of_the_steps(rate: float) -> None:
+    """What the gain is computed from, against the steps themselves on small waves behind a shut needle."""
+    parameters = injector(2e-9, model="wave_two_part", cells=6, impedance_ratio=0.7, impedance_step=0.4)
+    c = effective_model(parameters).coefficients
+    matrix, by_rail = c.line.transition(1.0 / rate)
+    states = [i for i in range(c.states) if i != 2]
+    small = 1e-7  # friction is of second order
+    interval = Interval((0.0, 0.0), (0.0, 0.0), 1.0 / rate, substeps_needed(parameters, rate))
+    for column, place in enumerate(states):
+        x = np.zeros(c.states)
+        x[place] = small
+        advance_over(x, interval, NO_KNOT, c, constant_network(), None)
+        np.testing.assert_allclose(x[states] / small, matrix[:, column], atol=1e-5)
+    x = np.zeros(c.states)
+    advance_over(
+        x, interval._replace(start=(small, 0.0), end=(small, 0.0)), NO_KNOT, c, constant_network(), None
+    )
+    np.testing.assert_allclose(x[states] / small, by_rail, atol=1e-5)
+
+
+def test_a_line_at_rest_stays_so() -> None:
+    c = effective_model(injector(end_volume=2e-8)).coefficients
+    x = np.zeros(c.states)
+    rest_line(x, RAIL, c.line)
+    before = x.copy()
+    for _ in range(100):
+        advance_over(x, Interval((RAIL, 0.0), (RAIL, 0.0), 1e-5, 1), NO_KNOT, c, constant_network(), None)
+    np.testing.assert_array_equal(x, before)
+
+
+def test_what_leaves_the_line_was_in_it() -> None:
+    """Without a rail to feed it, what the line's fuel expands by is what is injected and what fills the sac."""
+    parameters = injector(3e-9, end_volume=2e-8)
+    c = effective_model(parameters).coefficients
+    line = c.line._replace(a3=1e-9 * c.line.a3)  # so heavy that nothing moves along it
+    rate = 1e6
+    x = np.zeros(c.states)
+    rest_line(x, RAIL, line)
+    alone = c._replace(line=line)
+    injected = 0.0
+    for k in range(900):
+        u = (RAIL, area(k / rate)), (RAIL, area((k + 1) / rate))
+        before = injection_rate(x, u[0], alone, constant_network())
+        advance_over(x, Interval(*u, 1.0 / rate, 1), NO_KNOT, alone, constant_network(), None)
+        injected += 0.5 * (before + injection_rate(x, u[1], alone, constant_network())) / rate
+    cells = int(line.cells)
+    pressures = np.array([x[pressure_at(i, cells)] for i in range(1, cells + 1)])
+    compliance = np.full(cells, c.flow_scale / line.b)
+    compliance[-1] = c.flow_scale / line.a1
+    lost = float(np.sum((RAIL - pressures) * compliance))
+    sac = x[2] * (c.nozzle.flow / c.sac.a6)
+    assert injected + sac == pytest.approx(lost, rel=2e-3)
+    assert injected > 2e-9
+
+
+def test_a_tiny_sac_is_where_its_flows_balance() -> None:
+    c = effective_model(injector(1e-11)).coefficients
+    states, _ = run(c, RATE, 1, 0.9e-3)
+    x = states[-1]
+    q_h, q_s = changed_flows(x, (RAIL, area(0.9e-3)), c, constant_network())
+    assert c.nozzle.flow * q_h == pytest.approx(c.sac.a5 / c.sac.a6 * c.nozzle.flow * q_s, rel=1e-5)
+
+
+@pytest.mark.parametrize("sac_volume", [75e-9, 3e-9])
+def test_ten_cells_are_as_good_as_forty(sac_volume: float) -> None:
+    """Against four times the cells in steps of a quarter: mass and pressure of an injection.
+
+    Between samples the area is linear, so that its corners are cut; short waves differ a little.
+    """
+    coarse = injector(sac_volume, damping=0.3, end_volume=1e-8)
+    steps = substeps_needed(coarse, RATE)
+    states, rates = run(effective_model(coarse).coefficients, RATE, steps, 3e-3)
+    fine = injector(sac_volume, damping=0.3, end_volume=1e-8, cells=36)
+    every = 4
+    exact, exact_rates = _run_fine(effective_model(fine).coefficients, every, 3e-3)
+    mass, exact_mass = np.sum(rates), np.sum(exact_rates[::every])
+    assert mass == pytest.approx(exact_mass, rel=1.5e-3)
+    assert np.sqrt(np.mean((states[:, 0] - exact[::every, 0]) ** 2)) < 6e-3  # of p_0; the dip is .15
+
+
+def _run_fine(c: Coefficients, every: int, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """As `run`, in steps of a fraction of those at RATE."""
+    x = np.zeros(c.states)
+    rest_line(x, RAIL, c.line)
+    step, network = 1.0 / RATE / every, constant_network()
+    states, rates = [x.copy()], [0.0]
+    for k in range(round(seconds * RATE) * every):
+        ends = area(k * step), area((k + 1) * step)
+        _fine(x, (RAIL, ends[0]), (RAIL, 0.5 * (ends[0] + ends[1])), (RAIL, ends[1]), step, c, network)
+        states.append(x.copy())
+        rates.append(injection_rate(x, (RAIL, ends[1]), c, network))
+    return np.array(states), np.array(rates)
+
+
+@njit
+def _fine(x: Any, u_start: Any, u_middle: Any, u_end: Any, step: float, c: Any, network: Any) -> None:
+    fine_step(x, u_start, u_middle, u_end, step, c, network)
+
+
+def test_travel_time() -> None:
+    """A step of the rail pressure reaches the closed end when sound does, and is doubled there."""
+    parameters = injector(damping=0.05)
+    c = effective_model(parameters).coefficients
+    travel = c.line.cells / c.line.crossing
+    x = np.zeros(c.states)
+    pressures = []
+    for _ in range(round(2.0 * travel * RATE)):
+        advance_over(x, Interval((0.1, 0.0), (0.1, 0.0), 1e-5, 1), NO_KNOT, c, constant_network(), None)
+        pressures.append(x[0])
+    arrived = np.argmax(np.array(pressures) > 0.1) * 1e-5
+    assert arrived == pytest.approx(travel, abs=1.5e-5)
+    assert np.mean(pressures[-5:]) == pytest.approx(0.2, rel=0.1)

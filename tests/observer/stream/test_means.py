@@ -1,5 +1,6 @@
 """Samples that are means over the sample period that ends at their time: taken for what they are."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -63,7 +64,7 @@ def evaluated(worn: bool, meaning: Meaning, stated: bool = True) -> Evaluation:
     recording = recorded(worn)
     if not stated:
         bench = load_bench()
-        recording = Recording(recording.time, *recording.signals.values(), meaning=meaning)
+        recording = replace(recording, meaning=meaning)
     return evaluate(bench, [recording]).evaluations[0]
 
 

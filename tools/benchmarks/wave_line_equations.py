@@ -1,0 +1,183 @@
+"""A feed line with travelling waves: discontinuous Galerkin spectral elements, classical Runge-Kutta in time.
+
+Four Gauss-Lobatto nodes an element, upwind fluxes by the local impedances. Imports nothing of `observer_rt`, and
+shares no discretisation with it.
+"""
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+
+from tools.benchmarks.arrays import Array
+from tools.benchmarks.plant_equations import line_stiffness
+from tools.benchmarks.plant_parameters import Faults, Injector
+
+NODES = 4  # of an element
+EDGE = 12.0  # 2 / weight of an outer node: what a jump of the flux does to it
+
+# Derivative of a cubic over an element of length 1 from its values at the Gauss-Lobatto nodes -1, -sqrt(1/5),
+# sqrt(1/5), 1: first and second row of the matrix; the others are their mirror image, with the other sign.
+OUTER = (-6.0, 2.5 * (1.0 + math.sqrt(5.0)), 2.5 * (1.0 - math.sqrt(5.0)), 1.0)
+INNER = (-0.5 * (1.0 + math.sqrt(5.0)), 0.0, math.sqrt(5.0), 0.5 * (1.0 - math.sqrt(5.0)))
+
+
+Four = tuple[float, float, float, float]
+
+
+class Lattice(NamedTuple):
+    """The line in elements of equal length; arrays (elements,).
+
+    inertance [kg/m4], volume [m3], impedance [Pa s/m3] and loss [1/m3] are those of an element; `stress` its
+    inertance times damping over the square of its length [Pa s/m3]. Friction that remembers (Kagawa): what is left of
+    each of its parts after a step (elements, parts), what of a change of flow is added to it, and its pull [1/s].
+    """
+
+    inertance: Array
+    volume: Array
+    impedance: Array
+    loss: Array
+    stress: Array
+    kept: Array
+    added: Array
+    pull: Array
+    end_volume: float  # m3, the gallery in front of the seat
+
+
+class WaveState(NamedTuple):
+    """Changed in place: flows, pressures of the nodes and the gallery's pressure (2 n + 1,), what friction remembers
+    (n, parts), [p_S, lagged p_L, lagged lift, the seat's flow in the last step] (4,)."""
+
+    line: Array
+    memory: Array
+    sac_and_sensor: Array
+
+
+@njit(cache=True, nogil=True)
+def line_rates(
+    y: Array,
+    rate: Array,
+    pull: Array,
+    rail: float,
+    drain: float,
+    lattice: Lattice,
+    part: Injector,
+    faults: Faults,
+) -> None:
+    """Time derivative of flows, pressures and the gallery's pressure (2 n + 1,) into `rate`.
+
+    pull (n,): of the friction that remembers [m3/s2]; drain: held flow out of the gallery [m3/s].
+    """
+    elements = lattice.inertance.shape[0]
+    n = elements * NODES
+    p_end = y[2 * n]
+    even = faults.bulk_modulus_slope == 0.0 and faults.entrained_air == 0.0
+    stiffness = line_stiffness(p_end, part, faults)
+    pressure0, flow0 = rail, y[0] + (rail - y[n]) / lattice.impedance[0]
+    stress0 = 0.0  # the rail holds its pressure
+    s = _stresses(y, 0, lattice)
+    for e in range(elements):
+        i, j = e * NODES, n + e * NODES
+        z = lattice.impedance[e]
+        if e + 1 < elements:
+            beyond = lattice.impedance[e + 1]
+            flow1 = (y[j + 3] - y[j + 4] + z * y[i + 3] + beyond * y[i + 4]) / (z + beyond)
+            pressure1 = y[j + 3] + z * (y[i + 3] - flow1)
+            s_after = _stresses(y, e + 1, lattice)
+            stress1 = 0.5 * (s[3] + s_after[0])
+        else:
+            pressure1, flow1 = p_end, y[i + 3] + (y[j + 3] - p_end) / z
+            s_after, stress1 = s, s[3]
+        force = _slopes(y[j] - s[0], y[j + 1] - s[1], y[j + 2] - s[2], y[j + 3] - s[3])
+        force0 = force[0] - EDGE * (pressure0 - stress0 - y[j] + s[0])
+        force3 = force[3] + EDGE * (pressure1 - stress1 - y[j + 3] + s[3])
+        ease, loss = 1.0 / lattice.inertance[e], lattice.loss[e]
+        rate[i] = -ease * force0 - loss * y[i] * math.fabs(y[i]) - pull[i]
+        rate[i + 1] = -ease * force[1] - loss * y[i + 1] * math.fabs(y[i + 1]) - pull[i + 1]
+        rate[i + 2] = -ease * force[2] - loss * y[i + 2] * math.fabs(y[i + 2]) - pull[i + 2]
+        rate[i + 3] = -ease * force3 - loss * y[i + 3] * math.fabs(y[i + 3]) - pull[i + 3]
+        gain = stiffness / lattice.volume[e]
+        spread = _slopes(y[i], y[i + 1], y[i + 2], y[i + 3])
+        rate[j] = -gain * (spread[0] - EDGE * (flow0 - y[i]))
+        rate[j + 1] = -gain * spread[1]
+        rate[j + 2] = -gain * spread[2]
+        rate[j + 3] = -gain * (spread[3] + EDGE * (flow1 - y[i + 3]))
+        if not even:
+            for k in range(j, j + NODES):
+                rate[k] *= line_stiffness(y[k], part, faults) / stiffness
+        pressure0, flow0, stress0, s = pressure1, flow1, stress1, s_after
+    leak = faults.guide_leakage * (p_end - part.chamber_pressure)
+    rate[2 * n] = (flow0 - drain - leak) * stiffness / lattice.end_volume
+
+
+@njit(cache=True, nogil=True)
+def _slopes(a: float, b: float, c: float, d: float) -> Four:
+    """Derivative over an element of length 1 at its nodes, from the values there."""
+    return (
+        OUTER[0] * a + OUTER[1] * b + OUTER[2] * c + OUTER[3] * d,
+        INNER[0] * a + INNER[2] * c + INNER[3] * d,
+        -INNER[3] * a - INNER[2] * b - INNER[0] * d,
+        -OUTER[3] * a - OUTER[2] * b - OUTER[1] * c - OUTER[0] * d,
+    )
+
+
+@njit(cache=True, nogil=True)
+def _stresses(y: Array, e: int, lattice: Lattice) -> Four:
+    """What damps waves, at the nodes of an element [Pa]; the flow at an inner edge is the mean of both sides."""
+    i = e * NODES
+    damping = lattice.stress[e]
+    slopes = _slopes(y[i], y[i + 1], y[i + 2], y[i + 3])
+    before = 0.5 * (y[i - 1] - y[i]) if e > 0 else 0.0
+    after = 0.5 * (y[i + 4] - y[i + 3]) if e + 1 < lattice.stress.shape[0] else 0.0
+    return (
+        damping * (slopes[0] - EDGE * before),
+        damping * slopes[1],
+        damping * slopes[2],
+        damping * (slopes[3] + EDGE * after),
+    )
+
+
+@njit(cache=True, nogil=True)
+def line_step(
+    state: WaveState,
+    rooms: Array,
+    rail0: float,
+    rail1: float,
+    drain: float,
+    step: float,
+    lattice: Lattice,
+    part: Injector,
+    faults: Faults,
+) -> None:
+    """Line and gallery over `step` [s], the seat's flow held; rooms (4, 2 n + 1): room to work in."""
+    y, memory = state.line, state.memory
+    stage, rate, total, pull = rooms[0], rooms[1], rooms[2], rooms[3]
+    size = y.shape[0]
+    n = size // 2
+    parts = memory.shape[1]
+    for i in range(n):
+        remembered = 0.0
+        for j in range(parts):
+            remembered += memory[i, j]
+        pull[i] = lattice.pull[i // NODES] * remembered
+    middle = 0.5 * (rail0 + rail1)
+    line_rates(y, rate, pull, rail0, drain, lattice, part, faults)
+    for i in range(size):
+        total[i] = rate[i]
+        stage[i] = y[i] + 0.5 * step * rate[i]
+    line_rates(stage, rate, pull, middle, drain, lattice, part, faults)
+    for i in range(size):
+        total[i] += 2.0 * rate[i]
+        stage[i] = y[i] + 0.5 * step * rate[i]
+    line_rates(stage, rate, pull, middle, drain, lattice, part, faults)
+    for i in range(size):
+        total[i] += 2.0 * rate[i]
+        stage[i] = y[i] + step * rate[i]
+    line_rates(stage, rate, pull, rail1, drain, lattice, part, faults)
+    for i in range(size):
+        change = step / 6.0 * (total[i] + rate[i])
+        y[i] += change
+        if i < n:
+            for j in range(parts):
+                memory[i, j] = memory[i, j] * lattice.kept[i // NODES, j]
+                memory[i, j] += lattice.added[i // NODES, j] * change

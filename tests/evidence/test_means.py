@@ -86,7 +86,7 @@ def test_the_area_is_that_of_the_needle() -> None:
     expected = TrueInputs(fine, InputTerms(), C).area
     inputs = TrueInputs(slow, InputTerms(), C)
     knots = np.arange(inputs.area.size) + inputs.knots[:, 0]
-    place = np.sort(np.append(np.arange(inputs.area.size, dtype=np.float64), knots))
+    place = np.asarray(np.sort(np.append(np.arange(inputs.area.size), knots)), np.float64)
     area = np.column_stack([inputs.area, inputs.knots[:, 1]]).ravel().astype(np.float64)
     found = np.interp(np.arange(expected.size) / EVERY, place, area)
     assert np.abs(np.maximum(found, 0.0) - np.maximum(expected, 0.0)).max() < 0.06

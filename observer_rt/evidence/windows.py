@@ -1,5 +1,6 @@
 """The judged stretches of a recording as inputs and output of the predictor, for given input terms."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.seat import normalised_area
+from observer_rt.observer.stream.front_end import dead_band, slope_of_means
 
 RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
@@ -123,7 +125,7 @@ class TrueInputs:
             terms.lift_factor,
             terms.lift_shift,
             FOOT_ROUNDING / measurement.interval,
-            measurement.means,
+            dead_band(measurement.noise.needle_lift)[1] if measurement.means else math.nan,
             c,
             self.area,
         )
@@ -142,14 +144,15 @@ def _fill_areas(
     factor: float,
     shift: float,
     rounding: float,
-    means: bool,
+    tolerance: float,
     c: Coefficients,
     area: NDArray[np.float64],
 ) -> None:
     """Normalised seat areas (n,): of the true lift while open, 0 while shut.
 
     openings: (k, 2) first and last sample; ramps: (k, 4) lift and slope of the rising ramp, of the falling one.
-    means: the first and the last sample of an opening are each over a part of a ramp only, which is extended to it.
+    tolerance: of `slope_of_means`, where samples are means and the first and last one of an opening are each over a
+    part of a ramp only, which is extended to it; else nan.
 
     A sensor that reads too little misses the foot of a ramp, which is extended to where the needle leaves its seat.
     Beside it stands the negative area the ramp comes from, see `integrator.between`.
@@ -158,12 +161,24 @@ def _fill_areas(
         first, last = openings[i, 0], openings[i, 1]
         for k in range(first, last + 1):
             area[k] = _area(factor * lift[k] + shift, c)
-        if means:
-            area[first] = _area(factor * ramps[i, 0] + shift, c)
-            area[last] = _area(factor * ramps[i, 2] + shift, c)
+        rising, falling = (ramps[i, 0], ramps[i, 1]), (ramps[i, 2], ramps[i, 3])
+        if not math.isnan(tolerance):
+            rising = _ramp_of_means(lift[first], lift[first + 1], rising, tolerance)
+            falling = _ramp_of_means(lift[last], lift[last - 1], falling, tolerance)
+            area[first] = _area(factor * rising[0] + shift, c)
+            area[last] = _area(factor * falling[0] + shift, c)
         hidden = max(shift, 0.0)
-        _extend(area, first, -1, factor * ramps[i, 0] + shift, factor * ramps[i, 1], hidden, rounding, c)
-        _extend(area, last, 1, factor * ramps[i, 2] + shift, factor * ramps[i, 3], hidden, rounding, c)
+        _extend(area, first, -1, factor * rising[0] + shift, factor * rising[1], hidden, rounding, c)
+        _extend(area, last, 1, factor * falling[0] + shift, factor * falling[1], hidden, rounding, c)
+
+
+@njit(cache=True, nogil=True)
+def _ramp_of_means(
+    partial: float, full: float, ramp: tuple[float, float], tolerance: float
+) -> tuple[float, float]:
+    """Lift [m] of a ramp at its outermost sample, and slope: as laid through it, where it is long enough for that."""
+    slope: float = slope_of_means(partial, full, ramp[1], tolerance)
+    return ramp if slope == ramp[1] else (full - slope, slope)
 
 
 @njit(cache=True, nogil=True)

@@ -125,6 +125,32 @@ def _recorded_lift(observer: Observer, position: int) -> float:
 
 
 @njit(cache=True, nogil=True)
+def slope_of_means(partial: float, full: float, slope: float, tolerance: float) -> float:
+    """Slope [m a sample] of a straight ramp from 0, of lifts [m] that are means.
+
+    partial: over the period in which the ramp begins; full: over the next one; slope: from there on, which is the
+    ramp's unless that ends too soon: then `partial` would be larger, by more than `tolerance`.
+    """
+    if full <= 0.0:
+        return max(slope, 0.0)
+    if slope > 0.0:
+        share = max(full / slope - 0.5, 0.0)  # of the period in which the ramp begins
+        if 0.5 * slope * share * share <= partial + tolerance:
+            return slope
+    ratio = max(partial, 0.0) / full
+    return full / (ratio + math.sqrt(ratio * ratio + ratio) + 0.5)
+
+
+@njit(cache=True, nogil=True)
+def _slope_of_means(observer: Observer, outermost: int, inwards: int, slope: float) -> float:
+    """The same of the ramp whose outermost sample is `outermost`, the next one `inwards` (1 or -1) of it."""
+    factor = observer.constants.inputs.lift_factor
+    partial = factor * observer.ring[outermost & _MASK].needle_lift
+    full = factor * observer.ring[(outermost + inwards) & _MASK].needle_lift
+    return float(slope_of_means(partial, full, slope, observer.memory[0].lift_off))
+
+
+@njit(cache=True, nogil=True)
 def _rise(observer: Observer, foot: int, ahead: int) -> float:
     """Slope [m a sample] of the ramp whose first recorded sample is at `foot`; its first interval may be cut."""
     length = min(observer.constants.timing.ramp, ahead)
@@ -132,7 +158,10 @@ def _rise(observer: Observer, foot: int, ahead: int) -> float:
     if length == 0:
         return 0.0
     rise = _recorded_lift(observer, foot + length) - _recorded_lift(observer, foot + first)
-    return float(max(rise / (length - first), 0.0))
+    rise = max(rise / (length - first), 0.0)
+    if is_averaged(observer.constants.coefficients.line):
+        return float(_slope_of_means(observer, foot - 1, 1, rise))
+    return float(rise)
 
 
 @njit(cache=True, nogil=True)
@@ -182,9 +211,9 @@ def _no_lift_from(observer: Observer, position: int) -> bool:
 
 @njit(cache=True, nogil=True)
 def _ends_within(observer: Observer, position: int) -> bool:
-    """Whether a ramp ends within the mean that `position` is, and two samples before it tell that ramp."""
+    """Whether a ramp ends within the mean that `position` is, and samples before it tell that ramp."""
     return bool(
-        position - 2 >= observer.memory[0].foot
+        position - 1 >= observer.memory[0].foot
         and known(observer, position) > 0
         and not _no_lift_from(observer, position)
         and _no_lift_from(observer, position + 1)
@@ -193,9 +222,9 @@ def _ends_within(observer: Observer, position: int) -> bool:
 
 @njit(cache=True, nogil=True)
 def _lift_before_end(observer: Observer, position: int) -> float:
-    """Lift [m] on the ramp of the two samples before `position`."""
+    """Lift [m] at `position` on the ramp that ends within it."""
     last, before = _recorded_lift(observer, position - 1), _recorded_lift(observer, position - 2)
-    return float(last - max(before - last, 0.0))
+    return float(last - _slope_of_means(observer, position, -1, before - last))
 
 
 @njit(cache=True, nogil=True)

@@ -5,6 +5,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench
@@ -12,6 +14,7 @@ from observer_rt.config.injector import SamplingConfig
 from observer_rt.config.recording import Meaning
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.model.effects import effective_model, sized
+from observer_rt.observer.stream.front_end import slope_of_means
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant
@@ -119,3 +122,13 @@ def test_only_the_last_sample_waits_for_the_next(worn: bool) -> None:
     assert trace.injection_rate.size == recorded(worn).samples
     assert np.isfinite(trace.injection_rate[-10:-1]).all()
     assert np.isnan(trace.injection_rate[-1])
+
+
+@given(st.floats(0.02, 1.0), st.floats(10e-6, 60e-6), st.booleans())
+def test_slope_of_a_ramp_by_means(share: float, slope: float, is_long: bool) -> None:
+    """Exact where two whole periods follow the part of one; else by the part and one whole period."""
+    partial, full = 0.5 * slope * share**2, slope * (share + 0.5)
+    after = slope if is_long else 0.3 * slope  # the needle turns back in the second whole period
+    tolerance = 0.0 if share > 0.1 else 1e-9
+    found = slope_of_means(partial, full, after, tolerance + 1e-12)
+    assert found == pytest.approx(slope, rel=1e-6)

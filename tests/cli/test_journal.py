@@ -58,7 +58,7 @@ def test_json_has_the_runs_too(command: Command, path: Path) -> None:
     document = json.loads(command("journal", path, "--json", "--last", 1).out)
     assert document["schema"] == 1
     assert [run["stopped_utc"] is None for run in document["runs"]] == [False, True]
-    assert document["runs"][0]["configuration"]["sampling"] == {"rate_hz": 100e3}
+    assert document["runs"][0]["configuration"]["sampling"]["rate_hz"] == 100e3
     (injection,) = document["injections"]
     assert (injection["number"], injection["valid"], injection["reasons"]) == (3, True, [])
 

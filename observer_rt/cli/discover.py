@@ -1,5 +1,6 @@
 """The command `discover`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -65,14 +66,10 @@ def discover(
     from observer_rt.discovery.command import DiscoverOptions, discover_files
     from observer_rt.evaluation.second_opinion import second_opinion
     from observer_rt.evaluation.sources import open_source, without_truths
-    from observer_rt.recording.signals.stream import SignalStream
 
     decoder = None if bench is None else load_bench(bench, model, lenient)
     messages = Console(stderr=True)
-
-    def read(path: Path) -> SignalStream:
-        return open_source(path, decoder, from_channel or (), messages)
-
+    read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
     injector = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
     options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json, choose, force, data)
     discover_files(without_truths(recordings, messages), options, second_opinion, messages, read)

@@ -1,5 +1,6 @@
 """The command `fit`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -47,13 +48,9 @@ def fit(
     from observer_rt.config.bench import load_bench
     from observer_rt.evaluation.sources import open_source, without_truths
     from observer_rt.fit.command import FitOptions, fit_files
-    from observer_rt.recording.signals.stream import SignalStream
 
     decoder = None if bench is None else load_bench(bench, model, lenient)
     messages = Console(stderr=True)
-
-    def read(path: Path) -> SignalStream:
-        return open_source(path, decoder, from_channel or (), messages)
-
+    read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
     options = FitOptions(model, output, mass, plot, as_json, force)
     fit_files(without_truths(recordings, messages), options, messages, read)

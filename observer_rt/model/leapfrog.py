@@ -131,10 +131,10 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
             by_coefficient[place, _DAMPING] = step * uneven
         x[place] = flow + step * (inertia * drop - line.a4 * flow * math.fabs(flow) + line.damping * uneven)
         ahead_flow, ahead_pressure = flow, pressure
+    _stress_end(x, cells, line, tangent)
     if tangent is not None:
         _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, cells + 2, 2 * cells + 1)
         _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, 1, 2)
-    _stress_end(x, cells, line, tangent)
     for i in range(1, cells):
         place, inflow, outflow = pressure_at(i, cells), flow_at(i, cells), flow_at(i + 1, cells)
         compliance = step * across_joint(line.joint - (i - 0.5), line.b, line.b_near)
@@ -161,16 +161,12 @@ def _stress_end(x: NDArray[np.float64], cells: int, line: WaveLine, tangent: Any
     stress = line.damping / line.b_near
     rise = x[0] - x[before]
     if tangent is not None:
-        by, theta = tangent.by, tangent.theta
+        by, by_coefficient = tangent.by, tangent.slopes.by_coefficient
         for j in range(by.shape[1]):
             by[1, j] -= stress * (by[0, j] - by[before, j])
             by[before, j] = by[0, j]
-        columns, coefficients, slopes = theta.line_columns, theta.line_coefficients, theta.line_slopes
-        for k in range(slopes.shape[0]):
-            if coefficients[k] == _DAMPING:
-                by[1, columns[k]] -= rise / line.b_near * slopes[k]
-            elif coefficients[k] == _B_NEAR:
-                by[1, columns[k]] += rise * stress / line.b_near * slopes[k]
+        by_coefficient[1, _DAMPING] -= rise / line.b_near
+        by_coefficient[1, _B_NEAR] = rise * stress / line.b_near
     x[1] -= stress * rise
     x[before] = x[0]
 
@@ -381,9 +377,7 @@ def _end_rows(
         by_coefficient[0, _LEAK] = -fill * p
         by_coefficient[0, _AIR] = line_step * by_air * net
         by_coefficient[0, _STIFFNESS_SLOPE] = line_step * by_slope * net
-        columns, coefficients, slopes = theta.line_columns, theta.line_coefficients, theta.line_slopes
-        for k in range(slopes.shape[0]):
-            line_row[columns[k]] += by_coefficient[0, coefficients[k]] * slopes[k]
+        _add_coefficients(tangent.moved, by_coefficient, theta, 0, 1)  # its first row is that of the line
         soften = line_step * by_pressure * net
         by_flow = fill * (line.a1 - line.a2_nozzle * h_flow - line.a2_seat * s_flow)
         for j in range(by.shape[1]):

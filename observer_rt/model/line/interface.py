@@ -28,7 +28,7 @@ class Slopes(NamedTuple):
     by_coefficient: NDArray[np.float64]  # (n, k), k coefficients of the line
 
 
-def no_slopes(line: "Line") -> Slopes:
+def no_slopes(line: Any) -> Slopes:
     """Slopes of 0, to be filled."""
     n = 3 + line.further
     return Slopes(np.zeros((n, n)), np.zeros(n), np.zeros((n, 2)), np.zeros((n, len(line._fields))))
@@ -40,7 +40,8 @@ class Line(Protocol):
     rates(x, p_R, q_H, q_S, line): x' [1/s] of its states, a tuple; slopes(x, p_R, q_H, q_S, line, result): the
     derivatives of `rates` into `Slopes` that hold 0, but for by_state what an earlier call may have left;
     fastest(line): the angular frequency [rad/s] its steps must follow; rest(x, pressure): the array x (n,) with the
-    line at rest. All are compiled. A staggered line has no rates: `model.leapfrog` steps it.
+    line at rest. All are compiled. A staggered line has no rates, nor a fastest one:
+    `model.leapfrog` steps it.
     """
 
     staggered: ClassVar[bool]  # like `line.wave`

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.model.line.interface import Slopes, register
+from observer_rt.model.line.interface import Slopes, no_slopes, register
 
 if TYPE_CHECKING:
     from observer_rt.model.departures import Departures
@@ -164,7 +164,9 @@ class LumpLine(_LumpCoefficients):
     @property
     def by_rail(self) -> NDArray[np.float64]:
         """See `interface.Line`."""
-        return np.append([0.0, self.a3, 0.0], np.zeros(self.further))
+        found = no_slopes(self)
+        type(self).slopes((0.0,) * (3 + self.further), 0.0, 0.0, 0.0, self, found)
+        return found.by_rail
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
         """There are none."""

@@ -74,12 +74,6 @@ def rest(x: NDArray[np.float64], pressure: float) -> None:
     x[before_at(cells)] = pressure
 
 
-@njit(cache=True, nogil=True, inline="always")
-def fastest(line: "WaveLine") -> float:
-    """Neighbours against each other [rad/s]."""
-    return 2.0 * math.sqrt(max(line.a3, line.a3_near) * max(line.b, line.b_near, line.a1))
-
-
 class _WaveCoefficients(NamedTuple):
     """Rates [1/s] normalised by (24), of one cell or face; "near" is the part at the injector."""
 
@@ -107,7 +101,6 @@ class WaveLine(_WaveCoefficients):
     __slots__ = ()
     staggered = True
     averaged = False
-    fastest = staticmethod(fastest)
     rest = staticmethod(rest)
 
     @property

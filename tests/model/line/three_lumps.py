@@ -139,13 +139,6 @@ class ThreeLumps(LumpLine):
         """Amplitude of p_L over that of x_2."""
         return self.a1 / self.mode
 
-    @property
-    def by_rail(self) -> NDArray[np.float64]:
-        """The rail drives the first flow."""
-        result = np.zeros(7)
-        result[6] = self.a3
-        return result
-
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Exact without friction: the exponential of the chain with the rail as a seventh, constant state."""
         chain = np.zeros((7, 7))

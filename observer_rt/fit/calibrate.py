@@ -15,11 +15,11 @@ from observer_rt.fit.held_out import Unexplained
 from observer_rt.fit.parts import Part, Weighed, as_recorded, parts_of
 from observer_rt.fit.residuals import Comparison, compared
 from observer_rt.fit.search import ROUGH_ITERATIONS, Failed, Fitted, fine, fitted, rough, settled
+from observer_rt.fit.starts import searched
 from observer_rt.fit.structures import INERTANCE, STRUCTURES, FreeParameter, Structure
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.parameters import InjectorParameters
 
-SPARE = 1.2  # by which the stiffness of the file may be too small
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
 LEAST_MASS_SHARE = 1.5e-3  # of a mass: cells, corners of the lift and the like
 
@@ -125,9 +125,11 @@ def _tried(
     parts: Sequence[Part],
 ) -> Fitted | Failed:
     """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of."""
+    free = _free(structure, level)
     simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
-    start, spare = (simpler[-1].injector, 1.0) if simpler else (file, SPARE)
-    return fitted(structure, start, _free(structure, level), parts, ROUGH_ITERATIONS, spare)
+    if simpler:
+        return fitted(structure, simpler[-1].injector, free, parts, ROUGH_ITERATIONS)
+    return searched(structure, file, free, parts, ROUGH_ITERATIONS)
 
 
 def _free(structure: Structure, level: Level) -> tuple[FreeParameter, ...]:

@@ -15,7 +15,7 @@ _FINE = 0.2  # share of equal neighbours, below which a signal is so noisy that 
 _FEW = 6  # injections, below which intervals are wide
 BETWEEN_SAMPLES = 0.005  # of a mass, by instants SLOW apart: of the richer plant, every fifth sample
 FAST, SLOW = 10e-6, 50e-6  # s between samples: edges of the lift lost nothing, and that
-_WORTH_A_WORD = 0.001  # of a mass
+WORTH_A_WORD = 0.001  # of a mass
 
 
 def refuse_clipped(found: Sequence[Measurement]) -> None:
@@ -80,7 +80,7 @@ def warnings(found: Sequence[Measurement]) -> list[str]:
     if len(events) < _FEW:
         result.append(f"{len(events)} injections only: intervals are wide; record {_FEW} or more")
     between = max(map(share_between_samples, found))
-    if between > _WORTH_A_WORD:
+    if between > WORTH_A_WORD:
         result.append(
             f"samples are instants at {found[0].recording.sample_rate:g} Hz: between them the edges of the lift are "
             f"lost, and masses are {between:.1%} (1 sigma) less sure, even if the verdict is adequate. Fit at "

@@ -6,8 +6,8 @@ from observer_rt.fit.suitability import WORTH_A_WORD, share_between_samples
 
 _SEAT = "check the lift's calibration and the seat's geometry, and run `discover` on these recordings"
 _TRY = {
-    Phase.STANDSTILL: "with the needle shut there is more than white noise: give the line pressure as it was sampled, "
-    "not smoothed, interpolated or resampled; else look for an offset that drifts",
+    Phase.STANDSTILL: "with the needle shut there is more than white noise: give the line pressure as "
+    "it was sampled, not smoothed, interpolated or resampled; else look for an offset that drifts",
     Phase.OPENING: _SEAT,
     Phase.OPEN: "check the chamber pressure, and run `discover` on these recordings: cavitation, or a coefficient "
     "of the seat that depends on the lift, shows here",
@@ -19,8 +19,8 @@ _FOREIGN = 500.0  # chi2 that no wrong number of the file leaves
 _OF_FOREIGN = (
     "most probably the signals do not belong together: a lift that is later or earlier than the pressures (another "
     "clock, a delay of its channel; 0.1 ms does this), or a line pressure of another place, or of the wrong sign; "
-    "compare them in --plot. Lengths and diameters wrong by less than a factor of two are not the cause: the fit makes "
-    "up for them"
+    "compare them in --plot. Lengths and diameters wrong by less than a factor of two are not the cause: the fit "
+    "makes up for them"
 )
 _OF_INSTANTS = "; if samples are means over the sample period, state it (warning above)"
 _FITTED = "; line.diameter stands for A_L/(rho_L L_L) and was fitted with it"

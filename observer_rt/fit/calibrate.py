@@ -15,7 +15,7 @@ from observer_rt.fit.held_out import Unexplained
 from observer_rt.fit.parts import Part, Weighed, as_recorded, parts_of
 from observer_rt.fit.residuals import Comparison, compared
 from observer_rt.fit.search import ROUGH_ITERATIONS, Failed, Fitted, fine, fitted, rough, settled
-from observer_rt.fit.starts import searched
+from observer_rt.fit.starts import explains, searched
 from observer_rt.fit.structures import INERTANCE, STRUCTURES, FreeParameter, Structure
 from observer_rt.fit.suitability import share_between_samples
 from observer_rt.foundation.errors import RunError
@@ -131,7 +131,7 @@ def _tried(
     simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
     if simpler:
         return fitted(structure, simpler[-1].injector, free, parts, ROUGH_ITERATIONS)
-    return searched(structure, file, free, parts, ROUGH_ITERATIONS)
+    return searched(structure, file, free, parts, ROUGH_ITERATIONS, any(map(explains, earlier)))
 
 
 def _free(structure: Structure, level: Level) -> tuple[FreeParameter, ...]:

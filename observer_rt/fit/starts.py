@@ -27,17 +27,18 @@ def searched(
     free: Sequence[FreeParameter],
     parts: Sequence[Part],
     iterations: int,
+    explained: bool,
 ) -> Fitted | Failed:
     """A structure fitted from the numbers of the file, the line's stiffness and damping being sought first.
 
     A line in one lump has no travelling waves: the file's numbers do. Where a search ends with much unexplained
-    they are sought once more, by the orifices found by then.
+    they are sought once more, by the orifices found by then; not where a simpler structure has `explained` it all.
     """
     if WAVE_DAMPING not in structure.free:
         return fitted(structure, file, free, parts, iterations)
     few = tuple(thinned(part, 1) for part in parts)
     found = fitted(structure, _best(structure, _around(file), free, few), free, parts, iterations, SPARE)
-    if isinstance(found, Failed) or found.left.mean < EXPLAINED:
+    if explained or isinstance(found, Failed) or explains(found):
         return found
     here = found.injector
     again = _best(structure, [here, *_around(here)], free, few)
@@ -45,6 +46,11 @@ def searched(
         return found
     other = fitted(structure, again, free, parts, iterations, SPARE)
     return other if isinstance(other, Fitted) and other.minimum.statistic < found.minimum.statistic else found
+
+
+def explains(one: Fitted | Failed) -> bool:
+    """Whether a structure leaves little more than noise."""
+    return isinstance(one, Fitted) and one.left.mean < EXPLAINED
 
 
 def _around(injector: InjectorParameters) -> list[InjectorParameters]:

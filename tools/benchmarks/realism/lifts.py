@@ -40,7 +40,8 @@ def drift(time: Array, values: Array, size: float, rng: Generator) -> Array:
 
 def gain_drift(time: Array, values: Array, size: float, rng: Generator) -> Array:
     """The scale moves by `size` (share) over the recording."""
-    return values + _sign(rng) * size * values * time / time[-1]
+    moved: Array = values * (1.0 + _sign(rng) * size * time / time[-1])
+    return moved
 
 
 def curved(time: Array, values: Array, size: float, rng: Generator) -> Array:

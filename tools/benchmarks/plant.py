@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import Rail, State, run
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
-from tools.benchmarks.sampling import coded, means
+from tools.benchmarks.sampling import Measured, Step, sampled
 from tools.benchmarks.wave_plant import WaveLine, WavePlant
 
 SAMPLE_RATE = 100e3  # Hz of the plant; slower recordings are decimated
@@ -23,9 +23,6 @@ PERIOD = 0.06  # s between events
 LEAD = 0.005  # s before an event, at the most, from which its faults are in force
 RAIL_MOVES = (0.022, 0.050)  # s after an event starts: the rail goes to the next event's pressure
 REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
-PRESSURE_STEP, PRESSURE_FLOOR = 0.005e6, -10e6  # Pa, of the 16-bit code on the bus
-LIFT_STEP, LIFT_FLOOR = 0.01e-6, -50e-6  # m
-RAIL_NOISE, LINE_NOISE, LIFT_NOISE = 0.1e6, 0.15e6, 0.4e-6  # Pa, Pa, m: white, per sample
 WAVE_CELLS = 40
 WAVE_DAMPING = 1.0  # m2/s
 
@@ -55,20 +52,8 @@ class Event:
     faults: Faults
 
 
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """What the observer gets; SI, all (n,)."""
-
-    time: Array
-    rail_pressure: Array
-    needle_lift: Array
-    line_pressure: Array
-
-
 Motion = Callable[[Event, float, Needle, float], Array]
 """Strokes of an event from its start [s] on, as `strokes_of`."""
-Step = Callable[[Measured], Measured]
-"""What becomes of the signals on their way to the bus, at the plant's sample rate."""
 
 
 @dataclass(frozen=True)
@@ -245,24 +230,7 @@ def _measure(bench: Bench, time: Array, rail: Array, result: Array, lateness: ND
     for step in bench.around.before_noise:
         seen = step(seen)
     every = round(SAMPLE_RATE / bench.sample_rate)
-
-    def slowed(values: Array, noise: Array) -> Array:
-        return means(values, noise, every) if bench.averaged else (values + noise)[::every]
-
-    noisy = Measured(
-        time[::every],
-        slowed(seen.rail_pressure, RAIL_NOISE * noise[0]),
-        slowed(seen.needle_lift, LIFT_NOISE * noise[1]),
-        slowed(seen.line_pressure, LINE_NOISE * noise[2]),
-    )
-    for step in bench.around.after_noise:
-        noisy = step(noisy)
-    return Measured(
-        noisy.time,
-        coded(noisy.rail_pressure, PRESSURE_STEP, PRESSURE_FLOOR),
-        coded(noisy.needle_lift, LIFT_STEP, LIFT_FLOOR),
-        coded(noisy.line_pressure, PRESSURE_STEP, PRESSURE_FLOOR),
-    )
+    return sampled(seen, noise, every, bench.averaged, bench.around.after_noise)
 
 
 def _openings(lift: Array) -> NDArray[np.int64]:

@@ -7,7 +7,6 @@ from numpy.random import Generator
 from scipy.signal import lfilter
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import LIFT_NOISE, LINE_NOISE, RAIL_NOISE
 from tools.benchmarks.realism import reasons
 from tools.benchmarks.realism.disturbance import (
     ALL,
@@ -23,6 +22,7 @@ from tools.benchmarks.realism.disturbance import (
     before_noise,
     in_order,
 )
+from tools.benchmarks.sampling import LIFT_NOISE, LINE_NOISE, RAIL_NOISE
 
 NOISE = {RAIL: RAIL_NOISE, LIFT: LIFT_NOISE, LINE: LINE_NOISE}  # of the plant, per sample
 BURST, BURSTS = 2e-3, 8.0  # s; per s

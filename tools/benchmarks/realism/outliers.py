@@ -5,14 +5,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import (
-    LIFT_FLOOR,
-    LIFT_STEP,
-    PRESSURE_FLOOR,
-    PRESSURE_STEP,
-    Bench,
-    Measured,
-)
+from tools.benchmarks.plant import Bench
 from tools.benchmarks.realism import reasons
 from tools.benchmarks.realism.disturbance import (
     ALL,
@@ -30,7 +23,14 @@ from tools.benchmarks.realism.disturbance import (
     in_order,
     with_step_before,
 )
-from tools.benchmarks.sampling import HIGHEST_CODE
+from tools.benchmarks.sampling import (
+    HIGHEST_CODE,
+    LIFT_FLOOR,
+    LIFT_STEP,
+    PRESSURE_FLOOR,
+    PRESSURE_STEP,
+    Measured,
+)
 
 OPENING_DELAY = 0.25e-3  # s, from the start of energizing to the opening
 CLOSING_DELAY = 0.30e-3  # s, from the end of energizing to the closed needle, at the most 80 % of the opening

@@ -13,6 +13,7 @@ from tools.benchmarks.realism.reasons import ALWAYS
 DISTURBANCES = {d.name: d for part in (noises, lifts, outliers, channels, benches) for d in part.DISTURBANCES}
 PAIRS = 40
 AND, AT, STATED = " + ", " ", " stated"
+NONE = "none"
 
 
 class Selection(StrEnum):
@@ -78,9 +79,8 @@ def alone(table: bool = False) -> list[Entry]:
 def pairs(master_seed: int) -> list[Entry]:
     """Pairs of different disturbances drawn by a master seed, one rhythm at the most; the smaller sizes of each."""
     rng = np.random.default_rng([master_seed, 0x9A12])
-    known = [
-        pair for pair in itertools.combinations(DISTURBANCES.values(), 2) if not all(d.rhythm for d in pair)
-    ]
+    disturbances = [d for d in DISTURBANCES.values() if d.name != NONE]
+    known = [p for p in itertools.combinations(disturbances, 2) if not all(d.rhythm for d in p)]
     chosen = rng.choice(len(known), PAIRS, replace=False)
     return [
         tuple(Sized(d, d.sizes[int(rng.integers(min(2, len(d.sizes))))]) for d in known[i]) for i in chosen

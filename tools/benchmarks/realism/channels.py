@@ -80,7 +80,12 @@ def through(response_of: Callable[[float], Response]) -> Wave:
 
 
 def anti_alias(order: int, *roles: str) -> Apply:
-    """Butterworth filters of `size` kHz ahead of the converters, of the noise, too."""
+    """Butterworth filters of `size` kHz; the noise is that of the converters behind them."""
+    return before_noise(through(lambda corner: butterworth(order, corner)), KHZ, *roles)
+
+
+def with_noise_filtered(order: int, *roles: str) -> Apply:
+    """The same of sensors whose noise passes the filters, too, and is coloured by them."""
     return after_noise(through(lambda corner: butterworth(order, corner)), KHZ, *roles)
 
 
@@ -135,11 +140,18 @@ def few_bits(role: str) -> Apply:
 
 
 _L, _R, _N, _A, _T = Kind.LINE, Kind.RAIL, Kind.LIFT, Kind.ALL, Kind.TIMING
-_LATE_LINE, _LATE_LIFT = reasons.LATE_LINE, reasons.LATE | reasons.LIFT
+_LATE_LINE, _LATE_LIFT = reasons.LATE_LINE, reasons.LATE_LIFT
 _CORNERS = (10.0, 20.0, 40.0)
 DISTURBANCES = (
     Disturbance("anti_alias_2_all", _A, "kHz", _CORNERS, anti_alias(2, *ALL)),
     Disturbance("anti_alias_4_all", _A, "kHz", _CORNERS, anti_alias(4, *ALL)),
+    Disturbance("anti_alias_2_all_with_noise", _A, "kHz", _CORNERS, with_noise_filtered(2, *ALL)),
+    Disturbance(
+        "anti_alias_2_line_with_noise", _L, "kHz", (20.0, 40.0), with_noise_filtered(2, LINE), _LATE_LINE
+    ),
+    Disturbance(
+        "anti_alias_2_lift_with_noise", _N, "kHz", (20.0, 40.0), with_noise_filtered(2, LIFT), _LATE_LIFT
+    ),
     Disturbance(
         "anti_alias_2_line",
         _L,
@@ -177,7 +189,7 @@ DISTURBANCES = (
         stated=stated_anti_alias(2, LIFT),
     ),
     Disturbance(
-        "resonance_line", _L, "kHz", (25.0, 40.0), before_noise(through(resonance), KHZ, LINE), reasons.LINE
+        "resonance_line", _L, "kHz", (25.0, 40.0), before_noise(through(resonance), KHZ, LINE), reasons.SENSOR
     ),
     Disturbance("late_line", _T, "us", (10.0, 20.0), late_line, _LATE_LINE, stated=stated_delay(LINE)),
     Disturbance(
@@ -200,10 +212,20 @@ DISTURBANCES = (
     ),
     Disturbance("jitter", _T, "us", (0.5, 2.0), jitter, reasons.LATE),
     Disturbance(
-        "offset_drift_line", _L, "MPa, 0.4 Hz", (0.3, 1.0), before_noise(hum(0.4), MPA, LINE), reasons.OFFSET
+        "offset_drift_line",
+        _L,
+        "MPa, 0.4 Hz",
+        (0.1, 0.3, 1.0),
+        before_noise(hum(0.4), MPA, LINE),
+        reasons.OFFSET,
     ),
     Disturbance(
-        "offset_drift_rail", _R, "MPa, 0.4 Hz", (0.3, 1.0), before_noise(hum(0.4), MPA, RAIL), reasons.OFFSET
+        "offset_drift_rail",
+        _R,
+        "MPa, 0.4 Hz",
+        (0.1, 0.3, 1.0),
+        before_noise(hum(0.4), MPA, RAIL),
+        reasons.OFFSET,
     ),
     Disturbance("gain_line", _L, "%", (0.5, 1.0, 2.0), before_noise(gain, 0.01, LINE), reasons.OFFSET),
     Disturbance("gain_rail", _R, "%", (0.5, 1.0), before_noise(gain, 0.01, RAIL), reasons.OFFSET),

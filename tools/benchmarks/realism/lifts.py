@@ -132,15 +132,15 @@ DISTURBANCES = (
         "kHz",
         (20.0, 10.0, 5.0, 3.0),
         lag,
-        reasons.LIFT | reasons.LATE,
+        reasons.LATE_LIFT,
         table=10.0,
         stated=stated_lag,
     ),
-    Disturbance("lift_gain_drift", _N, "%", (1.0, 3.0), before_noise(gain_drift, 0.01, LIFT), reasons.LIFT),
-    Disturbance("lift_curved", _N, "%", (1.0, 3.0), before_noise(curved, 0.01, LIFT), reasons.LIFT),
+    Disturbance("lift_gain_drift", _N, "%", (1.0, 3.0), before_noise(gain_drift, 0.01, LIFT), reasons.SENSOR),
+    Disturbance("lift_curved", _N, "%", (1.0, 3.0), before_noise(curved, 0.01, LIFT), reasons.SENSOR),
     Disturbance(
         "lift_crosstalk", _N, "um per 10 MPa", (0.5, 1.5, 3.0), crosstalk, reasons.LIFT_ZERO, table=1.5
     ),
     Disturbance("lift_crosstalk_whole", _N, "um per 10 MPa", (0.5, 1.5), whole_crosstalk, reasons.LIFT_ZERO),
-    Disturbance("lift_coarse", _N, "um", (1.0, 3.0), after_noise(coarse, UM, LIFT), reasons.LIFT),
+    Disturbance("lift_coarse", _N, "um", (1.0, 3.0), after_noise(coarse, UM, LIFT), reasons.SENSOR),
 )

@@ -78,21 +78,31 @@ def bursts(time: Array, values: Array, size: float, rng: Generator) -> Array:
 
 _L, _R, _N, _A = Kind.LINE, Kind.RAIL, Kind.LIFT, Kind.ALL
 DISTURBANCES = (
+    Disturbance("none", _A, "", (0.0,), lambda bench, size, rng: bench),
     Disturbance(
         "hum_50_hz_line",
         _L,
         "MPa",
         (0.1, 0.2, 0.5),
         before_noise(hum(50.0), MPA, LINE),
-        reasons.LINE,
+        reasons.SENSOR,
         table=0.2,
     ),
-    Disturbance("hum_150_hz_line", _L, "MPa", (0.1, 0.3), before_noise(hum(150.0), MPA, LINE), reasons.LINE),
-    Disturbance("hum_50_hz_rail", _R, "MPa", (0.1, 0.3), before_noise(hum(50.0), MPA, RAIL), reasons.LINE),
-    Disturbance("hum_150_hz_rail", _R, "MPa", (0.1, 0.3), before_noise(hum(150.0), MPA, RAIL), reasons.LINE),
-    Disturbance("hum_50_hz_lift", _N, "um", (1.0, 3.0), before_noise(hum(50.0), UM, LIFT), reasons.LIFT),
     Disturbance(
-        "coloured_300_hz_line", _L, "MPa", (0.1, 0.2), before_noise(coloured(300.0), MPA, LINE), reasons.LINE
+        "hum_150_hz_line", _L, "MPa", (0.1, 0.3), before_noise(hum(150.0), MPA, LINE), reasons.SENSOR
+    ),
+    Disturbance("hum_50_hz_rail", _R, "MPa", (0.1, 0.3), before_noise(hum(50.0), MPA, RAIL), reasons.SENSOR),
+    Disturbance(
+        "hum_150_hz_rail", _R, "MPa", (0.1, 0.3), before_noise(hum(150.0), MPA, RAIL), reasons.SENSOR
+    ),
+    Disturbance("hum_50_hz_lift", _N, "um", (1.0, 3.0), before_noise(hum(50.0), UM, LIFT), reasons.SENSOR),
+    Disturbance(
+        "coloured_300_hz_line",
+        _L,
+        "MPa",
+        (0.1, 0.2),
+        before_noise(coloured(300.0), MPA, LINE),
+        reasons.SENSOR,
     ),
     Disturbance(
         "coloured_3_khz_line",
@@ -100,27 +110,32 @@ DISTURBANCES = (
         "MPa",
         (0.1, 0.2, 0.4),
         before_noise(coloured(3e3), MPA, LINE),
-        reasons.LINE,
+        reasons.SENSOR,
         table=0.2,
     ),
     Disturbance(
-        "coloured_10_khz_line", _L, "MPa", (0.2, 0.4), before_noise(coloured(1e4), MPA, LINE), reasons.LINE
+        "coloured_10_khz_line", _L, "MPa", (0.2, 0.4), before_noise(coloured(1e4), MPA, LINE), reasons.SENSOR
     ),
     Disturbance(
-        "coloured_300_hz_rail", _R, "MPa", (0.1, 0.2), before_noise(coloured(300.0), MPA, RAIL), reasons.LINE
+        "coloured_300_hz_rail",
+        _R,
+        "MPa",
+        (0.1, 0.2),
+        before_noise(coloured(300.0), MPA, RAIL),
+        reasons.SENSOR,
     ),
     Disturbance(
-        "coloured_3_khz_rail", _R, "MPa", (0.1, 0.2), before_noise(coloured(3e3), MPA, RAIL), reasons.LINE
+        "coloured_3_khz_rail", _R, "MPa", (0.1, 0.2), before_noise(coloured(3e3), MPA, RAIL), reasons.SENSOR
     ),
     Disturbance(
-        "coloured_3_khz_lift", _N, "um", (0.4, 1.0), before_noise(coloured(3e3), UM, LIFT), reasons.LIFT
+        "coloured_3_khz_lift", _N, "um", (0.4, 1.0), before_noise(coloured(3e3), UM, LIFT), reasons.SENSOR
     ),
-    Disturbance("pink_line", _L, "MPa", (0.1, 0.2), before_noise(pink, MPA, LINE), reasons.LINE),
-    Disturbance("pink_rail", _R, "MPa", (0.1, 0.2), before_noise(pink, MPA, RAIL), reasons.LINE),
+    Disturbance("pink_line", _L, "MPa", (0.1, 0.2), before_noise(pink, MPA, LINE), reasons.SENSOR),
+    Disturbance("pink_rail", _R, "MPa", (0.1, 0.2), before_noise(pink, MPA, RAIL), reasons.SENSOR),
     Disturbance("noise", _A, "times", (2.0, 3.0, 5.0), in_order(*(louder(r) for r in ALL)), table=3.0),
     Disturbance("noise_line", _L, "times", (3.0, 6.0), louder(LINE)),
     Disturbance("noise_rail", _R, "times", (3.0, 6.0), louder(RAIL)),
-    Disturbance("noise_lift", _N, "times", (3.0, 6.0), louder(LIFT), reasons.LIFT),
+    Disturbance("noise_lift", _N, "times", (3.0, 6.0), louder(LIFT), reasons.SENSOR),
     Disturbance("noise_from_half_way", _A, "times", (2.0, 3.0), in_order(*(louder(r, 0.5) for r in ALL))),
     Disturbance(
         "noise_bursts_line", _L, "MPa", (0.5, 1.5), before_noise(bursts, MPA, LINE), reasons.OUTLIERS

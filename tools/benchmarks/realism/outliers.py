@@ -154,35 +154,31 @@ def _sign(rng: Generator) -> float:
 
 _L, _R, _N, _A = Kind.LINE, Kind.RAIL, Kind.LIFT, Kind.ALL
 _SHORT = (0.1, 0.2, 0.5)  # ms
-_O, _OL = reasons.OUTLIERS, reasons.OUTLIERS | reasons.LIFT
+_O, _F, _C = reasons.OUTLIERS, reasons.FROZEN, reasons.CLIPPED
 DISTURBANCES = (
     Disturbance("spikes_at_edges", _A, "MPa", (1.0, 3.0, 10.0), edge_spikes(*ALL), _O, table=3.0),
     Disturbance("spikes_at_edges_line", _L, "MPa", (3.0,), edge_spikes(LINE), _O),
-    Disturbance("spikes_at_edges_lift", _N, "MPa, 20 um per 3", (3.0,), edge_spikes(LIFT), _OL),
+    Disturbance("spikes_at_edges_lift", _N, "MPa, 20 um per 3", (3.0,), edge_spikes(LIFT), _O),
     Disturbance("spikes_line", _L, "MPa", (3.0, 10.0), before_noise(random_spikes, MPA, LINE), _O),
     Disturbance("spikes_rail", _R, "MPa", (3.0, 10.0), before_noise(random_spikes, MPA, RAIL), _O),
-    Disturbance(
-        "spikes_lift", _N, "um", (20.0, 60.0), before_noise(random_spikes, UM, LIFT), _O | reasons.LIFT
-    ),
-    Disturbance("frozen_line", _L, "ms", _SHORT, before_noise(frozen(HOLDS), 1e-3, LINE), _O, table=0.2),
-    Disturbance("frozen_line_samples", _L, "ms", _SHORT, after_noise(frozen(HOLDS), 1e-3, LINE), _O),
-    Disturbance("frozen_rail", _R, "ms", _SHORT[1:], before_noise(frozen(HOLDS), 1e-3, RAIL), _O),
-    Disturbance("frozen_rail_samples", _R, "ms", _SHORT[1:], after_noise(frozen(HOLDS), 1e-3, RAIL), _O),
-    Disturbance(
-        "frozen_lift", _N, "ms", _SHORT, before_noise(frozen(LIFT_HOLDS), 1e-3, LIFT), _O | reasons.LIFT
-    ),
+    Disturbance("spikes_lift", _N, "um", (20.0, 60.0), before_noise(random_spikes, UM, LIFT), _O),
+    Disturbance("frozen_line", _L, "ms", _SHORT, before_noise(frozen(HOLDS), 1e-3, LINE), _F, table=0.2),
+    Disturbance("frozen_line_samples", _L, "ms", _SHORT, after_noise(frozen(HOLDS), 1e-3, LINE), _F),
+    Disturbance("frozen_rail", _R, "ms", _SHORT[1:], before_noise(frozen(HOLDS), 1e-3, RAIL), _F),
+    Disturbance("frozen_rail_samples", _R, "ms", _SHORT[1:], after_noise(frozen(HOLDS), 1e-3, RAIL), _F),
+    Disturbance("frozen_lift", _N, "ms", _SHORT, before_noise(frozen(LIFT_HOLDS), 1e-3, LIFT), _F),
     Disturbance(
         "frozen_lift_samples",
         _N,
         "ms",
         _SHORT,
         after_noise(frozen(LIFT_HOLDS), 1e-3, LIFT),
-        _O | reasons.LIFT,
+        _F,
     ),
-    Disturbance("dropouts_to_zero", _A, "samples", (2.0, 5.0), dropouts(0.0), _O),
-    Disturbance("dropouts_to_full_scale", _A, "samples", (2.0, 5.0), dropouts(1.0), _O),
-    Disturbance("line_clipped_at_the_top", _L, "MPa", (1.0, 4.0), clipped(is_top=True), _O),
-    Disturbance("line_clipped_at_the_bottom", _L, "MPa", (1.0, 4.0), clipped(is_top=False), _O),
-    Disturbance("energizing_on_line", _L, "MPa", (0.1, 0.3), during_energizing(LINE, MPA), reasons.LINE),
-    Disturbance("energizing_on_lift", _N, "um", (1.0, 3.0), during_energizing(LIFT, UM), reasons.LIFT),
+    Disturbance("dropouts_to_zero", _A, "samples", (2.0, 5.0), dropouts(0.0), reasons.DROPOUTS),
+    Disturbance("dropouts_to_full_scale", _A, "samples", (2.0, 5.0), dropouts(1.0), reasons.DROPOUTS),
+    Disturbance("line_clipped_at_the_top", _L, "MPa", (1.0, 4.0), clipped(is_top=True), _C),
+    Disturbance("line_clipped_at_the_bottom", _L, "MPa", (1.0, 4.0), clipped(is_top=False), _C),
+    Disturbance("energizing_on_line", _L, "MPa", (0.1, 0.3), during_energizing(LINE, MPA), reasons.SENSOR),
+    Disturbance("energizing_on_lift", _N, "um", (1.0, 3.0), during_energizing(LIFT, UM), reasons.SENSOR),
 )

@@ -1,14 +1,20 @@
-"""Which reasons are true of what. By name: a reason that only a later observer gives can stand here before it."""
+"""Which reasons are true of what. By name: one that not every observer has can stand here."""
 
 ALWAYS = frozenset({"REVISED"})  # says what the observer did; cannot be untrue
-LINE = frozenset(
+SENSOR = frozenset(
     {"CONTRADICTED"}
 )  # "the line pressure has left what the model can do: check sensors, cables"
-OFFSET = frozenset({"PRESSURE_OFFSET", "CONTRADICTED"})
-OUTLIERS = frozenset({"SAMPLES_LOST", "CONTRADICTED"})
-LATE_LINE = frozenset({"TIME_BASE", "SENSOR_LAG"})
-LATE = frozenset({"TIME_BASE"})
-LIFT = frozenset({"LIFT_SENSOR"})  # "check the lift sensor": none of today's says so
-LIFT_ZERO = LIFT | {"NEEDLE_STUCK"}  # "check ... its offset" is true once the zero seems an open needle
+OFFSET = SENSOR | {"PRESSURE_OFFSET"}
+OUTLIERS = SENSOR | {"SAMPLES_LOST"}
+FROZEN = OUTLIERS | {"INPUT_FROZEN"}
+CLIPPED = SENSOR | {"INPUT_CLIPPED"}
+DROPOUTS = FROZEN | CLIPPED
+LATE = SENSOR | {"TIME_BASE"}
+LATE_LINE = LATE | {"SENSOR_LAG"}
+LATE_LIFT = LATE | {"LIFT_SENSOR_LAG"}
+LIFT_ZERO = SENSOR | {
+    "LIFT_ZERO",
+    "NEEDLE_STUCK",
+}  # a zero far off seems an open needle: "check ... its offset"
 CHANGE = frozenset({"SUDDEN_CHANGE"})
-CROWDED = frozenset({"STARTING"})  # "wait for 3 ms of closed needle"
+CROWDED = frozenset({"STARTING", "NO_STANDSTILL"})  # "wait for 3 ms of closed needle"

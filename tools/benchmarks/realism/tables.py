@@ -96,11 +96,11 @@ def _missed(runs: Sequence[RunScore]) -> Iterator[str]:
             yield f"{name}: not right, although in the table"
         if each.falsely_worn and AND not in name:
             yield f"{name}: wear outside its interval in {each.falsely_worn} of {each.healthy} healthy recordings"
-        if each.true_refusals < each.verdicts[Verdict.REFUSED]:
-            yield f"{name}: refused for what is not true: {_counted(each.untrue)}"
-    share = summary(runs).share(Verdict.RIGHT)
-    if share < RIGHT_SHARE:
-        yield f"all: {share:.0%} right < {RIGHT_SHARE:.0%}"
+    total = summary(runs)
+    if total.share(Verdict.RIGHT) < RIGHT_SHARE:
+        yield f"all: {total.share(Verdict.RIGHT):.0%} right < {RIGHT_SHARE:.0%}"
+    if total.true_refusals < (refused := total.verdicts[Verdict.REFUSED]):
+        yield f"all: {refused - total.true_refusals} of {refused} refused for what is not true"
 
 
 def _stated_beside(name: str, each: Summary, table: set[str]) -> bool:

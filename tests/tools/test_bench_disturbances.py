@@ -48,7 +48,8 @@ Values = NDArray[np.float64]
 def bench_of(name: str, events: int = 6) -> Bench:
     """Without noise of the sensors."""
     bench = make_realism_case(Task(name, 1, 0)).bench
-    return replace(bench, noise=0.0, events=bench.events[:events])
+    around = replace(bench.around, starts=bench.around.starts[:events])
+    return replace(bench, noise=0.0, events=bench.events[:events], around=around)
 
 
 def both(name: str, events: int = 6) -> tuple[Outcome, Outcome]:
@@ -276,7 +277,7 @@ def test_bounce_overshoot_and_slow_flanks_are_true_motion() -> None:
 def test_every_disturbance_can_be_recorded_and_stays_on_its_channel(name: str) -> None:
     disturbance = DISTURBANCES[name]
     entry = f"{name} {disturbance.sizes[-1]:g}"
-    disturbed, plain = both(entry, events=26)
+    disturbed, plain = both(entry, events=12)
     changed = {s for s in SIGNALS if np.any(getattr(disturbed.measured, s) != getattr(plain.measured, s))}
     if disturbance.kind in OF_KIND and name not in REALLY_HAPPENS:
         assert changed == OF_KIND[disturbance.kind]

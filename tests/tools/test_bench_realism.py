@@ -77,12 +77,13 @@ def test_refusals_are_true_or_not_by_what_disturbs() -> None:
 
 def test_wear_of_a_healthy_injector_is_false_when_it_lasts() -> None:
     seen = ((0.02, 0.04),) * 20
-    assert run(wear=0.0, nozzle_ci95=seen).is_falsely_worn
-    assert run(wear=0.0, seat_ci95=seen).is_falsely_worn
-    assert not run(wear=0.25, nozzle_ci95=seen).is_falsely_worn
+    assert run(wear=0.0, nozzle_ci95=seen).false_wear == pytest.approx(0.02)
+    assert run(wear=0.0, seat_ci95=((-0.05, -0.03),) * 20).false_wear == pytest.approx(0.03)
+    assert run(wear=0.25, nozzle_ci95=seen).false_wear == 0.0
     seldom = (*((-0.01, 0.01),) * 14, *((0.02, 0.04),) * 6)
-    assert not run(wear=0.0, nozzle_ci95=seldom).is_falsely_worn
-    assert not run(wear=0.0, nozzle_ci95=(None,) * 20).is_falsely_worn
+    assert run(wear=0.0, nozzle_ci95=seldom).false_wear == 0.0
+    assert run(wear=0.0, nozzle_ci95=(None,) * 20).false_wear == 0.0
+    assert summary([run(wear=0.0, nozzle_ci95=seen), run(wear=0.0), run()]).falsely_worn == 1
 
 
 def test_summary_counts_events_and_their_intervals() -> None:
@@ -110,7 +111,7 @@ def test_bars_name_what_misses_them() -> None:
     assert wrong == [f"{HUM}: 18 events valid and wrong", "all: 50% right < 85%"]
     worn = run(name="late_rail 10", wear=0.0, seat_ci95=((0.02, 0.04),) * 20)
     assert missed_bars(Results((worn,), (), ())) == [
-        "late_rail 10: wear outside its interval in 1 of 1 healthy recordings"
+        "late_rail 10: wear 0.02 beyond its interval in 1 of 1 healthy recordings"
     ]
     assert missed_bars(Results((run(),), (), ())) == []
 

@@ -91,21 +91,21 @@ class RunScore(Task):
         return [c for n in numbers if (c := self.case.covered(int(n))) is not None]
 
     @property
-    def worn_events(self) -> int:
-        """Events 8-20 whose interval of v_H or v_S leaves out 0."""
+    def false_wear(self) -> float:
+        """By how much wear of a healthy injector is beyond its interval, in most of events 8-20; 0: it is not."""
+        if self.wear != 0.0:
+            return 0.0
         pairs = zip(self.nozzle_ci95[JUDGED], self.seat_ci95[JUDGED], strict=True)
-        return sum(any(i is not None and not i[0] <= 0.0 <= i[1] for i in pair) for pair in pairs)
-
-    @property
-    def is_falsely_worn(self) -> bool:
-        """Whether a healthy injector has wear outside its interval in most of events 8-20."""
-        return self.wear == 0.0 and self.worn_events > LASTING * len(self.nozzle_ci95[JUDGED])
+        beyond = [max(_beyond(interval) for interval in pair) for pair in pairs]
+        lasting = sum(each > 0.0 for each in beyond) > LASTING * len(beyond)
+        return max(beyond) if lasting else 0.0
 
 
 @dataclass(frozen=True)
 class Summary:
     """Runs of one entry, or of many; shares are of the runs, or of their events 8-20. None: nothing to tell it by.
 
+    falsely_worn, false_wear_max: of the healthy ones, those with wear, and how far it is beyond its interval;
     true_refusals: refused runs of which every reason is true.
     """
 
@@ -119,6 +119,7 @@ class Summary:
     coverage: float | None
     healthy: int
     falsely_worn: int
+    false_wear_max: float
     true_refusals: int
     reasons: dict[str, int]
     untrue: dict[str, int]
@@ -156,12 +157,18 @@ def summary(runs: Sequence[RunScore]) -> Summary:
         mass_max_pct=float(errors.max()) if errors.size else None,
         coverage=float(np.mean(covered)) if covered else None,
         healthy=sum(run.wear == 0.0 for run in runs),
-        falsely_worn=sum(run.is_falsely_worn for run in runs),
+        falsely_worn=sum(run.false_wear > 0.0 for run in runs),
+        false_wear_max=max(run.false_wear for run in runs),
         true_refusals=sum(not run.untrue for run in refused),
         reasons=dict(sum((run.refusals for run in runs), Counter[str]()).most_common()),
         untrue=dict(sum((run.untrue for run in runs), Counter[str]()).most_common()),
         ukf_p95_pct=_percentile(np.concatenate(theirs)) if theirs else None,
     )
+
+
+def _beyond(interval: Interval) -> float:
+    """How far an interval is from 0."""
+    return 0.0 if interval is None else max(interval[0], -interval[1], 0.0)
 
 
 def _percentile(errors: NDArray[np.float64]) -> float:

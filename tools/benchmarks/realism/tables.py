@@ -72,6 +72,7 @@ def _figures(total: Summary) -> dict[str, Any]:
         "true_refusal_share": total.true_refusals / refused if refused else None,
         "healthy": total.healthy,
         "falsely_worn": total.falsely_worn,
+        "false_wear_max": total.false_wear_max,
         "ukf_mass_p95_pct": total.ukf_p95_pct,
     }
 
@@ -95,7 +96,8 @@ def _missed(runs: Sequence[RunScore]) -> Iterator[str]:
         elif name in table and not each.is_right and not _stated_beside(name, each, table):
             yield f"{name}: not right, although in the table"
         if each.falsely_worn and AND not in name:
-            yield f"{name}: wear outside its interval in {each.falsely_worn} of {each.healthy} healthy recordings"
+            often = f"in {each.falsely_worn} of {each.healthy} healthy recordings"
+            yield f"{name}: wear {each.false_wear_max:.2g} beyond its interval {often}"
     total = summary(runs)
     if total.share(Verdict.RIGHT) < RIGHT_SHARE:
         yield f"all: {total.share(Verdict.RIGHT):.0%} right < {RIGHT_SHARE:.0%}"

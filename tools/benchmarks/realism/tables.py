@@ -111,43 +111,42 @@ def _stated_beside(name: str, each: Summary, table: set[str]) -> bool:
 
 
 def _entries_table(entries: dict[str, Summary]) -> Table:
-    table = Table(
-        title="events 8-20; reasons with * are not true of the disturbance; UKF: the joint UKF, which never refuses",
-        title_justify="left",
-        box=None,
-        pad_edge=False,
+    table = _table(
+        "events 8-20; reasons with * are not true of the disturbance; UKF: the joint UKF, which never refuses",
+        ("disturbance", "came to", *_HEADINGS),
     )
-    table.add_column("disturbance", no_wrap=True)
-    for heading in _HEADINGS:
-        table.add_column(heading, justify="right")
     table.add_column("reasons of what is not valid")
     for name, each in entries.items():
-        table.add_row(name, *_cells(each), _reasons(each))
+        table.add_row(name, _came_to(each), *_cells(each), _reasons(each))
     return table
 
 
 def _totals_table(groups: dict[str, Summary]) -> Table:
-    table = Table(title="in all", title_justify="left", box=None, pad_edge=False)
-    table.add_column("")
-    for heading in (*_HEADINGS, "events", "refused\ntruly"):
-        table.add_column(heading, justify="right")
+    table = _table("in all", ("", "runs", *Verdict, "events\nwrong", "of", "refused\ntruly", *_HEADINGS))
     for name, each in groups.items():
-        truly = f"{each.true_refusals}/{each.verdicts[Verdict.REFUSED]}"
-        table.add_row(name, *_cells(each), str(each.events), truly)
+        counts = (each.runs, *(each.verdicts[v] for v in Verdict), each.wrong_valid, each.events)
+        table.add_row(name, *map(str, counts), str(each.true_refusals), *_cells(each))
     return table
 
 
-_HEADINGS = (
-    "runs", "right", "refused", "rough", "wrong", "wrong\nvalid", "valid\n%", "mass %\np95", "\nmax", "cover\n%",
-    "false\nwear", "UKF %\np95",
-)  # fmt: skip
+def _table(title: str, headings: Sequence[str]) -> Table:
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for heading in headings:
+        table.add_column(heading, justify="right" if table.columns else "left")
+    return table
+
+
+_HEADINGS = ("valid\n%", "mass %\np95", "\nmax", "cover\n%", "false\nwear", "UKF %\np95")
+
+
+def _came_to(each: Summary) -> str:
+    """Its verdicts, in a few words."""
+    found = [(verdict, each.verdicts[verdict]) for verdict in Verdict if each.verdicts[verdict]]
+    return ", ".join(verdict if len(found) == 1 else f"{count} {verdict}" for verdict, count in found)
 
 
 def _cells(each: Summary) -> list[str]:
     return [
-        str(each.runs),
-        *(str(each.verdicts[v] or _NOTHING) for v in Verdict),
-        str(each.wrong_valid or _NOTHING),
         f"{100.0 * each.valid_share:.0f}",
         _number(each.mass_p95_pct),
         _number(each.mass_max_pct),

@@ -3,16 +3,22 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
+from observer_rt.config.bench import load_bench
+from observer_rt.evaluation.evaluate import Evaluation
 from tests.tools.made_scores import UKF_SCORE, factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.pool import Crash, Task
-from tools.benchmarks.realism.run import Results
+from tools.benchmarks.realism.run import Results, phantoms
 from tools.benchmarks.realism.score import RunScore, Verdict, summary
+from tools.benchmarks.realism.stated import is_known, with_stated
 from tools.benchmarks.realism.tables import missed_bars, realism_document
 from tools.benchmarks.score import CaseScore
+from tools.benchmarks.windows import Windows
 
 HUM, FILTER = "hum_50_hz_line 0.2", "lift_filter 10"
 
@@ -138,14 +144,39 @@ def test_document_has_the_figures() -> None:
     json.dumps(found)
 
 
+def test_the_bench_file_states_what_it_knows_and_nothing_else() -> None:
+    stated = {"needle_lift": {"delay_us": 16.0}}
+    assert is_known(stated)
+    assert not is_known({"needle_lift": {"delay_us": 16.0, "mood": 1.0}})
+    signals = with_stated(load_bench(), stated).injector.config.signals
+    assert (signals.needle_lift.delay_us, signals.rail_pressure.delay_us) == (16.0, None)
+
+
+def test_valid_injections_away_from_every_opening_are_phantoms() -> None:
+    def report(start: int, end: int, valid: bool = True) -> SimpleNamespace:
+        return SimpleNamespace(start_index=1000 + start, end_index=1000 + end, valid=valid)
+
+    def counted(*reports: SimpleNamespace) -> int:
+        evaluation = SimpleNamespace(samples=500, first_index=1000, reports=reports)
+        return phantoms(cast(Evaluation, evaluation), windows)
+
+    windows = Windows(
+        (slice(100, 151), slice(300, 401)), (slice(115, 130), slice(315, 380)), ((0,), (1,)), 1e-5
+    )
+    assert counted(report(90, 100), report(150, 200), report(310, 350), report(90, 420)) == 0
+    assert counted(report(90, 99), report(151, 200), report(401, 499)) == 3
+    assert counted(report(200, 220, valid=False)) == 0
+
+
 @pytest.mark.slow
 def test_command_scores_a_recording_and_goes_on(tmp_path: Path) -> None:
-    arguments = ("realism", "--only", "noise 2", "--cases", "1", "--workers", "1", "--no-peers")
+    arguments = ("realism", "--only", "noise 2", "--cases", "1", "--workers", "1")
     first = bench(*arguments, "--json", "--out", str(tmp_path))
     assert first.returncode == 0, first.stderr
     figures = json.loads(first.stdout)["figures"]
     assert figures["events"] == 13
     assert figures["wrong_valid"] == 0
+    assert 0.0 < figures["ukf_mass_p95_pct"] < 50.0
     stored = (tmp_path / "observer.jsonl").read_text()
     again = bench(*arguments, "--out", str(tmp_path))
     assert (tmp_path / "observer.jsonl").read_text() == stored

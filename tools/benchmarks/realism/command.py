@@ -35,6 +35,9 @@ def realism(
     tier: Annotated[
         Tier, typer.Option(help="A: a plant of the nominal structure. B: a richer one, to which `fit` fits.")
     ] = Tier.A,
+    model: Annotated[
+        Path | None, typer.Option(help="Tier B: injector file, instead of fitting one.", exists=True)
+    ] = None,
     seed: Annotated[int, typer.Option(help="Master seed.")] = 1,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
     out: Annotated[
@@ -53,7 +56,7 @@ def realism(
             raise UserError("--only", f"unknown name '{name}'", f"known: {', '.join(DISTURBANCES)}")
     plan = Plan((), cases, seed, workers, out or Path("build") / f"realism-{tier}", not no_peers)
     try:
-        results = run_realism(found, plan, tier is Tier.B, messages)
+        results = run_realism(found, plan, tier is Tier.B, model, messages)
     except KeyboardInterrupt:
         messages.print("interrupted; what is scored is kept, the same command goes on")
         raise typer.Exit(INTERRUPTED) from None

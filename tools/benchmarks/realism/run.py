@@ -55,11 +55,16 @@ class Rich:
     lump: Model | None
 
 
-def run_realism(entries: Sequence[Entry], plan: Plan, is_rich: bool, console: Console) -> Results:
-    """Score the runs not yet scored by this state of the code; the plan's classes are not looked at."""
+def run_realism(
+    entries: Sequence[Entry], plan: Plan, is_rich: bool, given: Path | None, console: Console
+) -> Results:
+    """Score the runs not yet scored by this state of the code; the plan's classes are not looked at.
+
+    is_rich: on the plant of tier B; given: its injector file, instead of fitting one.
+    """
     names = {name_of(e): all(is_known(s.stated) for s in e) for e in entries}
     plan = replace(plan, classes=tuple(name for name, known in names.items() if known))
-    rich = _rich(plan, console) if is_rich else None
+    rich = _rich(WavePlan(plan, Variant.PLAIN, given), console) if is_rich else None
     model = None if rich is None else rich.model
     ready = warm_up if model is None else partial(warm_up_model, model)
     sources = (PACKAGE, BENCHMARKS) if model is None else (PACKAGE, BENCHMARKS, model)
@@ -141,6 +146,6 @@ def _joined(run: RunScore, peer: PeerScore | None) -> RunScore:
     return replace(run, case=replace(run.case, estimators=run.case.estimators + peer.estimators))
 
 
-def _rich(plan: Plan, console: Console) -> Rich:
-    model, healthy = fitted_model(WavePlan(plan, Variant.PLAIN), console)
-    return Rich(model, lumps_of(list(healthy.values()))[FITTED_LUMP] if plan.peers else None)
+def _rich(wave: WavePlan, console: Console) -> Rich:
+    model, healthy = fitted_model(wave, console)
+    return Rich(model, lumps_of(list(healthy.values()))[FITTED_LUMP] if wave.plan.peers else None)

@@ -7,6 +7,7 @@ from numba import njit
 from observer_rt.foundation.continuity import Break
 from observer_rt.observer.stream.events import forget_opening
 from observer_rt.observer.stream.front_end import dead_band
+from observer_rt.observer.stream.lift_stop import follow_opening, take_opening
 from observer_rt.observer.stream.standstill import (
     DIFFERENCE_GAIN,
     ENOUGH_SAMPLES,
@@ -56,11 +57,19 @@ def is_beyond_limit(observer: Observer) -> bool:
 
 @njit(cache=True, nogil=True)
 def follow_lift(observer: Observer, position: int) -> None:
-    """Take the lift at `position` into its zero, its noise and its crosstalk, if the needle is shut and at rest."""
+    """Take the lift at `position` into its zero, its noise and its crosstalk, if the needle is shut and at rest.
+
+    Else into what is known of its stop.
+    """
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
     shut_for = row.index - memory.shut_since
-    if memory.needle_open or shut_for <= observer.constants.timing.bounce or row.interpolated:
+    if memory.needle_open:
+        follow_opening(observer, position)
+        return
+    if memory.highest > 0.0:
+        take_opening(observer)
+    if shut_for <= observer.constants.timing.bounce or row.interpolated:
         return
     lift = row.needle_lift - memory.zero
     if not math.isfinite(lift):
@@ -89,7 +98,7 @@ def follow_lift(observer: Observer, position: int) -> None:
         _find_crosstalk(observer)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _swing(observer: Observer, line_pressure: float) -> float:
     """Line pressure about its running mean, which begins anew after a jump."""
     memory = observer.memory[0]
@@ -139,7 +148,7 @@ def look_at_start(observer: Observer, position: int) -> None:
     """A moment after the samples began: in a line at rest the needle was shut before, whatever lift it showed."""
     memory = observer.memory[0]
     start = memory.segment_start
-    if position - start != observer.constants.timing.good or observer.ring[start & _MASK].broken != _START:
+    if observer.ring[start & _MASK].broken != _START:
         return
     has_opened = memory.event_number > 0
     if has_opened and not (memory.needle_open and memory.opening == start and memory.event_number == 1):

@@ -145,7 +145,8 @@ def _process(observer: Observer, position: int) -> bool:
     if row.broken != _NONE:
         _begin_segment(observer, position)
     _move_needle(observer, position, opens)
-    look_at_start(observer, position)
+    if position == memory.segment_start + observer.constants.timing.good:
+        look_at_start(observer, position)
     row.resting = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.settle
     if row.broken != _NONE:
         start_pair(observer, position)

@@ -141,13 +141,11 @@ def make_all_due(observer: Observer) -> None:
 
 @njit(cache=True, nogil=True)
 def judgement_due(observer: Observer, index: int) -> bool:
-    """Whether the oldest closed event must be judged before the sample `index`, at which the needle does not open.
+    """Whether the oldest closed event must be judged before the sample `index`, at which the needle stays shut.
 
     Outside every event, or where x^ follows x~ or is not available: nothing that is being integrated changes.
     """
     memory = observer.memory[0]
-    if memory.events_taken == memory.events_closed:
-        return False
     is_at_rest = not memory.needle_open and index - memory.shut_since > observer.constants.timing.settle
     if memory.in_event and memory.synchronised and not is_at_rest:
         return False

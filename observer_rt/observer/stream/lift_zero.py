@@ -29,9 +29,8 @@ FOUND, LOST = 8.0, 5.0  # standard deviations from which on it is taken out, and
 LEAST_NOISE = 0.1e-6  # m
 MOST_CROSSTALK = 0.5e-12  # m/Pa
 _WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
-_BEGINNING = 1000  # samples; afterwards
-_EVERY = 4  # .. one of so many tells of the noise: neighbours share most of it
-_LOOK = 64  # samples after which dead band and crosstalk are worked out
+_BEGINNING = 1000  # samples; afterwards every second one is looked at
+_LOOK = 32  # of these after which dead band and crosstalk are worked out
 _MASK = RING - 1
 _START = int(Break.START)
 
@@ -69,16 +68,17 @@ def follow_lift(observer: Observer, position: int) -> None:
         return
     if memory.highest > 0.0:
         take_opening(observer)
-    if shut_for <= observer.constants.timing.bounce or row.interpolated:
+    has_begun = memory.zero_count >= _BEGINNING
+    if shut_for <= observer.constants.timing.bounce or row.interpolated or (has_begun and position % 2):
         return
     lift = row.needle_lift - memory.zero
     if not math.isfinite(lift):
         return
     swing = _swing(observer, row.line_pressure)
     memory.zero_count += 1
-    share = ZERO_RATE * observer.constants.interval
-    if memory.zero_count < _BEGINNING:
-        share = max(1.0 / memory.zero_count, share)
+    share = 2.0 * ZERO_RATE * observer.constants.interval
+    if not has_begun:
+        share = max(1.0 / memory.zero_count, 0.5 * share)
     memory.line_mean += share * swing
     clip = CLIP * memory.lift_on
     left = min(max(lift - memory.crosstalk * swing, -clip), clip)
@@ -87,9 +87,7 @@ def follow_lift(observer: Observer, position: int) -> None:
         memory.swing_squares += swing * swing - FADE * memory.swing_squares
         memory.swing_lifts += swing * lift - FADE * memory.swing_lifts
         memory.crosstalk_count += 1
-    if shut_for > observer.constants.timing.bounce + 4 and (
-        memory.zero_count % _EVERY == 0 or memory.zero_count < _BEGINNING
-    ):
+    if shut_for > observer.constants.timing.bounce + 4 and (memory.zero_count % 2 == 0 or not has_begun):
         _gather_noise(observer, position, left)
     if memory.zero_count % _LOOK == 0:
         opens, shuts = dead_band(math.sqrt(max(memory.lift_variance, memory.spread)))

@@ -139,7 +139,8 @@ def _process(observer: Observer, position: int) -> bool:
     if row.broken != _NONE:
         _end_segment(observer, position)
     opens = not memory.needle_open and opens_at(observer, position)
-    if not opens and judgement_due(observer, row.index):
+    is_closed = memory.events_taken < memory.events_closed
+    if not opens and is_closed and judgement_due(observer, row.index):
         memory.waiting = True
         return False
     if row.broken != _NONE:

@@ -119,6 +119,14 @@ REASONS: Mapping[Reason, Words] = {
         "another node sends what only this observer should",
         "stop the other daemon or replay, or give one of them other [outputs]",
     ),
+    Reason.NO_STANDSTILL: Words(
+        "the needle is not shut long enough between injections",
+        "leave 3 ms of shut needle between injections, now and then at least",
+    ),
+    Reason.LIFT_ZERO: Words(
+        "the lift of the shut needle is more than 40 um from zero",
+        "calibrate the needle-lift sensor; see to its mounting and temperature",
+    ),
 }
 
 COUNTERS: Mapping[str, Words] = {
@@ -185,7 +193,7 @@ TOPICS: Mapping[Topic, TopicWords] = {
         logging.WARNING,
     ),
     Topic.VALUE: TopicWords(
-        "a signal says `not available`, is at the end of its range, or frozen",
+        "a signal says `not available`, is at the end of its range, frozen or off",
         "the sensor, its cable and amplifier; unit and range in the database",
         logging.WARNING,
     ),

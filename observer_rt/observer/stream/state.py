@@ -54,6 +54,8 @@ class Reason(IntEnum):
     NOT_JUDGED = 19  # the event could not be tested; after two in a row nothing is known of what follows
     CONTRADICTED = 20  # the innovations have left the model: an input is wrong, or the injector changed
     SECOND_SENDER = 21  # another node sends what only this service should
+    NO_STANDSTILL = 22  # the needle is not shut long enough between injections
+    LIFT_ZERO = 23  # the lift of the shut needle is too far from zero
 
 
 _SAMPLE = [
@@ -64,6 +66,7 @@ _SAMPLE = [
     ("line_pressure", np.float64),
     ("lift_after", np.float64),  # share of an interval by which the lift was taken later than the rest
     ("rail_share", np.float64),  # in the rail pressure, of the later one of two neighbours
+    ("lift", np.float64),  # m, the recorded one without what `lift_zero` takes for no motion
     ("interpolated", np.bool_),
     ("broken", np.int8),  # Break
     ("doubt", np.int8),  # Doubt
@@ -87,7 +90,8 @@ _STANDSTILL = [
     ("difference_count", np.int64),
     ("rail_squares", np.float64),
     ("line_squares", np.float64),
-    ("lift_squares", np.float64),
+    ("lift_count", np.int64),
+    ("lift_variance", np.float64),  # m2, of the noise: a running mean
 ]
 
 EVENT = np.dtype(
@@ -131,6 +135,7 @@ _OBSERVER = [
     # positions in the stream of samples: received >= processed
     ("received", np.int64),
     ("processed", np.int64),
+    ("newest_break", np.int64),  # position of the newest sample that does not follow the one before
     ("segment_start", np.int64),  # position of the first sample since the last break
     ("draining", np.bool_),  # no more samples will come: do without look-ahead
     # parameters in force
@@ -169,6 +174,8 @@ _OBSERVER = [
     ("event_doubtful", np.bool_),
     ("event_number", np.int64),
     ("event_opening", np.int64),
+    ("opening", np.int64),  # position of the last one
+    ("rested", np.int64),  # position of the last sample with the needle long shut
     # the part of a ramp that a lift recorded too low does not show
     ("foot", np.int64),  # position of the first sample whose recorded lift counts
     ("foot_lift", np.float64),  # m, lift at the sample before
@@ -183,8 +190,27 @@ _OBSERVER = [
     ("injections", INJECTION, (INJECTIONS,)),
     ("injections_begun", np.int64),
     ("injections_reported", np.int64),
+    # what the lift shows of a shut needle
+    ("zero", np.float64),  # m, running mean
+    ("zero_count", np.int64),
+    ("spread", np.float64),  # m2, mean square of the lift about it: noise of any colour
+    ("line_mean", np.float64),  # of the line pressure, running as `zero` does
+    ("crosstalk", np.float64),  # m of lift by the line pressure's p_0, as it is taken out; 0: none was found
+    ("crosstalk_count", np.int64),
+    ("swing_squares", np.float64),  # fading sums: of the line pressure about its mean,
+    ("swing_lifts", np.float64),  # and of its products with the lift about its zero
+    # where the lift of an open needle stays
+    ("level", np.float64),  # m, mean of the samples that differ little, and
+    ("level_count", np.int64),  # .. how many they are
+    ("highest", np.float64),  # m, of this opening, 0 where it stayed nowhere
+    ("stop", np.float64),  # m, running mean of the openings that went furthest
+    ("stop_openings", np.int64),
     # statistics of the standstill
+    ("stated_noise", np.float64, (3,)),  # of rail and line pressure [p_0] and lift [m], until it is measured
     ("rest_run", np.int64),
+    ("differences_before", np.int64),  # what was known when the event before closed
+    ("rail_squares_before", np.float64),
+    ("line_squares_before", np.float64),
     *_STANDSTILL,
     # counters
     ("interpolated", np.int64),
@@ -223,6 +249,8 @@ class Timing(NamedTuple):
     lookahead: int  # samples the observer must know beyond the one in hand
     toe: int  # most samples of an opening ramp that a lift recorded too low does not show
     ramp: int  # samples beyond the first of a ramp from which its slope is taken
+    confirm: int  # samples in a row above the dead band that open the needle
+    bounce: int  # closed needle after which its lift is its zero
 
 
 class Constants(NamedTuple):

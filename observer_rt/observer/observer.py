@@ -18,6 +18,7 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
 from observer_rt.observer.learning.adequacy import Innovations, Objection
+from observer_rt.observer.learning.colour import Colour
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
 from observer_rt.observer.stream.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
@@ -108,7 +109,7 @@ def make_observer(
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version
     memory["healthy_variance"] = healthy.variance.max()
-    _expect(memory, learner.schedule.innovation_sigma)
+    _expect(memory, learner.schedule.innovation_sigma, knowledge.colour_at(constants.interval))
     _put_in_force(observer, knowledge)
     return observer
 
@@ -201,7 +202,7 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
     _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
     if outcome is None:
         return
-    _expect(memory, outcome.schedule.innovation_sigma)
+    _expect(memory, outcome.schedule.innovation_sigma, outcome.knowledge.colour)
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge)
     put_into(observer.phi, outcome.phi)
@@ -209,9 +210,10 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
         memory["phi_version"] += 1
 
 
-def _expect(memory: np.void, innovation_sigma: float) -> None:
+def _expect(memory: np.void, innovation_sigma: float, colour: Colour | None) -> None:
+    variance = innovation_sigma**2 * memory["healthy_variance"] * (1.0 if colour is None else colour.expected)
     memory["innovation_sigma"] = innovation_sigma
-    memory["innovation_weight"] = 1.0 / (innovation_sigma**2 * memory["healthy_variance"])
+    memory["innovation_weight"] = 1.0 / variance
 
 
 def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:

@@ -30,6 +30,7 @@ from observer_rt.observer.learning.adequacy import (
     pooled,
     tempering,
 )
+from observer_rt.observer.learning.colour import SEGMENT, Colour, RestingNoise, resting_segments
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.indicators import nozzle_change
@@ -77,6 +78,8 @@ class Learner:
         self._noise = knowledge.noise
         self._events = knowledge.events
         self._statistics = knowledge.statistics
+        self._colour = knowledge.colour_at(constants.interval)
+        self._at_rest = RestingNoise(constants.interval)
         self._schedule = self._gains()
         self._previous: tuple[Window, Constants] | None = None
         self._freezer = Freezer()
@@ -111,10 +114,16 @@ class Learner:
             self._noise = standstill.noise
         self._schedule = self._gains()
         try:
-            cost = self._cost(window)
-            fit = self._fit(cost, self._prior(standstill))
+            prior = self._prior(standstill)
+            cost, fit = self._fitted(window, prior)
             if fit is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
+            found = self._colour_after(window, fit)
+            if self._colour is None and found is not None:
+                self._colour, self._trend = found, Trend()
+                cost, fit = self._fitted(window, prior)
+                if fit is None:
+                    return self._outcome(Adoption.FAILED, window, in_force)
             innovations = Innovations(fit.innovations, self._schedule.innovation_sigma)
             statistics = event_statistics(window, innovations, self._constants.interval, self._healthy)
             wide = self._scalars.prior(self._scale)
@@ -123,6 +132,7 @@ class Learner:
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
             return self._outcome(Adoption.FAILED, window, in_force)
+        self._colour = found
         self._events += 1
         self._statistics = pooled(self._statistics, statistics)
         doubts = []
@@ -158,6 +168,26 @@ class Learner:
         self._theta = self._theta.copy()
         self._theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
         return replace(self._belief, mean=mean)
+
+    def _fitted(self, window: Window, prior: Belief) -> tuple[EventCost, EventFit | None]:
+        """An event's cost with the colour in use, and its fit."""
+        whitening = None if self._colour is None else self._colour.whitening
+        cost = EventCost(
+            window,
+            self._setting(),
+            self._schedule.innovation_sigma,
+            self._burn_in,
+            self._scalars,
+            whitening,
+        )
+        return cost, self._fit(cost, prior)
+
+    def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:
+        """The colour of the noise, after what a fitted event leaves while the needle is shut."""
+        shortest = round(SEGMENT / self._constants.interval)
+        values = fit.unfiltered / self._schedule.innovation_sigma
+        self._at_rest.add([values[part] for part in resting_segments(window, self._burn_in, shortest)])
+        return self._at_rest.colour()
 
     def _fit(self, cost: EventCost, prior: Belief) -> EventFit | None:
         """Fit the event; after a sudden change from a wide prior, if that explains it much better."""
@@ -215,7 +245,9 @@ class Learner:
         self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
         self._events = 0
         self._previous = None
-        knowledge = replace(fresh, events=outcome.knowledge.events, statistics=self._statistics)
+        knowledge = replace(
+            fresh, events=outcome.knowledge.events, statistics=self._statistics, colour=self._colour
+        )
         return replace(outcome, knowledge=knowledge, objections=found)
 
     def _outcome(
@@ -235,6 +267,7 @@ class Learner:
                 active=self._active,
                 events=self._events,
                 statistics=self._statistics,
+                colour=self._colour,
                 scalars=self._scalars,
             ),
             schedule=self._schedule,
@@ -263,9 +296,9 @@ class Learner:
         state = (rail_pressure, 0.0, 0.9 * rail_pressure)
         return nozzle_change(self._theta, state, (rail_pressure, area))[0]
 
-    def _cost(self, window: Window) -> EventCost:
-        burn_in = round(BURN_IN / self._constants.interval)
-        return EventCost(window, self._setting(), self._schedule.innovation_sigma, burn_in, self._scalars)
+    @property
+    def _burn_in(self) -> int:
+        return round(BURN_IN / self._constants.interval)
 
     def _gains(self) -> GainSchedule:
         learned = learned_of(self._theta, self._constants.coefficients, self._scalars)

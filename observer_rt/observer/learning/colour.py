@@ -1,0 +1,112 @@
+"""The colour of a bench's noise: found in the innovations while the needle is shut, taken out of all of them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.whitening import Whitening, forgetting_of
+
+TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to choose from
+ORDERS = 20  # highest order of the autoregressive part
+SEGMENT = 3e-3  # s, of rest without break from which on it tells a colour
+REMEMBERED = 0.85  # weight of the events before an event
+PEAK = 5.0  # with the limit of the watch, five standard deviations
+MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
+
+
+@dataclass(frozen=True, eq=False)
+class Colour:
+    """Of the innovations of a bench: the filter that makes them white at a sample interval [s].
+
+    variance: mean square of the innovations at rest, as they come, where that of white ones is 1.
+    """
+
+    whitening: Whitening
+    interval: float
+    variance: float
+
+    @property
+    def expected(self) -> float:
+        """Factor on the variance that a mean of squares over a few samples is compared with.
+
+        What is slow does not average out in it: it may be PEAK times its own mean.
+        """
+        return 1.0 + PEAK * max(self.variance - 1.0, 0.0)
+
+
+def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
+    """Runs of samples of a window with the needle long shut, from sample `first` on, none shorter than `shortest`."""
+    resting = np.concatenate(([False], window.resting, [False]))
+    resting[: first + 1] = False
+    changes = np.flatnonzero(resting[1:] != resting[:-1])
+    return [
+        slice(int(begin), int(end))
+        for begin, end in zip(changes[::2], changes[1::2], strict=True)
+        if end - begin >= shortest
+    ]
+
+
+class RestingNoise:
+    """What innovations at rest are like, older events counting less; from it the filter that makes them white."""
+
+    def __init__(self, interval: float) -> None:
+        """interval: of samples [s]."""
+        self._interval = interval
+        self._choices = (None, *(forgetting_of(constant, interval) for constant in TIME_CONSTANTS))
+        self._products = np.zeros((len(self._choices), ORDERS + 1, ORDERS + 1))
+        self._count = 0.0
+
+    def add(self, segments: Sequence[NDArray[np.float64]]) -> None:
+        """Take in an event's innovations in units of their expected deviation, a stretch of rest each."""
+        self._products *= REMEMBERED
+        self._count *= REMEMBERED
+        for values in segments:
+            for choice, forgetting in enumerate(self._choices):
+                passed = _passed(values, forgetting)
+                lagged = np.lib.stride_tricks.sliding_window_view(passed, ORDERS + 1)[:, ::-1]
+                self._products[choice] += lagged.T @ lagged
+            self._count += len(values) - ORDERS
+
+    def colour(self) -> Colour | None:
+        """The filter that explains them best by the BIC, None where white noise does about as well."""
+        if self._count <= 2 * ORDERS:
+            return None
+        price = math.log(self._count)
+        best, least = None, math.inf
+        for choice, forgetting in enumerate(self._choices):
+            variances = _residual_variances(self._products[choice] / self._count)
+            parameters = np.arange(ORDERS + 1) + (forgetting is not None)
+            criterion = self._count * np.log(variances) + price * parameters
+            order = int(np.argmin(criterion))
+            if choice == 0:
+                white = criterion[0]
+            if criterion[order] < least:
+                least, best = criterion[order], (choice, order, variances[order])
+        if best is None or least > white - MARGIN:
+            return None
+        choice, order, variance = best
+        whitening = Whitening(self._choices[choice], self._taps(choice, order), math.sqrt(variance))
+        return Colour(whitening, self._interval, self._products[0, 0, 0] / self._count)
+
+    def _taps(self, choice: int, order: int) -> NDArray[np.float64]:
+        products = self._products[choice]
+        return -np.linalg.solve(products[1 : order + 1, 1 : order + 1], products[1 : order + 1, 0])
+
+
+def _passed(values: NDArray[np.float64], forgetting: float | None) -> NDArray[np.float64]:
+    if forgetting is None:
+        return values
+    return Whitening(forgetting, np.empty(0)).of(np.append(0.0, values))[1:]
+
+
+def _residual_variances(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of the newest value, given none of those before it, one, .. all; covariance: the newest first."""
+    order = len(covariance) - 1
+    last_first = [*range(1, order + 1), 0]
+    factor = np.linalg.cholesky(covariance[np.ix_(last_first, last_first)])
+    explained = np.append(0.0, np.cumsum(factor[-1, :-1] ** 2))
+    return np.asarray(covariance[0, 0] - explained, np.float64)

@@ -20,7 +20,7 @@ from observer_rt.estimation.whitening import Whitening
 from observer_rt.foundation.units import MEGAPASCAL
 
 HUBER = 4.0  # sigma beyond which an innovation counts linearly
-OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of an event's mean difference at rest between line and rail pressure
+OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
@@ -102,7 +102,7 @@ class EventCost:
     """J(theta) = robust sum of (e~/sigma)^2 / 2 over one event.
 
     Innovations of the first `burn_in` samples do not count: x~ started from another theta. Coloured ones and their
-    slopes go through a filter first; what a high pass in it hides, the sensor's offset, is then taken from the rest.
+    slopes go through a filter first; what a high pass in it hides, the sensor's offset, is then what it was at rest.
     """
 
     def __init__(
@@ -113,16 +113,19 @@ class EventCost:
         burn_in: int,
         scalars: Scalars = SCALARS,
         whitening: Whitening | None = None,
+        offset: float | None = None,
     ) -> None:
-        """sigma: standard deviation of white innovations, in units of p_0; whitening: None if they are white."""
+        """sigma: standard deviation of white innovations, in units of p_0; whitening: None if they are white.
+
+        offset: line over rail pressure at rest [p_0] on the mean, None where there was none.
+        """
         self._window = window
         self._setting = setting
         self._scalars = scalars
         self._whitening = whitening
         self._offset, self._offset_weight = 0.0, 0.0
-        if whitening is not None and whitening.forgetting is not None and window.resting.any():
-            difference = (window.output - window.inputs[:, 0])[window.resting]
-            self._offset = float(difference.mean()) - setting.offset
+        if whitening is not None and whitening.forgetting is not None and offset is not None:
+            self._offset = offset
             self._offset_weight = (setting.coefficients.pressure_scale / OFFSET_SIGMA) ** 2
         self.sigma = sigma
         self.burn_in = burn_in

@@ -18,7 +18,6 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
 from observer_rt.observer.learning.adequacy import Innovations, Objection
-from observer_rt.observer.learning.colour import Colour
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
 from observer_rt.observer.stream.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
@@ -41,6 +40,7 @@ GOOD = 1 * MILLISECOND
 WINDOW_LEAD = 0.15 * MILLISECOND
 WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
+SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def make_observer(
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version
     memory["healthy_variance"] = healthy.variance.max()
-    _expect(memory, learner.schedule.innovation_sigma, knowledge.colour_at(constants.interval))
+    _expect(memory, learner.schedule.innovation_sigma)
     _put_in_force(observer, knowledge)
     return observer
 
@@ -202,7 +202,8 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
     _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
     if outcome is None:
         return
-    _expect(memory, outcome.schedule.innovation_sigma, outcome.knowledge.colour)
+    is_coloured = outcome.knowledge.colour is not None and not outcome.objections
+    _expect(memory, outcome.schedule.innovation_sigma, _at_rest(observer) if is_coloured else None)
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge)
     put_into(observer.phi, outcome.phi)
@@ -210,10 +211,22 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
         memory["phi_version"] += 1
 
 
-def _expect(memory: np.void, innovation_sigma: float, colour: Colour | None) -> None:
-    variance = innovation_sigma**2 * memory["healthy_variance"] * (1.0 if colour is None else colour.expected)
+def _expect(memory: np.void, innovation_sigma: float, at_rest: float | None = None) -> None:
+    """What innovations are to be like; at_rest: mean square of coloured ones with the needle shut.
+
+    What is slow does not average out in the watch's mean of squares: it may be SLOW_PEAK times its own mean.
+    """
+    white = innovation_sigma**2 * memory["healthy_variance"]
+    slow = 0.0 if at_rest is None else max(at_rest - white, 0.0)
     memory["innovation_sigma"] = innovation_sigma
-    memory["innovation_weight"] = 1.0 / variance
+    memory["innovation_weight"] = 1.0 / (white + SLOW_PEAK * slow)
+
+
+def _at_rest(observer: Observer) -> float:
+    """Mean square of the innovations of the samples at rest that are remembered."""
+    processed = int(observer.memory["processed"][0])
+    rows = observer.ring[:processed]
+    return float(np.mean(rows["innovation"][rows["resting"]] ** 2))
 
 
 def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:

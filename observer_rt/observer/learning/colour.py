@@ -9,33 +9,38 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.whitening import Whitening, forgetting_of
+from observer_rt.observer.stream.standstill import Standstill
 
 TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to choose from
 ORDERS = 20  # highest order of the autoregressive part
 SEGMENT = 3e-3  # s, of rest without break from which on it tells a colour
 REMEMBERED = 0.85  # weight of the events before an event
-PEAK = 5.0  # with the limit of the watch, five standard deviations
 MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
+# Of the BIC, within which the fastest high pass is taken: hum that keeps step with the events is steeper elsewhere
+# than at rest.
+ABOUT_AS_GOOD = 20.0
 
 
 @dataclass(frozen=True, eq=False)
 class Colour:
-    """Of the innovations of a bench: the filter that makes them white at a sample interval [s].
-
-    variance: mean square of the innovations at rest, as they come, where that of white ones is 1.
-    """
+    """Of the innovations of a bench: the filter that makes them white, at a sample interval [s]."""
 
     whitening: Whitening
     interval: float
-    variance: float
 
-    @property
-    def expected(self) -> float:
-        """Factor on the variance that a mean of squares over a few samples is compared with.
 
-        What is slow does not average out in it: it may be PEAK times its own mean.
-        """
-        return 1.0 + PEAK * max(self.variance - 1.0, 0.0)
+class OffsetSince:
+    """Line over rail pressure at rest from one event to the next."""
+
+    def __init__(self) -> None:
+        self._samples, self._sum = 0, 0.0
+
+    def after(self, standstill: Standstill) -> float | None:
+        """Its mean since the event before [p_0], None without a sample; standstill: when an event ended."""
+        total = standstill.samples * standstill.offset
+        samples, offset = standstill.samples - self._samples, total - self._sum
+        self._samples, self._sum = standstill.samples, total
+        return offset / samples if samples > 0 else None
 
 
 def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
@@ -71,26 +76,28 @@ class RestingNoise:
                 self._products[choice] += lagged.T @ lagged
             self._count += len(values) - ORDERS
 
-    def colour(self) -> Colour | None:
-        """The filter that explains them best by the BIC, None where white noise does about as well."""
+    def colour(self, before: Colour | None) -> Colour | None:
+        """The filter that explains them best by the BIC, None where white noise does about as well.
+
+        before: what it was, and stays where too little was seen.
+        """
         if self._count <= 2 * ORDERS:
+            return before
+        variances = np.array([_residual_variances(each / self._count) for each in self._products])
+        parameters = np.arange(ORDERS + 1) + np.array([[forgetting is not None] for forgetting in self._choices])
+        criteria = self._count * np.log(variances) + math.log(self._count) * parameters
+        orders = np.argmin(criteria, axis=1)
+        least = np.min(criteria, axis=1)
+        choice = int(np.argmin(least))
+        if least[choice] > criteria[0, 0] - MARGIN:
             return None
-        price = math.log(self._count)
-        best, least = None, math.inf
-        for choice, forgetting in enumerate(self._choices):
-            variances = _residual_variances(self._products[choice] / self._count)
-            parameters = np.arange(ORDERS + 1) + (forgetting is not None)
-            criterion = self._count * np.log(variances) + price * parameters
-            order = int(np.argmin(criterion))
-            if choice == 0:
-                white = criterion[0]
-            if criterion[order] < least:
-                least, best = criterion[order], (choice, order, variances[order])
-        if best is None or least > white - MARGIN:
-            return None
-        choice, order, variance = best
-        whitening = Whitening(self._choices[choice], self._taps(choice, order), math.sqrt(variance))
-        return Colour(whitening, self._interval, self._products[0, 0, 0] / self._count)
+        if choice > 0:
+            choice = int(np.flatnonzero(least < least[choice] + ABOUT_AS_GOOD)[-1])
+        order = orders[choice]
+        whitening = Whitening(
+            self._choices[choice], self._taps(choice, order), math.sqrt(variances[choice, order])
+        )
+        return Colour(whitening, self._interval)
 
     def _taps(self, choice: int, order: int) -> NDArray[np.float64]:
         products = self._products[choice]

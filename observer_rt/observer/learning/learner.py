@@ -30,7 +30,7 @@ from observer_rt.observer.learning.adequacy import (
     pooled,
     tempering,
 )
-from observer_rt.observer.learning.colour import SEGMENT, Colour, RestingNoise, resting_segments
+from observer_rt.observer.learning.colour import SEGMENT, Colour, OffsetSince, RestingNoise, resting_segments
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.indicators import nozzle_change
@@ -80,6 +80,7 @@ class Learner:
         self._statistics = knowledge.statistics
         self._colour = knowledge.colour_at(constants.interval)
         self._at_rest = RestingNoise(constants.interval)
+        self._offset_since = OffsetSince()
         self._schedule = self._gains()
         self._previous: tuple[Window, Constants] | None = None
         self._freezer = Freezer()
@@ -115,13 +116,14 @@ class Learner:
         self._schedule = self._gains()
         try:
             prior = self._prior(standstill)
-            cost, fit = self._fitted(window, prior)
+            offset = self._offset_since.after(standstill)
+            cost, fit = self._fitted(window, prior, offset)
             if fit is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
             found = self._colour_after(window, fit)
             if self._colour is None and found is not None:
                 self._colour, self._trend = found, Trend()
-                cost, fit = self._fitted(window, prior)
+                cost, fit = self._fitted(window, prior, offset)
                 if fit is None:
                     return self._outcome(Adoption.FAILED, window, in_force)
             innovations = Innovations(fit.innovations, self._schedule.innovation_sigma)
@@ -169,8 +171,10 @@ class Learner:
         self._theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
         return replace(self._belief, mean=mean)
 
-    def _fitted(self, window: Window, prior: Belief) -> tuple[EventCost, EventFit | None]:
-        """An event's cost with the colour in use, and its fit."""
+    def _fitted(
+        self, window: Window, prior: Belief, offset: float | None
+    ) -> tuple[EventCost, EventFit | None]:
+        """An event's cost with the colour in use, and its fit; offset [p_0]: at rest before it."""
         whitening = None if self._colour is None else self._colour.whitening
         cost = EventCost(
             window,
@@ -179,6 +183,7 @@ class Learner:
             self._burn_in,
             self._scalars,
             whitening,
+            offset,
         )
         return cost, self._fit(cost, prior)
 
@@ -187,7 +192,7 @@ class Learner:
         shortest = round(SEGMENT / self._constants.interval)
         values = fit.unfiltered / self._schedule.innovation_sigma
         self._at_rest.add([values[part] for part in resting_segments(window, self._burn_in, shortest)])
-        return self._at_rest.colour()
+        return self._at_rest.colour(self._colour)
 
     def _fit(self, cost: EventCost, prior: Belief) -> EventFit | None:
         """Fit the event; after a sudden change from a wide prior, if that explains it much better."""

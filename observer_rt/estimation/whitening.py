@@ -1,4 +1,4 @@
-"""What makes coloured innovations white: a high pass that takes their slow part away, and an autoregressive filter."""
+"""What makes coloured innovations white: a high pass that takes the slow part away, an autoregressive filter."""
 
 import math
 from dataclasses import dataclass

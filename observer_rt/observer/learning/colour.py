@@ -84,7 +84,9 @@ class RestingNoise:
         if self._count <= 2 * ORDERS:
             return before
         variances = np.array([_residual_variances(each / self._count) for each in self._products])
-        parameters = np.arange(ORDERS + 1) + np.array([[forgetting is not None] for forgetting in self._choices])
+        parameters = np.arange(ORDERS + 1) + np.array(
+            [[forgetting is not None] for forgetting in self._choices]
+        )
         criteria = self._count * np.log(variances) + math.log(self._count) * parameters
         orders = np.argmin(criteria, axis=1)
         least = np.min(criteria, axis=1)

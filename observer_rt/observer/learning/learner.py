@@ -120,9 +120,9 @@ class Learner:
             cost, fit = self._fitted(window, prior, offset)
             if fit is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
-            found = self._colour_after(window, fit)
-            if self._colour is None and found is not None:
-                self._colour, self._trend = found, Trend()
+            colour = self._colour_after(window, fit)
+            if self._colour is None and colour is not None:
+                self._colour, self._trend = colour, Trend()
                 cost, fit = self._fitted(window, prior, offset)
                 if fit is None:
                     return self._outcome(Adoption.FAILED, window, in_force)
@@ -134,7 +134,7 @@ class Learner:
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
             return self._outcome(Adoption.FAILED, window, in_force)
-        self._colour = found
+        self._colour = colour
         self._events += 1
         self._statistics = pooled(self._statistics, statistics)
         doubts = []

@@ -83,7 +83,6 @@ def _noise(bench: Bench, standstill: Standstill) -> list[Finding]:
 
 def _slow_noise(role: Role, noise: SlowNoise) -> Finding:
     """Beside the white noise of a signal."""
-    name, unit, size = SIGNALS[role]
-    return Finding(
-        _TOPIC, Level.OK, f"noise of the {name} at standstill is not white: {noise.as_text(unit, size)}"
-    )
+    _, unit, size = SIGNALS[role]
+    name = role.value.replace("_", " ")
+    return Finding(_TOPIC, Level.OK, f"noise of the {name} is not white: {noise.as_text(unit, size)}")

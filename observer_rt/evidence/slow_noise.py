@@ -13,6 +13,7 @@ SLOWEST, SLOW = 5.0, 800.0  # Hz, between which a tone is sought over all stretc
 BLOCKS_A_PERIOD = 4  # of the fastest of these tones
 MOST_BLOCKS = 8_000
 SEGMENT = 1024  # samples of a spectrum of single stretches
+DECAYING = 2.0  # mean squares, early over late at rest
 FEWEST = 512  # samples, without which nothing is told
 
 
@@ -49,6 +50,8 @@ def slow_noise(
     if beyond < LEAST_SHARE * white**2:
         return None
     stretches = np.split(np.arange(values.size), np.flatnonzero(np.diff(index) != 1) + 1)
+    if _decays(values, stretches):
+        return None
     frequency, power = max(
         _slow_tone(values, index, stretches, sample_rate),
         _spectrum_tone(values, stretches, sample_rate, white),
@@ -58,6 +61,13 @@ def slow_noise(
         return SlowNoise(frequency, math.sqrt(2.0 * power), is_tone=True)
     middle = _middle(values, stretches, sample_rate, white)
     return SlowNoise(middle, math.sqrt(beyond), is_tone=False)
+
+
+def _decays(values: NDArray[np.float64], stretches: list[NDArray[np.int64]]) -> bool:
+    """Whether it is less in the second halves of the stretches: then it is an echo of what was before them."""
+    first = sum(float(np.sum(values[s[: s.size // 2]] ** 2)) for s in stretches)
+    second = sum(float(np.sum(values[s[-(s.size // 2) :]] ** 2)) for s in stretches if s.size > 1)
+    return first > DECAYING * second
 
 
 def _slow_tone(

@@ -197,8 +197,7 @@ class Core:
         white = self.standstill.noise
         if white is None:
             return {}
-        rows = self.rows(0, self.processed)
-        return slow_noise_of(rows, white, self._pressure_scale, self._sample_rate)
+        return slow_noise_of(self.compiled.observer, self.rows(0, self.processed), white)
 
     @property
     def timing(self) -> tuple[MessageTiming, ...]:
@@ -233,10 +232,6 @@ class Core:
             self._results.add_summary(report, self.learning, self._pressure_scale)
             self._tell(report)
             self._inputs.on_injection(report)
-
-    @property
-    def _sample_rate(self) -> float:
-        return 1.0 / float(self.compiled.observer.constants.interval)
 
     @property
     def _pressure_scale(self) -> float:

@@ -35,7 +35,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         ),
         colour=Colour(
             Whitening(
-                forgetting=random.choice([None, 0.96]),
+                forgetting=0.96 if random.random() < 0.5 else None,
                 taps=random.normal(size=random.integers(ORDERS)),
                 level=float(random.uniform(0.5, 2.0)),
             ),

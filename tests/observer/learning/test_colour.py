@@ -25,7 +25,8 @@ def found_in(events: list[NDArray[np.float64]], interval: float = INTERVAL) -> C
 
 
 def white(seed: int, events: int = 8, samples: int = REST) -> list[NDArray[np.float64]]:
-    return list(np.random.default_rng(seed).normal(size=(events, samples)))
+    random = np.random.default_rng(seed)
+    return [random.normal(size=samples) for _ in range(events)]
 
 
 def with_hum(events: list[NDArray[np.float64]], hertz: float, interval: float) -> list[NDArray[np.float64]]:

@@ -15,6 +15,8 @@ TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to
 ORDERS = 20  # highest order of the autoregressive part
 SEGMENT = 3e-3  # s, of rest without break from which on it tells a colour
 REMEMBERED = 0.85  # weight of the events before an event
+RAIL_MOTION = 0.66e-3  # s: what is slower is the rail's own motion
+RAIL_BLOCK = 0.16e-3  # s: what is faster the line does not hear
 MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
 # Of the BIC, within which the fastest high pass is taken: hum that keeps step with the events is steeper elsewhere
 # than at rest.
@@ -27,6 +29,31 @@ class Colour:
 
     whitening: Whitening
     interval: float
+
+
+class SlowRail:
+    """How strong the noise of the rail pressure is where the line hears it, older events counting less."""
+
+    def __init__(self, interval: float) -> None:
+        """interval: of samples [s]."""
+        self._high_pass = Whitening(forgetting_of(RAIL_MOTION, interval), np.empty(0))
+        self._length = max(1, round(RAIL_BLOCK / interval))
+        self._squares, self._count = 0.0, 0.0
+
+    def add(self, segments: Sequence[NDArray[np.float64]]) -> None:
+        """Take in an event's rail pressure, a stretch of rest each."""
+        self._squares *= REMEMBERED
+        self._count *= REMEMBERED
+        for values in segments:
+            passed = self._high_pass.of(values)
+            blocks = passed[: passed.size // self._length * self._length].reshape(-1, self._length)
+            self._squares += float(np.sum(blocks.mean(axis=1) ** 2)) * self._length
+            self._count += len(blocks)
+
+    @property
+    def sigma(self) -> float:
+        """Of the white noise that is as strong, a sample's; 0 without any rest."""
+        return math.sqrt(self._squares / self._count) if self._count > 0.0 else 0.0
 
 
 class OffsetSince:

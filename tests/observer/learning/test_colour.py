@@ -44,7 +44,8 @@ def first_order(events: list[NDArray[np.float64]], pole: float) -> list[NDArray[
 
 
 def correlations(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.array([np.mean(values[lag:] * values[:-lag]) for lag in range(1, 21)]) / np.mean(values**2)
+    products = [float(np.mean(values[lag:] * values[:-lag])) for lag in range(1, 21)]
+    return np.array(products) / float(np.mean(values**2))
 
 
 @pytest.mark.parametrize("seed", range(40))

@@ -192,18 +192,25 @@ def in_force(observer: Observer) -> NDArray[np.float64]:
     return np.array(memory["theta"])
 
 
-def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome | None) -> None:
-    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if any."""
+def judge(
+    observer: Observer, objections: Sequence[Objection], outcome: Outcome | None, is_coloured: bool = False
+) -> None:
+    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if any.
+
+    is_coloured: whether the innovations are, by what is known of the noise.
+    """
     memory = observer.memory[0]
     event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS]
     memory["events_taken"] += 1
     memory["events_judged"] += 1
     memory["waiting"] = False
     _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
+    at_rest = _at_rest(observer) if is_coloured and not objections else None
     if outcome is None:
+        if at_rest is not None:
+            _expect(memory, float(memory["innovation_sigma"]), at_rest)
         return
-    is_coloured = outcome.knowledge.colour is not None and not outcome.objections
-    _expect(memory, outcome.schedule.innovation_sigma, _at_rest(observer) if is_coloured else None)
+    _expect(memory, outcome.schedule.innovation_sigma, at_rest)
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge)
     put_into(observer.phi, outcome.phi)

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.recording.signals.recording import Recording
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.scoring import bench_at, recording_of
@@ -40,11 +42,14 @@ def coloured(time: NDArray[np.float64]) -> NDArray[np.float64]:
     return 0.2e6 * math.sqrt(1.0 - pole**2) * np.asarray(lfilter([1.0], [1.0, -pole], drive), np.float64)
 
 
-def evaluated(extra: NDArray[np.float64]) -> Evaluation:
+def disturbed(extra: NDArray[np.float64]) -> Recording:
     measured = recorded().measured
-    disturbed = replace(measured, line_pressure=measured.line_pressure + extra)
-    recording = recording_of(replace(recorded(), measured=disturbed))
-    return evaluate(bench_at(100e3), [recording]).evaluations[0]
+    heard = replace(measured, line_pressure=measured.line_pressure + extra)
+    return recording_of(replace(recorded(), measured=heard))
+
+
+def evaluated(extra: NDArray[np.float64]) -> Evaluation:
+    return evaluate(bench_at(100e3), [disturbed(extra)]).evaluations[0]
 
 
 @pytest.mark.parametrize("disturbance", [hum, coloured])
@@ -70,3 +75,16 @@ def test_hum_does_not_hide_a_line_pressure_that_went_elsewhere() -> None:
     jump = np.where(measured.time > measured.time[-1] - 0.1, 3e6, 0.0)
     evaluation = evaluated(hum(measured.time) + jump)
     assert not evaluation.reports[-1].valid
+
+
+def test_what_was_learned_of_the_noise_holds_where_learning_is_off() -> None:
+    humming = disturbed(hum(recorded().measured.time))
+    learned = evaluate(bench_at(100e3), [humming]).knowledge
+    assert learned.colour is not None
+
+    def valid(knowledge: Knowledge) -> list[bool]:
+        reports = evaluate(bench_at(100e3), [humming], knowledge, learning=False).evaluations[0].reports
+        return [report.valid for report in reports[KNOWN_AFTER:]]
+
+    assert valid(learned) == [True] * (EVENTS - KNOWN_AFTER)
+    assert not any(valid(replace(learned, colour=None)))

@@ -155,6 +155,8 @@ class LoggedSignals(SignalStream):
             *_restarts(path, stretches),
         )
         self.counters, self.standstill, self.timing = core.counters, core.standstill, core.timing
+        self.slow_noise = core.slow_noise
+        """What is not white in the noise of the last samples at rest."""
         return tuple(stretches)
 
     def chunks(self) -> Iterator[Chunk]:

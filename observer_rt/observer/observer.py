@@ -47,6 +47,7 @@ BOUNCE = 0.3 * MILLISECOND
 WINDOW_LEAD = 0.15 * MILLISECOND
 WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
+SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
 
 
 @dataclass(frozen=True)
@@ -205,17 +206,25 @@ def in_force(observer: Observer) -> NDArray[np.float64]:
     return np.array(memory["theta"])
 
 
-def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome | None) -> None:
-    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if any."""
+def judge(
+    observer: Observer, objections: Sequence[Objection], outcome: Outcome | None, is_coloured: bool = False
+) -> None:
+    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if any.
+
+    is_coloured: whether the innovations are, by what is known of the noise.
+    """
     memory = observer.memory[0]
     event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS]
     memory["events_taken"] += 1
     memory["events_judged"] += 1
     memory["waiting"] = False
     _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
+    at_rest = _at_rest(observer) if is_coloured and not objections else None
     if outcome is None:
+        if at_rest is not None:
+            _expect(memory, float(memory["innovation_sigma"]), at_rest)
         return
-    _expect(memory, outcome.schedule.innovation_sigma)
+    _expect(memory, outcome.schedule.innovation_sigma, at_rest)
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge)
     put_into(observer.phi, outcome.phi)
@@ -223,9 +232,22 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
         memory["phi_version"] += 1
 
 
-def _expect(memory: np.void, innovation_sigma: float) -> None:
+def _expect(memory: np.void, innovation_sigma: float, at_rest: float | None = None) -> None:
+    """What innovations are to be like; at_rest: mean square of coloured ones with the needle shut.
+
+    What is slow does not average out in the watch's mean of squares: it may be SLOW_PEAK times its own mean.
+    """
+    white = innovation_sigma**2 * memory["healthy_variance"]
+    slow = 0.0 if at_rest is None else max(at_rest - white, 0.0)
     memory["innovation_sigma"] = innovation_sigma
-    memory["innovation_weight"] = 1.0 / (innovation_sigma**2 * memory["healthy_variance"])
+    memory["innovation_weight"] = 1.0 / (white + SLOW_PEAK * slow)
+
+
+def _at_rest(observer: Observer) -> float:
+    """Mean square of the innovations of the samples at rest that are remembered."""
+    processed = int(observer.memory["processed"][0])
+    rows = observer.ring[:processed]
+    return float(np.mean(rows["innovation"][rows["resting"]] ** 2))
 
 
 def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gain import GainSchedule, gain_schedule
+from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.estimation.gating import carried_covariance, gated_covariance
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.phases import (
     Phase,
+    PhaseStatistics,
 )
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost
@@ -30,6 +31,14 @@ from observer_rt.observer.learning.adequacy import (
     pooled,
     tempering,
 )
+from observer_rt.observer.learning.colour import (
+    SEGMENT,
+    Colour,
+    OffsetSince,
+    RestingNoise,
+    SlowRail,
+    resting_segments,
+)
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.indicators import nozzle_change
@@ -41,6 +50,7 @@ from observer_rt.observer.learning.knowledge import (
     no_knowledge,
 )
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
+from observer_rt.observer.learning.noise_level import RecentLevel
 from observer_rt.observer.learning.trend import Trend
 from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
@@ -53,6 +63,9 @@ ADOPTION_TOLERANCE = 1.1  # by which a new theta may raise the re-simulated outp
 CHANGE_SCORE = 60.0  # of the score test; without change it is 13 +- 5
 QUICKER_SCORE = 35.0  # from which on wear is taken to move faster than its usual drift
 QUICKER = 30.0  # times the usual drift
+COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
+RAIL_TEMPER = 2.0
+LEVEL_SEGMENT = 16  # samples of rest without break, for the level of the noise
 CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 
 
@@ -77,6 +90,11 @@ class Learner:
         self._noise = knowledge.noise
         self._events = knowledge.events
         self._statistics = knowledge.statistics
+        self._colour = knowledge.colour_at(constants.interval)
+        self._at_rest = RestingNoise(constants.interval)
+        self._slow_rail = SlowRail(constants.interval)
+        self._offset_since = OffsetSince()
+        self._line_level, self._rail_level = RecentLevel(), RecentLevel()
         self._schedule = self._gains()
         self._previous: tuple[Window, Constants] | None = None
         self._freezer = Freezer()
@@ -108,21 +126,29 @@ class Learner:
         """
         self._constants = constants or self._constants
         if standstill.noise is not None:
-            self._noise = standstill.noise
+            self._noise = self._recent(standstill.noise, window)
         self._schedule = self._gains()
         try:
-            cost = self._cost(window)
-            fit = self._fit(cost, self._prior(standstill))
+            prior = self._prior(standstill)
+            offset = self._offset_since.after(standstill)
+            cost, fit = self._fitted(window, prior, offset)
             if fit is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
+            colour = self._colour_after(window, fit)
+            if self._colour is None and colour is not None:
+                self._colour, self._trend = colour, Trend()
+                cost, fit = self._fitted(window, prior, offset)
+                if fit is None:
+                    return self._outcome(Adoption.FAILED, window, in_force)
             innovations = Innovations(fit.innovations, self._schedule.innovation_sigma)
             statistics = event_statistics(window, innovations, self._constants.interval, self._healthy)
             wide = self._scalars.prior(self._scale)
             lag = lag_score(window, self._setting(), fit, cost, wide, self._scalars)
             carried = carried_covariance(in_force, fit.prior, self._scalars.gate, self._active)
-            self._take_in(fit, tempering(statistics))
+            self._take_in(fit, self._temper(statistics))
         except np.linalg.LinAlgError:
             return self._outcome(Adoption.FAILED, window, in_force)
+        self._colour = colour
         self._events += 1
         self._statistics = pooled(self._statistics, statistics)
         doubts = []
@@ -158,6 +184,50 @@ class Learner:
         self._theta = self._theta.copy()
         self._theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
         return replace(self._belief, mean=mean)
+
+    def _fitted(
+        self, window: Window, prior: Belief, offset: float | None
+    ) -> tuple[EventCost, EventFit | None]:
+        """An event's cost with the colour in use, and its fit; offset [p_0]: at rest before it."""
+        whitening = None if self._colour is None else self._colour.whitening
+        cost = EventCost(
+            window,
+            self._setting(),
+            self._schedule.innovation_sigma,
+            self._burn_in,
+            self._scalars,
+            whitening,
+            offset,
+        )
+        return cost, self._fit(cost, prior)
+
+    def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:
+        """The colour of the noise, after what a fitted event leaves while the needle is shut."""
+        shortest = round(SEGMENT / self._constants.interval)
+        values = fit.unfiltered / self._schedule.innovation_sigma
+        rest = resting_segments(window, self._burn_in, shortest)
+        self._at_rest.add([values[part] for part in rest])
+        self._slow_rail.add([window.inputs[part, 0] for part in rest])
+        return self._at_rest.colour(self._colour)
+
+    def _recent(self, noise: NoiseLevels, window: Window) -> NoiseLevels:
+        """Levels of the whole standstill, or since they changed; not of a rail pressure slower than the samples."""
+        rest = resting_segments(window, 0, LEVEL_SEGMENT)
+        rail, line = noise.rail_pressure / self._scale, noise.line_pressure / self._scale
+        line = self._line_level.after([window.output[part] for part in rest], line)
+        if self._constants.rail_every == 1.0:
+            rail = self._rail_level.after([window.inputs[part, 0] for part in rest], rail)
+        return replace(noise, rail_pressure=rail * self._scale, line_pressure=line * self._scale)
+
+    def _temper(self, statistics: PhaseStatistics) -> float:
+        """Factor on the variance of an event's innovations.
+
+        Coloured noise of the rail pressure drives the model, too: it does not stay an error of its output. A rail
+        that really moves is no noise, but then the innovations are white.
+        """
+        rail_sigma = self._slow_rail.sigma * self._scale
+        is_rail = self._colour is not None and rail_sigma > COLOURED_RAIL * self._noise.rail_pressure
+        return max(tempering(statistics), RAIL_TEMPER if is_rail else 1.0)
 
     def _fit(self, cost: EventCost, prior: Belief) -> EventFit | None:
         """Fit the event; after a sudden change from a wide prior, if that explains it much better."""
@@ -215,7 +285,9 @@ class Learner:
         self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
         self._events = 0
         self._previous = None
-        knowledge = replace(fresh, events=outcome.knowledge.events, statistics=self._statistics)
+        knowledge = replace(
+            fresh, events=outcome.knowledge.events, statistics=self._statistics, colour=self._colour
+        )
         return replace(outcome, knowledge=knowledge, objections=found)
 
     def _outcome(
@@ -235,6 +307,7 @@ class Learner:
                 active=self._active,
                 events=self._events,
                 statistics=self._statistics,
+                colour=self._colour,
                 scalars=self._scalars,
             ),
             schedule=self._schedule,
@@ -263,9 +336,9 @@ class Learner:
         state = (rail_pressure, 0.0, 0.9 * rail_pressure)
         return nozzle_change(self._theta, state, (rail_pressure, area))[0]
 
-    def _cost(self, window: Window) -> EventCost:
-        burn_in = round(BURN_IN / self._constants.interval)
-        return EventCost(window, self._setting(), self._schedule.innovation_sigma, burn_in, self._scalars)
+    @property
+    def _burn_in(self) -> int:
+        return round(BURN_IN / self._constants.interval)
 
     def _gains(self) -> GainSchedule:
         learned = learned_of(self._theta, self._constants.coefficients, self._scalars)

@@ -21,11 +21,14 @@ from observer_rt.observer.learning.adequacy import Innovations, Objection
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
 from observer_rt.observer.stream.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
+from observer_rt.observer.stream.outliers import SLOWEST_FILTER
 from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
     INJECTIONS,
+    LINE,
     PENDING_EVENTS,
+    REACH,
     RING,
     Constants,
     Observer,
@@ -40,6 +43,7 @@ GOOD = 1 * MILLISECOND
 WINDOW_LEAD = 0.15 * MILLISECOND
 WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
+BRIDGE = 0.5 * MILLISECOND
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,7 @@ class Durations:
 
     event_gap: float = 10 * MILLISECOND
     learning_delay: float = 20 * MILLISECOND
+    bridge: float = BRIDGE
 
 
 def constants_for(
@@ -84,9 +89,11 @@ def constants_for(
             window_lead=samples(WINDOW_LEAD),
             window_tail=samples(WINDOW_TAIL),
             learning_lead=samples(LEARNING_LEAD),
-            lookahead=max(LOOKAHEAD + toe, sensor.late),
+            lookahead=max(LOOKAHEAD + toe, sensor.late + REACH),
             toe=toe,
             ramp=ramp_samples(interval),
+            bridge=samples(durations.bridge),
+            filtered=interval <= SLOWEST_FILTER,
         ),
         events_required=events_required,
         rail_every=rail_every,
@@ -121,14 +128,15 @@ def event_window(observer: Observer, number: int) -> Window | None:
     start, end = _window_of(observer, event)
     late = observer.constants.sensor.late
     rows = observer.ring[np.arange(start, end) % RING]
-    output = observer.ring["line_pressure"][np.arange(start + late, end + late) % RING]
+    recorded = observer.ring[np.arange(start + late, end + late) % RING]
     return Window(
         inputs=np.column_stack([rows["rail_pressure"], rows["seat_area"]]),
-        output=output,
+        output=recorded["line_pressure"],
         resting=rows["resting"].copy(),
         start=np.append(rows["x_tilde"][0], rows["indicated"][0]),
         opening=int(event["opening"]) - start,
         knots=np.column_stack([rows["lift_after"], rows["lift_area"]]),
+        masked=(recorded["bridged"] >> LINE & 1).astype(np.bool_),
     )
 
 
@@ -244,4 +252,7 @@ def _put_in_force(observer: Observer, knowledge: Knowledge) -> None:
     memory["offset"] = sensor.offset + learned.offset
     memory["lag"] = sensor.lag + learned.lag
     memory["line"] = learned.coefficients.line
-    memory["lift_on"], memory["lift_off"] = dead_band(knowledge.noise.needle_lift)
+    noise = knowledge.noise
+    scale = observer.constants.coefficients.pressure_scale
+    memory["channels"]["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale
+    memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift)

@@ -41,6 +41,7 @@ from observer_rt.observer.learning.knowledge import (
     no_knowledge,
 )
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
+from observer_rt.observer.learning.masks import OutlierSearch, Sigmas
 from observer_rt.observer.learning.trend import Trend
 from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
@@ -83,6 +84,7 @@ class Learner:
         self._mistrust = Mistrust()
         self._lag_doubt = LagDoubt()
         self._trend = Trend()
+        self._outliers = OutlierSearch()
 
     @property
     def schedule(self) -> GainSchedule:
@@ -111,10 +113,17 @@ class Learner:
             self._noise = standstill.noise
         self._schedule = self._gains()
         try:
+            prior = self._prior(standstill)
+            window = self._without_outliers(window)
             cost = self._cost(window)
-            fit = self._fit(cost, self._prior(standstill))
+            fit = self._fit(cost, prior)
             if fit is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
+            mask = self._mask(window, fit.innovations)
+            if mask is not None:
+                window = window._replace(masked=mask)
+                cost = self._cost(window)
+                fit = self._refit(cost, fit)
             innovations = Innovations(fit.innovations, self._schedule.innovation_sigma)
             statistics = event_statistics(window, innovations, self._constants.interval, self._healthy)
             wide = self._scalars.prior(self._scale)
@@ -126,6 +135,8 @@ class Learner:
         self._events += 1
         self._statistics = pooled(self._statistics, statistics)
         doubts = []
+        if self._outliers.is_clipped_after(window, fit.innovations, self._sigmas, cost.burn_in):
+            doubts.append(Reason.INPUT_CLIPPED)
         if self._lag_doubt.is_no_lag_after(lag):
             doubts.append(Reason.TIME_BASE)
         if fit.contradicts:
@@ -181,6 +192,28 @@ class Learner:
         other = fitter.fit(fit.linearisation, wide, iterations)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
+
+    def _without_outliers(self, window: Window) -> Window:
+        """The window of an event without what stands out by what is believed before it, if anything is."""
+        if self._events == 0:
+            return window
+        cost = self._cost(window)
+        cost.value(self._theta)
+        mask = self._mask(window, cost.innovations)
+        return window if mask is None else window._replace(masked=mask)
+
+    def _mask(self, window: Window, innovations: NDArray[np.float64]) -> NDArray[np.bool_] | None:
+        return self._outliers.masked(window, innovations, self._sigmas, self._burn_in)
+
+    @property
+    def _sigmas(self) -> Sigmas:
+        return Sigmas(self._schedule.innovation_sigma, self._noise.line_pressure / self._scale)
+
+    def _refit(self, cost: EventCost, fit: EventFit) -> EventFit:
+        """The fit of an event of which less counts than before."""
+        fitter = EventFitter(cost, self._scalars.gate, fit.active, theta_limits(self._scale, self._scalars))
+        start = cost.linearised(fit.linearisation.theta)
+        return replace(fitter.fit(start, fit.prior, ITERATIONS), contradicts=fit.contradicts)
 
     def _take_in(self, fit: EventFit, temper: float) -> None:
         """The fitted event into the belief, its information divided by `temper`."""
@@ -264,8 +297,12 @@ class Learner:
         return nozzle_change(self._theta, state, (rail_pressure, area))[0]
 
     def _cost(self, window: Window) -> EventCost:
-        burn_in = round(BURN_IN / self._constants.interval)
-        return EventCost(window, self._setting(), self._schedule.innovation_sigma, burn_in, self._scalars)
+        sigma = self._schedule.innovation_sigma
+        return EventCost(window, self._setting(), sigma, self._burn_in, self._scalars)
+
+    @property
+    def _burn_in(self) -> int:
+        return round(BURN_IN / self._constants.interval)
 
     def _gains(self) -> GainSchedule:
         learned = learned_of(self._theta, self._constants.coefficients, self._scalars)

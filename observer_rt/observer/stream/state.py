@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
@@ -15,6 +15,8 @@ from observer_rt.observer.stream.phi import Phi
 
 RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
+REACH = 3  # samples on either side that tell a spike
+RAIL, LIFT, LINE = range(3)  # numbers of the channels
 PENDING_EVENTS = 512  # closed, not yet judged: the longest learning delay over the shortest event gap
 INJECTIONS = 1024  # finished, not yet reported; of more, the oldest are forgotten
 
@@ -54,6 +56,8 @@ class Reason(IntEnum):
     NOT_JUDGED = 19  # the event could not be tested; after two in a row nothing is known of what follows
     CONTRADICTED = 20  # the innovations have left the model: an input is wrong, or the injector changed
     SECOND_SENDER = 21  # another node sends what only this service should
+    INPUT_FROZEN = Doubt.FROZEN  # an input keeps its value for longer than can be bridged
+    INPUT_CLIPPED = Doubt.CLIPPED  # an input stays at the end of its range
 
 
 _SAMPLE = [
@@ -67,6 +71,7 @@ _SAMPLE = [
     ("interpolated", np.bool_),
     ("broken", np.int8),  # Break
     ("doubt", np.int8),  # Doubt
+    ("bridged", np.int8),  # a bit for every channel whose value does not count
     # as computed
     ("lift_area", np.float64),  # normalised seat area when the lift was taken
     ("seat_area", np.float64),  # u2
@@ -100,6 +105,23 @@ EVENT = np.dtype(
         ("learnable", np.bool_),
         ("doubtful", np.bool_),  # it has samples that are not to be trusted
         *_STANDSTILL,  # up to the event's end
+    ],
+    align=True,
+)
+
+CHANNEL = np.dtype(
+    [
+        ("noise", np.float64),  # standard deviation of a sample, as normalised as it is
+        ("last", np.float64),  # value as it came
+        ("stepped", np.int64),  # position of the last sample that differs much from the one before
+        ("run", np.int64),  # samples in a row with the value of the one before
+        ("needed", np.int64),  # of them, until it is frozen
+        ("is_dropout", np.bool_),  # it leapt there
+        ("instead", np.float64),  # value before it did
+        ("repeats", np.int64),  # of all samples, those that only by chance have the value of the one before
+        ("held", np.float64),  # value at which it was frozen last
+        ("is_clipped", np.bool_),  # it was the time before as well
+        ("bridged", np.int64),  # lately: samples that do not count less others since
     ],
     align=True,
 )
@@ -186,7 +208,14 @@ _OBSERVER = [
     # statistics of the standstill
     ("rest_run", np.int64),
     *_STANDSTILL,
+    # outliers
+    ("channels", CHANNEL, (3,)),
+    ("around", np.float64, (2 * REACH + 1,)),  # to sort in
+    ("accepted_innovation", np.float64),  # the last of x~ that did not leap
+    ("leaping", np.int64),  # samples since
     # counters
+    ("spikes", np.int64),
+    ("bridged", np.int64),
     ("interpolated", np.int64),
     ("lost", np.int64),
     ("breaks", np.int64),
@@ -223,6 +252,8 @@ class Timing(NamedTuple):
     lookahead: int  # samples the observer must know beyond the one in hand
     toe: int  # most samples of an opening ramp that a lift recorded too low does not show
     ramp: int  # samples beyond the first of a ramp from which its slope is taken
+    bridge: int  # most samples of a channel that may be missing
+    filtered: bool  # samples come fast enough for a spike to be told from the line
 
 
 class Constants(NamedTuple):

@@ -21,6 +21,7 @@ from observer_rt.observer.stream.front_end import (
     opens_at,
     shut_area,
 )
+from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
 from observer_rt.observer.stream.state import MAX_EVENT, RING, Observer, Reason, State
@@ -75,6 +76,9 @@ def push(
     row.rail_share = rail_share
     row.interpolated = interpolated
     row.broken = broken
+    row.bridged = 0
+    found = inspect(observer, memory.received)
+    doubt = doubt if doubt != _NO_DOUBT else found
     row.doubt = doubt
     if doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
         for position in range(memory.processed, memory.received):

@@ -14,6 +14,8 @@ class Counters:
     samples: int
     lost_samples: int
     interpolated_samples: int
+    spikes: int
+    bridged_samples: int
     frames: int
     crc_errors: int
     length_errors: int
@@ -47,6 +49,8 @@ def counted(pipeline: Pipeline, inputs: OptionalInputs, judging: Judging) -> Cou
         samples=int(memory["processed"]),
         lost_samples=int(alignment["lost"]),
         interpolated_samples=int(memory["interpolated"]),
+        spikes=int(memory["spikes"]),
+        bridged_samples=int(memory["bridged"]),
         frames=int(receiver["frames"]),
         crc_errors=int(receiver["crc_errors"]) + inputs.crc_errors,
         length_errors=int(receiver["length_errors"]) + inputs.length_errors,

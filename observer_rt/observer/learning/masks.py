@@ -1,0 +1,134 @@
+"""Outliers that only the model shows: stretches in which a line pressure was held before noise came on it, and spikes.
+
+What is found is masked (`Window.masked`), and the event fitted again. A stretch that may well be the truth is not: one
+at the event's highest or lowest level, if that recurs, is clipped; one at the same place in event after event is what
+the injector does; and of many in one event the model is to blame.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from observer_rt.estimation.predictor import Window
+
+SHORTEST, LONGEST = 8, 64  # samples of a stretch
+BETTER = 40.0  # chi2 by which a constant must beat the model
+JUMP = 5.0  # standard deviations by which the value jumps when it is let go
+MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen
+MOST_STRETCHES = 3  # in an event
+SPIKE = 6.0  # standard deviations of the innovations
+REACH = 3  # samples on either side of a spike
+DEVIATION = 1.4826  # standard deviation of normal numbers over their median absolute deviation
+MOST_SPIKES = 12  # samples in an event
+REMEMBERED = 6  # events
+RECURS = 3  # of these, with a stretch at the same place
+SAME_PLACE = 8  # samples
+SAME_LEVEL = 3.0  # standard deviations, as is what counts as the highest or lowest value
+
+
+@dataclass(frozen=True)
+class Sigmas:
+    """Standard deviations, in units of p_0: of the innovations, and of the line pressure's noise."""
+
+    innovation: float
+    noise: float
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Samples [start, end) of a window at which y stays at a level, in units of p_0; is_extreme: none goes beyond it."""
+
+    start: int
+    end: int
+    level: float
+    is_extreme: bool
+
+
+class OutlierSearch:
+    """Looks for outliers in event after event, and remembers where there were some."""
+
+    def __init__(self) -> None:
+        self._recent: deque[tuple[tuple[int, float], ...]] = deque(maxlen=REMEMBERED)
+
+    def masked(
+        self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+    ) -> NDArray[np.bool_] | None:
+        """What to mask (n,), with what is masked already, by innovations (n,) from sample `first` on; None: no more."""
+        before = _mask_of(window)
+        mask = before.copy()
+        stretches = frozen_stretches(window, innovations, sigmas, first)
+        if len(stretches) <= MOST_STRETCHES:
+            for stretch in stretches:
+                if not self._is_true(window, stretch, sigmas):
+                    mask[max(stretch.start - (stretch.end - stretch.start) // MARGIN, 0) : stretch.end] = True
+        spikes = spiked_samples(np.where(mask, 0.0, innovations), sigmas.innovation, first)
+        if spikes.size <= MOST_SPIKES:
+            mask[spikes] = True
+        return mask if (mask & ~before).any() else None
+
+    def is_clipped_after(
+        self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+    ) -> bool:
+        """Take in a fitted event; whether its line pressure is clipped, as in events before."""
+        stretches = frozen_stretches(window, innovations, sigmas, first)
+        is_clipped = any(s.is_extreme and self._recurs_at(s.level, sigmas) for s in stretches)
+        self._recent.append(tuple((s.start - window.opening, s.level) for s in stretches))
+        return is_clipped
+
+    def _is_true(self, window: Window, stretch: Stretch, sigmas: Sigmas) -> bool:
+        """Whether a stretch is no outlier, but what is there or all that the sensor can show."""
+        place = stretch.start - window.opening
+        alike = sum(any(abs(place - there) <= SAME_PLACE for there, _ in event) for event in self._recent)
+        return alike + 1 >= RECURS or (stretch.is_extreme and self._recurs_at(stretch.level, sigmas))
+
+    def _recurs_at(self, level: float, sigmas: Sigmas) -> bool:
+        close = SAME_LEVEL * sigmas.noise
+        return any(abs(level - other) <= close for event in self._recent for _, other in event)
+
+
+def frozen_stretches(
+    window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+) -> Sequence[Stretch]:
+    """Where a constant explains y much better than the model does by its innovations (n,), and y then jumps."""
+    y, mask = window.output, _mask_of(window)
+    jump = JUMP * sigmas.innovation
+    ends = np.flatnonzero(np.abs(np.diff(innovations)) > jump) + 1
+    sums, squares = (np.concatenate(([0.0], np.cumsum(v))) for v in (y - y[0], (y - y[0]) ** 2))
+    explained = np.concatenate(([0.0], np.cumsum((innovations / sigmas.innovation) ** 2)))
+    found: list[Stretch] = []
+    for end in ends:
+        lengths = np.arange(SHORTEST, min(LONGEST, end - max(first, found[-1].end if found else 0)) + 1)
+        if lengths.size == 0:
+            continue
+        starts = end - lengths
+        means = (sums[end] - sums[starts]) / lengths
+        constant = (squares[end] - squares[starts] - lengths * means**2) / sigmas.noise**2
+        better = explained[end] - explained[starts] - constant
+        best = int(np.argmax(better))
+        start, level = int(starts[best]), float(means[best] + y[0])
+        if better[best] < BETTER or abs(y[end] - level) < jump or mask[start:end].any():
+            continue
+        beyond = SAME_LEVEL * sigmas.noise
+        lowest, highest = (float(v) for v in np.partition(y, (2, -3))[[2, -3]])
+        found.append(Stretch(start, int(end), level, not lowest + beyond < level < highest - beyond))
+    return found
+
+
+def spiked_samples(innovations: NDArray[np.float64], sigma: float, first: int) -> NDArray[np.int64]:
+    """Numbers of the innovations (n,), from `first` on, that stand out among their neighbours."""
+    large = np.flatnonzero(np.abs(innovations) > SPIKE * sigma)
+    large = large[(large >= max(first, REACH)) & (large < len(innovations) - REACH)]
+    if large.size == 0:
+        return large
+    around = sliding_window_view(innovations, 2 * REACH + 1)[large - REACH]
+    middle = np.median(around, axis=1)
+    spread = DEVIATION * np.median(np.abs(around - middle[:, None]), axis=1)
+    return large[np.abs(innovations[large] - middle) > SPIKE * np.maximum(sigma, spread)]
+
+
+def _mask_of(window: Window) -> NDArray[np.bool_]:
+    return window.masked if len(window.masked) else np.zeros(len(window.output), np.bool_)

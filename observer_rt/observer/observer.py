@@ -229,7 +229,7 @@ def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:
     row that could not be tested, though its samples were to be trusted, ends what was known.
     """
     is_untested = judgement is Reason.NOT_JUDGED
-    memory["doubtful_events"] += event["doubtful"] or is_untested
+    memory["doubtful_events"] += bool(event["doubtful"]) or is_untested
     if not is_untested:
         memory["untested"] = 0
         memory["judgement"] = judgement

@@ -135,8 +135,7 @@ class Learner:
         self._events += 1
         self._statistics = pooled(self._statistics, statistics)
         doubts = []
-        if self._outliers.is_clipped_after(window, fit.innovations, self._sigmas, cost.burn_in):
-            doubts.append(Reason.INPUT_CLIPPED)
+        is_clipped = self._outliers.is_clipped_after(window, fit.innovations, self._sigmas, cost.burn_in)
         if self._lag_doubt.is_no_lag_after(lag):
             doubts.append(Reason.TIME_BASE)
         if fit.contradicts:
@@ -148,6 +147,9 @@ class Learner:
             return self._frozen(window, in_force)
         adoption = Adoption.ADOPTED if better else Adoption.REJECTED
         outcome = self._outcome(adoption, window, in_force, doubts)
+        if is_clipped:  # that is why, if anything else speaks against it
+            clipped = Objection(Reason.INPUT_CLIPPED)
+            outcome = replace(outcome, objections=(clipped, *outcome.objections))
         because = self._mistrust.after(outcome.objections)
         if because is not None:
             nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))

@@ -27,6 +27,9 @@ MOST_SPIKES = 12  # samples in an event
 REMEMBERED = 6  # events
 RECURS = 3  # of these, with a stretch at the same place
 SAME_PLACE = 8  # samples
+END_SAMPLES = 24  # whose mean is the lowest or highest of an event
+SAME_END = 0.75  # standard deviations of a sample: at other rail pressures they differ by many
+OTHER_POINT = 40.0
 SAME_LEVEL = 3.0  # standard deviations, as is what counts as the highest or lowest value
 
 
@@ -40,7 +43,7 @@ class Sigmas:
 
 @dataclass(frozen=True)
 class Stretch:
-    """Samples [start, end) of a window at which y stays at a level, in units of p_0; is_extreme: none goes beyond it."""
+    """Samples [start, end) of a window at which y stays at a level [p_0]; is_extreme: none goes beyond it."""
 
     start: int
     end: int
@@ -48,16 +51,28 @@ class Stretch:
     is_extreme: bool
 
 
+@dataclass(frozen=True)
+class _Event:
+    """What is remembered of one: places, from its opening on, and levels of stretches; rail pressure; `ends_of`."""
+
+    stretches: tuple[tuple[int, float], ...]
+    rail_pressure: float
+    ends: tuple[float, float]
+
+
 class OutlierSearch:
     """Looks for outliers in event after event, and remembers where there were some."""
 
     def __init__(self) -> None:
-        self._recent: deque[tuple[tuple[int, float], ...]] = deque(maxlen=REMEMBERED)
+        self._recent: deque[_Event] = deque(maxlen=REMEMBERED)
 
     def masked(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
     ) -> NDArray[np.bool_] | None:
-        """What to mask (n,), with what is masked already, by innovations (n,) from sample `first` on; None: no more."""
+        """What to mask (n,), with what is masked already; None: no more than that.
+
+        innovations: (n,), of which those before sample `first` do not count.
+        """
         before = _mask_of(window)
         mask = before.copy()
         stretches = frozen_stretches(window, innovations, sigmas, first)
@@ -73,21 +88,36 @@ class OutlierSearch:
     def is_clipped_after(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
     ) -> bool:
-        """Take in a fitted event; whether its line pressure is clipped, as in events before."""
+        """Take in a fitted event; whether its line pressure goes as far as at other rail pressures: it is clipped."""
         stretches = frozen_stretches(window, innovations, sigmas, first)
-        is_clipped = any(s.is_extreme and self._recurs_at(s.level, sigmas) for s in stretches)
-        self._recent.append(tuple((s.start - window.opening, s.level) for s in stretches))
-        return is_clipped
+        places = tuple((s.start - window.opening, s.level) for s in stretches)
+        event = _Event(places, float(window.inputs[window.opening, 0]), ends_of(window.output))
+        self._recent.append(event)
+        return any(self._is_end_of_range(event, end, sigmas) for end in range(2))
+
+    def _is_end_of_range(self, event: _Event, end: int, sigmas: Sigmas) -> bool:
+        close = SAME_END * sigmas.noise
+        alike = [e.rail_pressure for e in self._recent if abs(e.ends[end] - event.ends[end]) < close]
+        return len(alike) >= RECURS and max(alike) - min(alike) > OTHER_POINT * sigmas.noise
 
     def _is_true(self, window: Window, stretch: Stretch, sigmas: Sigmas) -> bool:
         """Whether a stretch is no outlier, but what is there or all that the sensor can show."""
         place = stretch.start - window.opening
-        alike = sum(any(abs(place - there) <= SAME_PLACE for there, _ in event) for event in self._recent)
+        alike = sum(
+            any(abs(place - there) <= SAME_PLACE for there, _ in event.stretches) for event in self._recent
+        )
         return alike + 1 >= RECURS or (stretch.is_extreme and self._recurs_at(stretch.level, sigmas))
 
     def _recurs_at(self, level: float, sigmas: Sigmas) -> bool:
         close = SAME_LEVEL * sigmas.noise
-        return any(abs(level - other) <= close for event in self._recent for _, other in event)
+        return any(abs(level - other) <= close for event in self._recent for _, other in event.stretches)
+
+
+def ends_of(output: NDArray[np.float64]) -> tuple[float, float]:
+    """Lowest and highest mean of y (n,) over some neighbours."""
+    sums = np.concatenate(([0.0], np.cumsum(output)))
+    means = (sums[END_SAMPLES:] - sums[:-END_SAMPLES]) / END_SAMPLES
+    return float(means.min()), float(means.max())
 
 
 def frozen_stretches(

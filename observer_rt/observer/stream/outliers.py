@@ -29,52 +29,64 @@ _MASK = RING - 1
 _NONE, _FROZEN, _CLIPPED = int(Doubt.NONE), int(Doubt.FROZEN), int(Doubt.CLIPPED)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def inspect(observer: Observer, position: int) -> int:
     """Look at a sample as it is received, and at those before it; why it is not to be trusted (`Doubt`)."""
+    memory = observer.memory[0]
     row = observer.ring[position & _MASK]
-    if row.interpolated or row.broken != 0:
-        return _NONE
-    doubt = max(
-        _inspect_channel(observer, position, LINE, row.line_pressure),
-        _inspect_channel(observer, position, LIFT, row.needle_lift),
-    )
-    if observer.constants.rail_every <= 1.0:  # else most of its values are made up
-        doubt = max(doubt, _inspect_channel(observer, position, RAIL, row.rail_pressure))
-    return int(doubt)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _inspect_channel(observer: Observer, position: int, number: int, value: float) -> int:
-    """The same of one channel; what is usual takes no time."""
-    channel = observer.memory[0].channels[number]
-    last = channel.last
-    channel.last = value
     doubt = _NONE
-    if value == last or channel.bridged > 0:
-        doubt = _repeated(observer, position, number, value, value == last)
-    elif channel.run > 0:
-        channel.run = 0
-    if number != LIFT:  # a needle leaves its seat as suddenly as a spike does
-        if abs(value - last) > STEP * channel.noise:
-            channel.stepped = position
-        if position - channel.stepped < 2 * REACH:
-            _mend(observer, position - REACH, number)
+    if not row.interpolated and row.broken == 0:
+        if _is_odd(memory.channels[LINE], position, row.line_pressure):
+            doubt = _look(observer, position, LINE, row.line_pressure)
+        if _is_odd(memory.channels[LIFT], position, row.needle_lift):
+            doubt = max(doubt, _look(observer, position, LIFT, row.needle_lift))
+        # of a slower rail pressure most values are made up
+        is_fast = observer.constants.rail_every <= 1.0
+        if is_fast and _is_odd(memory.channels[RAIL], position, row.rail_pressure):
+            doubt = max(doubt, _look(observer, position, RAIL, row.rail_pressure))
     return doubt
 
 
-@njit(cache=True, nogil=True)
-def accepted(observer: Observer, innovation: float) -> bool:
-    """Whether an innovation of x~ [p_0] may correct it: not where it leaps, for as long as may be bridged."""
-    memory = observer.memory[0]
+@njit(cache=True, nogil=True, inline="always")
+def _is_odd(channel, position: int, value: float) -> bool:  # type: ignore[no-untyped-def]
+    """Take in a value of a channel; whether there is more to be done than for most of them."""
+    last = channel.last
+    channel.last = value
+    if value == last:
+        channel.run += 1
+        channel.repeats += 1
+        return bool(channel.run == 1 or channel.run >= channel.needed or channel.bridged > 0)
+    channel.run = 0
+    if abs(value - last) > STEP * channel.noise:
+        channel.stepped = position
+    return bool(channel.bridged > 0 or position - channel.stepped < 2 * REACH)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def accepted(memory, longest: int, innovation: float) -> bool:  # type: ignore[no-untyped-def]
+    """Whether an innovation of x~ [p_0] may correct it: not where it leaps, for `longest` samples at most."""
     leap = innovation - memory.accepted_innovation
     is_leap = leap * leap * memory.innovation_weight > LEAP * LEAP
-    if is_leap and memory.synchronised and memory.leaping < observer.constants.timing.bridge:
+    if is_leap and memory.synchronised and memory.leaping < longest:
         memory.leaping += 1
-        return False
-    memory.accepted_innovation = innovation
-    memory.leaping = 0
-    return True
+    else:
+        memory.accepted_innovation = innovation
+        memory.leaping = 0
+    return bool(memory.leaping == 0)
+
+
+@njit(cache=True, nogil=True)
+def _look(observer: Observer, position: int, number: int, value: float) -> int:
+    """Do what is to be done about a channel whose value at a position is odd; its `Doubt`."""
+    channel = observer.memory[0].channels[number]
+    if channel.run > 0:
+        _follow_run(observer, position, number, value)
+    elif channel.bridged > 0:
+        channel.bridged -= 1
+    # a needle leaves its seat as suddenly as a spike does
+    if number != LIFT and position - channel.stepped < 2 * REACH:
+        _mend(observer, position - REACH, number)
+    return int(_doubt(channel, number, observer.constants.timing.bridge))
 
 
 @njit(cache=True, nogil=True)
@@ -98,21 +110,15 @@ def _replace(row, channel: int, value: float) -> None:  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def _repeated(observer: Observer, position: int, number: int, value: float, is_repeat: bool) -> int:
-    """Follow a channel that has the value of the sample before, or lately was bridged; its `Doubt`."""
-    memory = observer.memory[0]
-    channel = memory.channels[number]
+def _follow_run(observer: Observer, position: int, number: int, value: float) -> None:
+    """A channel has the value of the sample before: bridge it, once that is no chance."""
+    channel = observer.memory[0].channels[number]
     longest = observer.constants.timing.bridge
-    if not is_repeat:
-        channel.run = 0
-        channel.bridged -= 1
-        return _doubt(channel, number, longest)
-    channel.run += 1
     if channel.run == 1:
         _note_run(observer, position, number, value)
     if channel.run < channel.needed or channel.needed > longest:
-        channel.repeats += 1
-        return _doubt(channel, number, longest)
+        return
+    channel.repeats -= 1
     if channel.run == channel.needed:
         channel.is_clipped = value == channel.held and not channel.is_dropout
         channel.held = value
@@ -120,7 +126,6 @@ def _repeated(observer: Observer, position: int, number: int, value: float, is_r
             _bridge(observer, position - 1 - k, number)
     _bridge(observer, position, number)
     channel.bridged = min(channel.bridged, 2 * longest + 1)
-    return _doubt(channel, number, longest)
 
 
 @njit(cache=True, nogil=True)

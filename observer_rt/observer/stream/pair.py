@@ -115,7 +115,7 @@ def step_pair(observer: Observer, position: int) -> bool:
     if _is_measured(observer, position):
         y = observer.ring[(position + constants.sensor.late) & _MASK].line_pressure
         innovation = y - memory.offset - shown
-        if accepted(observer, innovation):
+        if accepted(memory, constants.timing.bridge, innovation):
             row.innovation = innovation
             watch(observer, innovation, row.doubt)
     gain = observer.gains[min(memory.since_start, observer.gains.shape[0] - 1)]

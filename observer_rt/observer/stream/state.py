@@ -103,7 +103,7 @@ EVENT = np.dtype(
         ("window_end", np.int64),
         ("opening", np.int64),
         ("learnable", np.bool_),
-        ("doubtful", np.bool_),  # it has samples that are not to be trusted
+        ("doubtful", np.int8),  # Reason its samples are not to be trusted, 0 when they are
         *_STANDSTILL,  # up to the event's end
     ],
     align=True,
@@ -188,7 +188,7 @@ _OBSERVER = [
     ("shut_since", np.int64),  # index of the first closed sample
     ("in_event", np.bool_),
     ("event_learnable", np.bool_),
-    ("event_doubtful", np.bool_),
+    ("event_doubtful", np.int8),  # Reason
     ("event_number", np.int64),
     ("event_opening", np.int64),
     # the part of a ramp that a lift recorded too low does not show

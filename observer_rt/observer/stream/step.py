@@ -239,11 +239,11 @@ def _mark(observer: Observer, position: int) -> None:
     elif row.doubt != _NO_DOUBT:
         row.reason = row.doubt
         memory.event_learnable = False
-        memory.event_doubtful = True
+        memory.event_doubtful = row.reason
     elif memory.doubted != _NO_REASON:
         row.reason = memory.doubted
         memory.event_learnable = False
-        memory.event_doubtful = True
+        memory.event_doubtful = row.reason
     elif memory.events_judged - memory.doubtful_events < observer.constants.events_required:
         row.reason = _TOO_FEW_EVENTS
     elif memory.judgement != _NO_REASON:

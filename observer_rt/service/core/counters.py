@@ -34,6 +34,13 @@ class Counters:
     missing_injections: int
     uncommanded_injections: int
 
+    @property
+    def outliers(self) -> str:
+        """Spikes and bridged values, in words; empty: there were none."""
+        if not self.spikes and not self.bridged_samples:
+            return ""
+        return f"{self.spikes} spikes replaced, {self.bridged_samples} values of frozen or missing inputs bridged"
+
     def since(self, earlier: "Counters") -> "Counters":
         """What was counted since an earlier look."""
         return Counters(**{name: count - getattr(earlier, name) for name, count in vars(self).items()})

@@ -147,7 +147,7 @@ class Learner:
             return self._frozen(window, in_force)
         adoption = Adoption.ADOPTED if better else Adoption.REJECTED
         outcome = self._outcome(adoption, window, in_force, doubts)
-        if is_clipped:  # that is why, if anything else speaks against it
+        if is_clipped and outcome.objections:  # that is why
             clipped = Objection(Reason.INPUT_CLIPPED)
             outcome = replace(outcome, objections=(clipped, *outcome.objections))
         because = self._mistrust.after(outcome.objections)

@@ -1,8 +1,8 @@
-"""Outliers that only the model shows: stretches in which a line pressure was held before noise came on it, and spikes.
+"""Outliers that only the model shows: a line pressure that was held before noise came on it, and spikes.
 
-What is found is masked (`Window.masked`), and the event fitted again. A stretch that may well be the truth is not: one
-at the event's highest or lowest level, if that recurs, is clipped; one at the same place in event after event is what
-the injector does; and of many in one event the model is to blame.
+What is found is masked (`Window.masked`), and the event fitted again. A stretch that may be the truth is not: one
+at the event's highest or lowest level, if that recurs, is clipped; one at the same place in event after event is
+what the injector does; and of many in one event the model is to blame.
 """
 
 from collections import deque
@@ -24,11 +24,13 @@ SPIKE = 6.0  # standard deviations of the innovations
 REACH = 3  # samples on either side of a spike
 DEVIATION = 1.4826  # standard deviation of normal numbers over their median absolute deviation
 MOST_SPIKES = 12  # samples in an event
-REMEMBERED = 6  # events
+REMEMBERED = 6  # events, of stretches
+ENDS_REMEMBERED = 12  # events
 RECURS = 3  # of these, with a stretch at the same place
 SAME_PLACE = 8  # samples
-END_SAMPLES = 24  # whose mean is the lowest or highest of an event
-SAME_END = 0.75  # standard deviations of a sample: at other rail pressures they differ by many
+END_SAMPLES = 16  # whose mean is the lowest or highest of an event
+FLAT = 30.0  # chi2 of a constant that is one, to 1 %
+SAME_END = 1.0  # standard deviations of a sample: at other rail pressures they differ by many
 OTHER_POINT = 40.0
 SAME_LEVEL = 3.0  # standard deviations, as is what counts as the highest or lowest value
 
@@ -52,19 +54,28 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class _Event:
-    """What is remembered of one: places, from its opening on, and levels of stretches; rail pressure; `ends_of`."""
+class End:
+    """How low or high the line pressure goes in an event, and whether it stays there as the model does not say."""
 
-    stretches: tuple[tuple[int, float], ...]
+    level: float
+    is_flat: bool
+
+
+@dataclass(frozen=True)
+class _Event:
+    """Both ends of the line pressure in an event, and its rail pressure."""
+
     rail_pressure: float
-    ends: tuple[float, float]
+    ends: tuple[End, End]
 
 
 class OutlierSearch:
     """Looks for outliers in event after event, and remembers where there were some."""
 
     def __init__(self) -> None:
-        self._recent: deque[_Event] = deque(maxlen=REMEMBERED)
+        # of stretches: places, from the event's opening on, and levels
+        self._stretches: deque[tuple[tuple[int, float], ...]] = deque(maxlen=REMEMBERED)
+        self._ends: deque[_Event] = deque(maxlen=ENDS_REMEMBERED)
 
     def masked(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
@@ -90,34 +101,43 @@ class OutlierSearch:
     ) -> bool:
         """Take in a fitted event; whether its line pressure goes as far as at other rail pressures: it is clipped."""
         stretches = frozen_stretches(window, innovations, sigmas, first)
-        places = tuple((s.start - window.opening, s.level) for s in stretches)
-        event = _Event(places, float(window.inputs[window.opening, 0]), ends_of(window.output))
-        self._recent.append(event)
+        self._stretches.append(tuple((s.start - window.opening, s.level) for s in stretches))
+        event = _Event(float(window.inputs[window.opening, 0]), ends_of(window, innovations, sigmas))
+        self._ends.append(event)
         return any(self._is_end_of_range(event, end, sigmas) for end in range(2))
 
-    def _is_end_of_range(self, event: _Event, end: int, sigmas: Sigmas) -> bool:
-        close = SAME_END * sigmas.noise
-        alike = [e.rail_pressure for e in self._recent if abs(e.ends[end] - event.ends[end]) < close]
-        return len(alike) >= RECURS and max(alike) - min(alike) > OTHER_POINT * sigmas.noise
+    def _is_end_of_range(self, event: _Event, number: int, sigmas: Sigmas) -> bool:
+        """Whether the line pressure goes as far in other events, and stays there or does so at any pressure."""
+        end, close = event.ends[number], SAME_END * sigmas.noise
+        alike = [e.rail_pressure for e in self._ends if abs(e.ends[number].level - end.level) < close]
+        is_general = max(alike) - min(alike) > OTHER_POINT * sigmas.noise
+        return len(alike) >= RECURS and (end.is_flat or is_general)
 
     def _is_true(self, window: Window, stretch: Stretch, sigmas: Sigmas) -> bool:
         """Whether a stretch is no outlier, but what is there or all that the sensor can show."""
         place = stretch.start - window.opening
-        alike = sum(
-            any(abs(place - there) <= SAME_PLACE for there, _ in event.stretches) for event in self._recent
-        )
+        alike = sum(any(abs(place - there) <= SAME_PLACE for there, _ in event) for event in self._stretches)
         return alike + 1 >= RECURS or (stretch.is_extreme and self._recurs_at(stretch.level, sigmas))
 
     def _recurs_at(self, level: float, sigmas: Sigmas) -> bool:
         close = SAME_LEVEL * sigmas.noise
-        return any(abs(level - other) <= close for event in self._recent for _, other in event.stretches)
+        return any(abs(level - other) <= close for event in self._stretches for _, other in event)
 
 
-def ends_of(output: NDArray[np.float64]) -> tuple[float, float]:
-    """Lowest and highest mean of y (n,) over some neighbours."""
-    sums = np.concatenate(([0.0], np.cumsum(output)))
-    means = (sums[END_SAMPLES:] - sums[:-END_SAMPLES]) / END_SAMPLES
-    return float(means.min()), float(means.max())
+def ends_of(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas) -> tuple[End, End]:
+    """Lowest and highest mean of y over some neighbours, with the innovations (n,) of the model there."""
+    around = sliding_window_view(window.output, END_SAMPLES)
+    means = around.mean(axis=1)
+    lowest, highest = (_end_at(window, innovations, sigmas, int(k)) for k in (means.argmin(), means.argmax()))
+    return lowest, highest
+
+
+def _end_at(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> End:
+    stretch = slice(first, first + END_SAMPLES)
+    y = window.output[stretch]
+    constant = float(np.sum((y - y.mean()) ** 2)) / sigmas.noise**2
+    model = float(np.sum(innovations[stretch] ** 2)) / sigmas.innovation**2
+    return End(float(y.mean()), constant < FLAT and model - constant > BETTER)
 
 
 def frozen_stretches(

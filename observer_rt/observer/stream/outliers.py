@@ -32,17 +32,17 @@ _NONE, _FROZEN, _CLIPPED = int(Doubt.NONE), int(Doubt.FROZEN), int(Doubt.CLIPPED
 @njit(cache=True, nogil=True, inline="always")
 def inspect(observer: Observer, position: int) -> int:
     """Look at a sample as it is received, and at those before it; why it is not to be trusted (`Doubt`)."""
-    memory = observer.memory[0]
+    channels = observer.memory[0].channels
     row = observer.ring[position & _MASK]
     doubt = _NONE
     if not row.interpolated and row.broken == 0:
-        if _is_odd(memory.channels[LINE], position, row.line_pressure):
+        if _is_odd(channels[LINE], position, row.line_pressure):
             doubt = _look(observer, position, LINE, row.line_pressure)
-        if _is_odd(memory.channels[LIFT], position, row.needle_lift):
+        if _is_odd(channels[LIFT], position, row.needle_lift):
             doubt = max(doubt, _look(observer, position, LIFT, row.needle_lift))
         # of a slower rail pressure most values are made up
         is_fast = observer.constants.rail_every <= 1.0
-        if is_fast and _is_odd(memory.channels[RAIL], position, row.rail_pressure):
+        if is_fast and _is_odd(channels[RAIL], position, row.rail_pressure):
             doubt = max(doubt, _look(observer, position, RAIL, row.rail_pressure))
     return doubt
 
@@ -54,12 +54,14 @@ def _is_odd(channel, position: int, value: float) -> bool:  # type: ignore[no-un
     channel.last = value
     if value == last:
         channel.run += 1
-        channel.repeats += 1
-        return bool(channel.run == 1 or channel.run >= channel.needed or channel.bridged > 0)
-    channel.run = 0
+        return bool(channel.run == 1 or channel.run >= channel.needed or position < channel.until)
+    if channel.run > 0:
+        if channel.run < channel.needed:
+            channel.repeats += channel.run
+        channel.run = 0
     if abs(value - last) > STEP * channel.noise:
-        channel.stepped = position
-    return bool(channel.bridged > 0 or position - channel.stepped < 2 * REACH)
+        channel.until = position + 2 * REACH
+    return bool(position < channel.until)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -83,8 +85,9 @@ def _look(observer: Observer, position: int, number: int, value: float) -> int:
         _follow_run(observer, position, number, value)
     elif channel.bridged > 0:
         channel.bridged -= 1
-    # a needle leaves its seat as suddenly as a spike does
-    if number != LIFT and position - channel.stepped < 2 * REACH:
+    if channel.bridged > 0:
+        channel.until = max(channel.until, position + 2)
+    if number != LIFT:  # a needle leaves its seat as suddenly as a spike does
         _mend(observer, position - REACH, number)
     return int(_doubt(channel, number, observer.constants.timing.bridge))
 
@@ -118,7 +121,6 @@ def _follow_run(observer: Observer, position: int, number: int, value: float) ->
         _note_run(observer, position, number, value)
     if channel.run < channel.needed or channel.needed > longest:
         return
-    channel.repeats -= 1
     if channel.run == channel.needed:
         channel.is_clipped = value == channel.held and not channel.is_dropout
         channel.held = value

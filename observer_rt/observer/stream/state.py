@@ -113,7 +113,7 @@ CHANNEL = np.dtype(
     [
         ("noise", np.float64),  # standard deviation of a sample, as normalised as it is
         ("last", np.float64),  # value as it came
-        ("stepped", np.int64),  # position of the last sample that differs much from the one before
+        ("until", np.int64),  # position before which every sample is looked at
         ("run", np.int64),  # samples in a row with the value of the one before
         ("needed", np.int64),  # of them, until it is frozen
         ("is_dropout", np.bool_),  # it leapt there

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from observer_rt.observer.observer import Durations
 from observer_rt.observer.stream.outliers import FEWEST_REPEATS, SPIKE
 from observer_rt.observer.stream.state import LIFT, LINE, RAIL, Reason
-from tests.observer.sample_stream import NOISE, RAIL as PRESSURE, Stream, place, stroke
+from tests.observer.sample_stream import NOISE, Stream, place, stroke
+from tests.observer.sample_stream import RAIL as PRESSURE
 
 COUNT = 6000
 AT = 4000  # where something happens, in a needle long shut
@@ -59,7 +60,8 @@ def test_a_spike_of_up_to_three_samples_is_replaced_by_what_is_beside_it(channel
     _, wanted = observed(clean)
     error = as_recorded(rows, channel) - as_recorded(wanted, channel)
     assert np.abs(error[AT : AT + width]).max() * 100e6 < 5 * NOISE.line_pressure
-    assert not error[:AT].any() and not error[AT + width :].any()
+    assert not error[:AT].any()
+    assert not error[AT + width :].any()
 
 
 def test_what_is_replaced_is_what_the_plain_identifier_finds() -> None:
@@ -117,7 +119,7 @@ def test_beyond_the_bridge_nothing_is_valid_and_then_it_is_back_by_itself(channe
     assert AT + BRIDGE - FEWEST_REPEATS <= frozen[0] <= AT + BRIDGE + 1
     assert frozen[-1] < AT + 300 + 2 * BRIDGE
     assert frozen.size == frozen[-1] - frozen[0] + 1
-    assert rows["valid"][AT - 1] and rows["valid"][AT + 20] and rows["valid"][-1]
+    assert rows["valid"][[AT - 1, AT + 20, -1]].all()
 
 
 def test_the_time_that_is_bridged_is_stated() -> None:

@@ -5,7 +5,7 @@ LINE = frozenset(
     {"CONTRADICTED"}
 )  # "the line pressure has left what the model can do: check sensors, cables"
 OFFSET = frozenset({"PRESSURE_OFFSET", "CONTRADICTED"})
-OUTLIERS = frozenset({"SAMPLES_LOST", "CONTRADICTED"})
+OUTLIERS = frozenset({"SAMPLES_LOST", "CONTRADICTED", "INPUT_FROZEN", "INPUT_CLIPPED"})
 LATE_LINE = frozenset({"TIME_BASE", "SENSOR_LAG"})
 LATE = frozenset({"TIME_BASE"})
 LIFT = frozenset({"LIFT_SENSOR"})  # "check the lift sensor": none of today's says so

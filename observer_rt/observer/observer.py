@@ -20,7 +20,13 @@ from observer_rt.model.stability import substeps_needed
 from observer_rt.observer.learning.adequacy import Innovations, Objection
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
-from observer_rt.observer.stream.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
+from observer_rt.observer.stream.front_end import (
+    confirming_samples,
+    dead_band,
+    ramp_samples,
+    samples_ahead,
+    toe_samples,
+)
 from observer_rt.observer.stream.outliers import SLOWEST_FILTER
 from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
@@ -40,6 +46,7 @@ from observer_rt.observer.stream.state import (
 
 SETTLE = 3 * MILLISECOND
 GOOD = 1 * MILLISECOND
+BOUNCE = 0.3 * MILLISECOND
 WINDOW_LEAD = 0.15 * MILLISECOND
 WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
@@ -89,9 +96,11 @@ def constants_for(
             window_lead=samples(WINDOW_LEAD),
             window_tail=samples(WINDOW_TAIL),
             learning_lead=samples(LEARNING_LEAD),
-            lookahead=max(LOOKAHEAD + toe, sensor.late + REACH),
+            lookahead=max(samples_ahead(interval) + toe, sensor.late + REACH),
             toe=toe,
             ramp=ramp_samples(interval),
+            confirm=confirming_samples(interval),
+            bounce=samples(BOUNCE),
             bridge=samples(durations.bridge),
             filtered=interval <= SLOWEST_FILTER,
         ),
@@ -115,6 +124,10 @@ def make_observer(
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version
     memory["healthy_variance"] = healthy.variance.max()
+    scale = constants.coefficients.pressure_scale
+    noise = knowledge.noise
+    memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
+    memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift)
     _expect(memory, learner.schedule.innovation_sigma)
     _put_in_force(observer, knowledge)
     return observer
@@ -161,7 +174,8 @@ def event_standstill(observer: Observer, number: int) -> Standstill:
     Not what is known when somebody asks: that depends on how many samples a frame carries.
     """
     event = observer.memory[0]["events"][number % PENDING_EVENTS]
-    return standstill_of(event, observer.constants.coefficients.pressure_scale)
+    stated = observer.memory[0]["stated_noise"]
+    return standstill_of(event, observer.constants.coefficients.pressure_scale, stated)
 
 
 def closed_injections(observer: Observer) -> int:
@@ -255,4 +269,3 @@ def _put_in_force(observer: Observer, knowledge: Knowledge) -> None:
     noise = knowledge.noise
     scale = observer.constants.coefficients.pressure_scale
     memory["channels"]["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale
-    memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift)

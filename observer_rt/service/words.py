@@ -119,6 +119,13 @@ REASONS: Mapping[Reason, Words] = {
         "another node sends what only this observer should",
         "stop the other daemon or replay, or give one of them other [outputs]",
     ),
+    Reason.NO_STANDSTILL: Words(
+        "the needle is not shut long enough between injections",
+        "leave 3 ms of shut needle between injections, now and then at least",
+    ),
+    Reason.LIFT_ZERO: Words(
+        "the lift of the shut needle is more than 40 um from zero",
+        "calibrate the needle-lift sensor; see to its mounting and temperature",
     Reason.INPUT_FROZEN: Words(
         "an input kept its value for longer than can be bridged",
         "check sensor, amplifier and the device that samples it; sampling.bridge_ms says how long is bridged",

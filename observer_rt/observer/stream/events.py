@@ -21,6 +21,7 @@ def begin_injection(observer: Observer, position: int) -> None:
     memory = observer.memory[0]
     timing = observer.constants.timing
     row = observer.ring[position & _MASK]
+    memory.opening = position
     if not memory.in_event:
         memory.in_event = True
         memory.event_number += 1
@@ -39,6 +40,31 @@ def begin_injection(observer: Observer, position: int) -> None:
     injection.opening_index = row.index
     injection.opening_seen = position > memory.segment_start
     injection.rail_pressure = row.rail_pressure
+
+
+@njit(cache=True, nogil=True)
+def part_events(observer: Observer, position: int) -> None:
+    """The shut needle is about to open at `position`: an event that has lasted its gap ends here.
+
+    Not while the sac may still be filled: only after a needle that was shut long enough for x^ to follow x~. One that
+    goes on without such a pause ends when it is too long to be learned from.
+    """
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    lasted = position - memory.event_opening
+    is_at_rest = observer.ring[position & _MASK].index - memory.shut_since > timing.settle
+    if memory.in_event and (lasted > MAX_EVENT or (is_at_rest and lasted >= timing.event_gap)):
+        close_event(observer, position - 1)
+
+
+@njit(cache=True, nogil=True)
+def forget_opening(observer: Observer) -> None:
+    """The opening under way, its event's only one, was none."""
+    memory = observer.memory[0]
+    memory.injections_begun -= 1
+    memory.event_number -= 1
+    memory.in_event = False
+    memory.needle_open = False
 
 
 @njit(cache=True, nogil=True)
@@ -85,7 +111,8 @@ def close_event(observer: Observer, position: int) -> None:
     event.difference_count = memory.difference_count
     event.rail_squares = memory.rail_squares
     event.line_squares = memory.line_squares
-    event.lift_squares = memory.lift_squares
+    event.lift_count = memory.lift_count
+    event.lift_variance = memory.lift_variance
 
 
 @njit(cache=True, nogil=True)
@@ -111,9 +138,15 @@ def make_all_due(observer: Observer) -> None:
 
 @njit(cache=True, nogil=True)
 def judgement_due(observer: Observer, index: int) -> bool:
-    """Whether the oldest closed event must be judged before the sample `index`, which is outside every event."""
+    """Whether the oldest closed event must be judged before the sample `index`, at which the needle does not open.
+
+    Outside every event, or where x^ follows x~ or is not available: nothing that is being integrated changes.
+    """
     memory = observer.memory[0]
     if memory.events_taken == memory.events_closed:
+        return False
+    is_at_rest = not memory.needle_open and index - memory.shut_since > observer.constants.timing.settle
+    if memory.in_event and memory.synchronised and not is_at_rest:
         return False
     return bool(memory.events[memory.events_taken % PENDING_EVENTS].due_index <= index)
 

@@ -107,6 +107,7 @@ def _replace(row, channel: int, value: float) -> None:  # type: ignore[no-untype
     if channel == RAIL:
         row.rail_pressure = value
     elif channel == LIFT:
+        row.lift += value - row.needle_lift
         row.needle_lift = value
     else:
         row.line_pressure = value

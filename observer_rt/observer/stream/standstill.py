@@ -5,14 +5,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.observer.stream.state import RING, Observer, Reason
 
-ENOUGH_SAMPLES = 10_000  # of standstill, before measured noise replaces the configured
+ENOUGH_SAMPLES = 256  # of standstill, before measured noise may replace the stated
+MEMORY = 16_384  # squares of which the mean is formed at least; beyond twice as many the older count half
+LIFT_MEMORY = 4_096  # squares the running mean of the lift remembers
+CONTRADICTED = (
+    5.0  # standard deviations of a measured level's logarithm, from which on it replaces the stated
+)
+_SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
 FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 _ORDER = 4  # differences: order 4 leaves the ringing of the line below the noise even at 20 kHz
-_GAIN = 70.0  # sum of squares of 1 4 6 4 1
+DIFFERENCE_GAIN = 70.0  # sum of squares of 1 4 6 4 1
 _NEXT = -56.0  # sum of products of neighbours in 1 -4 6 -4 1
 _TRUSTED = 200  # squares, from which on their mean tells a spike
 _SPIKE = 36.0  # times the mean square: six sigma
@@ -37,7 +44,7 @@ def gather(observer: Observer, position: int) -> None:
         c = observer.ring[(position - 2) & _MASK]
         d = observer.ring[(position - 1) & _MASK]
         count = memory.difference_count
-        memory.rail_squares += _square(
+        memory.rail_squares += square_of_difference(
             a.rail_pressure,
             b.rail_pressure,
             c.rail_pressure,
@@ -47,7 +54,7 @@ def gather(observer: Observer, position: int) -> None:
             count,
             smoothing(row.rail_share),
         )
-        memory.line_squares += _square(
+        memory.line_squares += square_of_difference(
             a.line_pressure,
             b.line_pressure,
             c.line_pressure,
@@ -56,16 +63,11 @@ def gather(observer: Observer, position: int) -> None:
             memory.line_squares,
             count,
         )
-        memory.lift_squares += _square(
-            a.needle_lift,
-            b.needle_lift,
-            c.needle_lift,
-            d.needle_lift,
-            row.needle_lift,
-            memory.lift_squares,
-            count,
-        )
         memory.difference_count += 1
+        if memory.difference_count == 2 * MEMORY:
+            memory.difference_count = MEMORY
+            memory.rail_squares *= 0.5
+            memory.line_squares *= 0.5
 
 
 @njit(cache=True, nogil=True)
@@ -75,11 +77,11 @@ def smoothing(share: float) -> float:
     To the line, which follows slowly, an interpolated pressure is as noisy as its neighbours are.
     """
     kept = 1.0 - share
-    return kept * kept + share * share + 2.0 * kept * share * _NEXT / _GAIN
+    return kept * kept + share * share + 2.0 * kept * share * _NEXT / DIFFERENCE_GAIN
 
 
 @njit(cache=True, nogil=True)
-def _square(
+def square_of_difference(
     a: float, b: float, c: float, d: float, e: float, total: float, count: int, smoothed: float = 1.0
 ) -> float:
     """Square of the fourth difference, a spike's limited to what the `count` squares before make plausible.
@@ -104,20 +106,34 @@ class Standstill:
     noise: NoiseLevels | None  # None until ENOUGH_SAMPLES
 
 
-def standstill_of(record: np.void, pressure_scale: float) -> Standstill:
-    """Read the statistics out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa]."""
+def standstill_of(
+    record: np.void, pressure_scale: float, stated: NDArray[np.float64] | None = None
+) -> Standstill:
+    """Read the statistics out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa].
+
+    stated: levels (3,) of rail and line pressure [p_0] and lift [m] that hold where what was measured does not
+    contradict them: a short standstill tells a level within some percent only.
+    """
     samples = int(record["rest_count"])
     offset = float(record["offset_sum"]) / samples if samples else 0.0
-    count = int(record["difference_count"])
-    if count < ENOUGH_SAMPLES:
+    count, lifts = int(record["difference_count"]), int(record["lift_count"])
+    if count < ENOUGH_SAMPLES or lifts < ENOUGH_SAMPLES:
         return Standstill(samples, offset, None)
+    squares = float(record["rail_squares"]) / count, float(record["line_squares"]) / count
+    measured = [math.sqrt(square / DIFFERENCE_GAIN) for square in squares]
+    measured.append(math.sqrt(float(record["lift_variance"])))
+    if stated is not None:
+        known = zip(measured, stated, (count, count, min(lifts, 2 * LIFT_MEMORY)), strict=True)
+        measured = [_level(level, float(before), squares) for level, before, squares in known]
     noise = NoiseLevels(
-        rail_pressure=max(
-            FLOOR.rail_pressure, pressure_scale * math.sqrt(float(record["rail_squares"]) / count / _GAIN)
-        ),
-        line_pressure=max(
-            FLOOR.line_pressure, pressure_scale * math.sqrt(float(record["line_squares"]) / count / _GAIN)
-        ),
-        needle_lift=max(FLOOR.needle_lift, math.sqrt(float(record["lift_squares"]) / count / _GAIN)),
+        rail_pressure=max(FLOOR.rail_pressure, pressure_scale * measured[0]),
+        line_pressure=max(FLOOR.line_pressure, pressure_scale * measured[1]),
+        needle_lift=max(FLOOR.needle_lift, measured[2]),
     )
     return Standstill(samples, offset, noise)
+
+
+def _level(measured: float, stated: float, squares: int) -> float:
+    """The stated level of a noise, unless the one measured from so many squares contradicts it."""
+    within = math.exp(CONTRADICTED * math.sqrt(_SPREAD / squares))
+    return stated if stated / within <= measured <= stated * within else measured

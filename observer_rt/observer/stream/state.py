@@ -56,6 +56,8 @@ class Reason(IntEnum):
     NOT_JUDGED = 19  # the event could not be tested; after two in a row nothing is known of what follows
     CONTRADICTED = 20  # the innovations have left the model: an input is wrong, or the injector changed
     SECOND_SENDER = 21  # another node sends what only this service should
+    NO_STANDSTILL = 22  # the needle is not shut long enough between injections
+    LIFT_ZERO = 23  # the lift of the shut needle is too far from zero
     INPUT_FROZEN = Doubt.FROZEN  # an input keeps its value for longer than can be bridged
     INPUT_CLIPPED = Doubt.CLIPPED  # an input stays at the end of its range
 
@@ -68,6 +70,7 @@ _SAMPLE = [
     ("line_pressure", np.float64),
     ("lift_after", np.float64),  # share of an interval by which the lift was taken later than the rest
     ("rail_share", np.float64),  # in the rail pressure, of the later one of two neighbours
+    ("lift", np.float64),  # m, the recorded one without what `lift_zero` takes for no motion
     ("interpolated", np.bool_),
     ("broken", np.int8),  # Break
     ("doubt", np.int8),  # Doubt
@@ -92,7 +95,8 @@ _STANDSTILL = [
     ("difference_count", np.int64),
     ("rail_squares", np.float64),
     ("line_squares", np.float64),
-    ("lift_squares", np.float64),
+    ("lift_count", np.int64),
+    ("lift_variance", np.float64),  # m2, of the noise: a running mean
 ]
 
 EVENT = np.dtype(
@@ -153,6 +157,7 @@ _OBSERVER = [
     # positions in the stream of samples: received >= processed
     ("received", np.int64),
     ("processed", np.int64),
+    ("newest_break", np.int64),  # position of the newest sample that does not follow the one before
     ("segment_start", np.int64),  # position of the first sample since the last break
     ("draining", np.bool_),  # no more samples will come: do without look-ahead
     # parameters in force
@@ -191,6 +196,8 @@ _OBSERVER = [
     ("event_doubtful", np.int8),  # Reason
     ("event_number", np.int64),
     ("event_opening", np.int64),
+    ("opening", np.int64),  # position of the last one
+    ("rested", np.int64),  # position of the last sample with the needle long shut
     # the part of a ramp that a lift recorded too low does not show
     ("foot", np.int64),  # position of the first sample whose recorded lift counts
     ("foot_lift", np.float64),  # m, lift at the sample before
@@ -205,7 +212,17 @@ _OBSERVER = [
     ("injections", INJECTION, (INJECTIONS,)),
     ("injections_begun", np.int64),
     ("injections_reported", np.int64),
+    # what the lift shows of a shut needle
+    ("zero", np.float64),  # m, running mean
+    ("zero_count", np.int64),
+    ("spread", np.float64),  # m2, mean square of the lift about it: noise of any colour
+    ("line_mean", np.float64),  # of the line pressure, running as `zero` does
+    ("crosstalk", np.float64),  # m of lift by the line pressure's p_0, as it is taken out; 0: none was found
+    ("crosstalk_count", np.int64),
+    ("swing_squares", np.float64),  # fading sums: of the line pressure about its mean,
+    ("swing_lifts", np.float64),  # and of its products with the lift about its zero
     # statistics of the standstill
+    ("stated_noise", np.float64, (3,)),  # of rail and line pressure [p_0] and lift [m], until it is measured
     ("rest_run", np.int64),
     *_STANDSTILL,
     # outliers
@@ -252,6 +269,8 @@ class Timing(NamedTuple):
     lookahead: int  # samples the observer must know beyond the one in hand
     toe: int  # most samples of an opening ramp that a lift recorded too low does not show
     ramp: int  # samples beyond the first of a ramp from which its slope is taken
+    confirm: int  # samples in a row above the dead band that open the needle
+    bounce: int  # closed needle after which its lift is its zero
     bridge: int  # most samples of a channel that may be missing
     filtered: bool  # samples come fast enough for a spike to be told from the line
 

@@ -10,6 +10,7 @@ from observer_rt.observer.stream.events import (
     follow_injection,
     judgement_due,
     make_all_due,
+    part_events,
 )
 from observer_rt.observer.stream.front_end import (
     area_at,
@@ -21,12 +22,14 @@ from observer_rt.observer.stream.front_end import (
     opens_at,
     shut_area,
 )
+from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, without_zero
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
 from observer_rt.observer.stream.state import MAX_EVENT, RING, Observer, Reason, State
 
 _MASK = RING - 1
+_RESTLESS = MAX_EVENT + RING // 8  # samples without standstill; a needle that is open as long is stuck
 _NONE = int(Break.NONE)
 _JUMP = int(Break.JUMP)
 _RESTART = int(Break.RESTART)
@@ -37,6 +40,8 @@ _JUMPED = int(Reason.JUMPED)
 _NUMERICAL = int(Reason.NUMERICAL)
 _CONTRADICTED = int(Reason.CONTRADICTED)
 _NEEDLE_STUCK = int(Reason.NEEDLE_STUCK)
+_NO_STANDSTILL = int(Reason.NO_STANDSTILL)
+_LIFT_ZERO = int(Reason.LIFT_ZERO)
 _TOO_FEW_EVENTS = int(Reason.TOO_FEW_EVENTS)
 _STARTING = int(State.STARTING)
 _NOMINAL = int(State.RUNNING_NOMINAL)
@@ -72,6 +77,7 @@ def push(
     row.rail_pressure = (true_rail_pressure - c.chamber_pressure) / c.pressure_scale
     row.needle_lift = needle_lift
     row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
+    row.lift = without_zero(observer, memory.received)
     row.lift_after = lift_after
     row.rail_share = rail_share
     row.interpolated = interpolated
@@ -83,6 +89,8 @@ def push(
     if doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
         for position in range(memory.processed, memory.received):
             observer.ring[position & _MASK].doubt = doubt
+    if broken != _NONE:
+        memory.newest_break = memory.received
     memory.received += 1
     if interpolated:
         memory.interpolated += 1
@@ -135,12 +143,13 @@ def _process(observer: Observer, position: int) -> bool:
     if row.broken != _NONE:
         _end_segment(observer, position)
     opens = not memory.needle_open and opens_at(observer, position)
-    if not memory.in_event and not opens and judgement_due(observer, row.index):
+    if not opens and judgement_due(observer, row.index):
         memory.waiting = True
         return False
     if row.broken != _NONE:
         _begin_segment(observer, position)
     _move_needle(observer, position, opens)
+    look_at_start(observer, position)
     row.resting = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.settle
     if row.broken != _NONE:
         start_pair(observer, position)
@@ -150,6 +159,7 @@ def _process(observer: Observer, position: int) -> bool:
     read_out(observer, position)
     _mark(observer, position)
     gather(observer, position)
+    follow_lift(observer, position)
     follow_injection(observer, position)
     return True
 
@@ -173,6 +183,7 @@ def _begin_segment(observer: Observer, position: int) -> None:
         memory.shut_since = row.index
         memory.needle_open = False
     memory.segment_start = position
+    memory.rested = position
     memory.synchronised = False
     memory.unsynchronised_by = row.broken
     memory.breaks += 1
@@ -184,6 +195,7 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
     if opens:
+        part_events(observer, position)
         memory.needle_open = True
         open_from(observer, position)
         begin_injection(observer, position)
@@ -222,9 +234,12 @@ def _settle(observer: Observer, position: int) -> None:
     ):
         memory.synchronised = True
         memory.unsynchronised_by = _NO_REASON
-    if memory.needle_open and position - memory.event_opening > MAX_EVENT:
+    if observer.ring[position & _MASK].resting:
+        memory.rested = position
+    is_stuck = memory.needle_open and position - memory.opening > MAX_EVENT
+    if is_stuck or position - memory.rested > _RESTLESS:
         memory.synchronised = False
-        memory.unsynchronised_by = _NEEDLE_STUCK
+        memory.unsynchronised_by = _NEEDLE_STUCK if is_stuck else _NO_STANDSTILL
         memory.event_learnable = False
 
 
@@ -244,6 +259,9 @@ def _mark(observer: Observer, position: int) -> None:
         row.reason = memory.doubted
         memory.event_learnable = False
         memory.event_doubtful = row.reason
+    elif is_beyond_limit(observer):
+        row.reason = _LIFT_ZERO
+        memory.event_doubtful = row.reason
     elif memory.events_judged - memory.doubtful_events < observer.constants.events_required:
         row.reason = _TOO_FEW_EVENTS
     elif memory.judgement != _NO_REASON:
@@ -258,7 +276,7 @@ def _mark(observer: Observer, position: int) -> None:
         or row.doubt != _NO_DOUBT
         or memory.doubted != _NO_REASON
         or memory.judgement != _NO_REASON
-        or row.reason == _CONTRADICTED
+        or row.reason in (_CONTRADICTED, _LIFT_ZERO)
     ):
         row.state = _DEGRADED
     elif memory.phi_version > 0:

@@ -51,6 +51,7 @@ WINDOW_LEAD = 0.15 * MILLISECOND
 WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
 BRIDGE = 0.5 * MILLISECOND
+SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
 
 
 @dataclass(frozen=True)
@@ -223,7 +224,8 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
     _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
     if outcome is None:
         return
-    _expect(memory, outcome.schedule.innovation_sigma)
+    is_coloured = outcome.knowledge.colour is not None and not outcome.objections
+    _expect(memory, outcome.schedule.innovation_sigma, _at_rest(observer) if is_coloured else None)
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge)
     put_into(observer.phi, outcome.phi)
@@ -231,9 +233,22 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
         memory["phi_version"] += 1
 
 
-def _expect(memory: np.void, innovation_sigma: float) -> None:
+def _expect(memory: np.void, innovation_sigma: float, at_rest: float | None = None) -> None:
+    """What innovations are to be like; at_rest: mean square of coloured ones with the needle shut.
+
+    What is slow does not average out in the watch's mean of squares: it may be SLOW_PEAK times its own mean.
+    """
+    white = innovation_sigma**2 * memory["healthy_variance"]
+    slow = 0.0 if at_rest is None else max(at_rest - white, 0.0)
     memory["innovation_sigma"] = innovation_sigma
-    memory["innovation_weight"] = 1.0 / (innovation_sigma**2 * memory["healthy_variance"])
+    memory["innovation_weight"] = 1.0 / (white + SLOW_PEAK * slow)
+
+
+def _at_rest(observer: Observer) -> float:
+    """Mean square of the innovations of the samples at rest that are remembered."""
+    processed = int(observer.memory["processed"][0])
+    rows = observer.ring[:processed]
+    return float(np.mean(rows["innovation"][rows["resting"]] ** 2))
 
 
 def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:

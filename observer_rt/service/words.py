@@ -126,6 +126,7 @@ REASONS: Mapping[Reason, Words] = {
     Reason.LIFT_ZERO: Words(
         "the lift of the shut needle is more than 40 um from zero",
         "calibrate the needle-lift sensor; see to its mounting and temperature",
+    ),
     Reason.INPUT_FROZEN: Words(
         "an input kept its value for longer than can be bridged",
         "check sensor, amplifier and the device that samples it; sampling.bridge_ms says how long is bridged",

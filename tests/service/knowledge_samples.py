@@ -10,6 +10,8 @@ from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.estimation.whitening import Whitening
+from observer_rt.observer.learning.colour import ORDERS, Colour
 from observer_rt.observer.learning.knowledge import Knowledge
 
 PRESSURE_SCALE = 1e8  # Pa
@@ -30,6 +32,14 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         events=events,
         statistics=PhaseStatistics(
             *(random.uniform(0.0, 1e4, sums.shape) for sums in vars(no_statistics()).values())
+        ),
+        colour=Colour(
+            Whitening(
+                forgetting=random.choice([None, 0.96]),
+                taps=random.normal(size=random.integers(ORDERS)),
+                level=float(random.uniform(0.5, 2.0)),
+            ),
+            interval=1e-5,
         ),
     )
 

@@ -30,6 +30,7 @@ from observer_rt.observer.learning.adequacy import (
     pooled,
     tempering,
 )
+from observer_rt.observer.learning.colour import SEGMENT, Colour, OffsetSince, RestingNoise, resting_segments
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.indicators import nozzle_change
@@ -78,6 +79,9 @@ class Learner:
         self._noise = knowledge.noise
         self._events = knowledge.events
         self._statistics = knowledge.statistics
+        self._colour = knowledge.colour_at(constants.interval)
+        self._at_rest = RestingNoise(constants.interval)
+        self._offset_since = OffsetSince()
         self._schedule = self._gains()
         self._previous: tuple[Window, Constants] | None = None
         self._freezer = Freezer()
@@ -114,16 +118,22 @@ class Learner:
         self._schedule = self._gains()
         try:
             prior = self._prior(standstill)
-            window = self._without_outliers(window)
-            cost = self._cost(window)
-            fit = self._fit(cost, prior)
+            offset = self._offset_since.after(standstill)
+            window = self._without_outliers(window, offset)
+            cost, fit = self._fitted(window, prior, offset)
             if fit is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
             mask = self._mask(window, fit.innovations)
             if mask is not None:
                 window = window._replace(masked=mask)
-                cost = self._cost(window)
+                cost = self._cost(window, offset)
                 fit = self._refit(cost, fit)
+            found = self._colour_after(window, fit)
+            if self._colour is None and found is not None:
+                self._colour, self._trend = found, Trend()
+                cost, fit = self._fitted(window, prior, offset)
+                if fit is None:
+                    return self._outcome(Adoption.FAILED, window, in_force)
             innovations = Innovations(fit.innovations, self._schedule.innovation_sigma)
             statistics = event_statistics(window, innovations, self._constants.interval, self._healthy)
             wide = self._scalars.prior(self._scale)
@@ -132,6 +142,7 @@ class Learner:
             self._take_in(fit, tempering(statistics))
         except np.linalg.LinAlgError:
             return self._outcome(Adoption.FAILED, window, in_force)
+        self._colour = found
         self._events += 1
         self._statistics = pooled(self._statistics, statistics)
         doubts = []
@@ -172,6 +183,34 @@ class Learner:
         self._theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
         return replace(self._belief, mean=mean)
 
+    def _fitted(
+        self, window: Window, prior: Belief, offset: float | None
+    ) -> tuple[EventCost, EventFit | None]:
+        """An event's cost, and its fit; offset [p_0]: at rest before it."""
+        cost = self._cost(window, offset)
+        return cost, self._fit(cost, prior)
+
+    def _cost(self, window: Window, offset: float | None) -> EventCost:
+        """An event's cost with the colour in use."""
+        return EventCost(
+            window,
+            self._setting(),
+            self._schedule.innovation_sigma,
+            self._burn_in,
+            self._scalars,
+            None if self._colour is None else self._colour.whitening,
+            offset,
+        )
+
+    def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:
+        """The colour of the noise, after what a fitted event leaves while the needle is shut."""
+        if window.masked.any():  # it would tell the colour of gaps
+            return self._at_rest.colour(self._colour)
+        shortest = round(SEGMENT / self._constants.interval)
+        values = fit.unfiltered / self._schedule.innovation_sigma
+        self._at_rest.add([values[part] for part in resting_segments(window, self._burn_in, shortest)])
+        return self._at_rest.colour(self._colour)
+
     def _fit(self, cost: EventCost, prior: Belief) -> EventFit | None:
         """Fit the event; after a sudden change from a wide prior, if that explains it much better."""
         first = cost.linearised(self._theta)
@@ -195,11 +234,11 @@ class Learner:
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
 
-    def _without_outliers(self, window: Window) -> Window:
+    def _without_outliers(self, window: Window, offset: float | None) -> Window:
         """The window of an event without what stands out by what is believed before it, if anything is."""
         if self._events == 0:
             return window
-        cost = self._cost(window)
+        cost = self._cost(window, offset)
         cost.value(self._theta)
         mask = self._mask(window, cost.innovations)
         return window if mask is None else window._replace(masked=mask)
@@ -250,7 +289,9 @@ class Learner:
         self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
         self._events = 0
         self._previous = None
-        knowledge = replace(fresh, events=outcome.knowledge.events, statistics=self._statistics)
+        knowledge = replace(
+            fresh, events=outcome.knowledge.events, statistics=self._statistics, colour=self._colour
+        )
         return replace(outcome, knowledge=knowledge, objections=found)
 
     def _outcome(
@@ -270,6 +311,7 @@ class Learner:
                 active=self._active,
                 events=self._events,
                 statistics=self._statistics,
+                colour=self._colour,
                 scalars=self._scalars,
             ),
             schedule=self._schedule,
@@ -297,10 +339,6 @@ class Learner:
         rail_pressure, area = (float(value) for value in window.inputs[widest])
         state = (rail_pressure, 0.0, 0.9 * rail_pressure)
         return nozzle_change(self._theta, state, (rail_pressure, area))[0]
-
-    def _cost(self, window: Window) -> EventCost:
-        sigma = self._schedule.innovation_sigma
-        return EventCost(window, self._setting(), sigma, self._burn_in, self._scalars)
 
     @property
     def _burn_in(self) -> int:

@@ -146,7 +146,7 @@ def frozen_stretches(
     """Where a constant explains y much better than the model does by its innovations (n,), and y then jumps."""
     y, mask = window.output, _mask_of(window)
     jump = JUMP * sigmas.innovation
-    ends = np.flatnonzero(np.abs(np.diff(innovations)) > jump) + 1
+    ends = [int(k) + 1 for k in np.flatnonzero(np.abs(np.diff(innovations)) > jump)]
     sums, squares = (np.concatenate(([0.0], np.cumsum(v))) for v in (y - y[0], (y - y[0]) ** 2))
     explained = np.concatenate(([0.0], np.cumsum((innovations / sigmas.innovation) ** 2)))
     found: list[Stretch] = []
@@ -164,7 +164,7 @@ def frozen_stretches(
             continue
         beyond = SAME_LEVEL * sigmas.noise
         lowest, highest = (float(v) for v in np.partition(y, (2, -3))[[2, -3]])
-        found.append(Stretch(start, int(end), level, not lowest + beyond < level < highest - beyond))
+        found.append(Stretch(start, end, level, not lowest + beyond < level < highest - beyond))
     return found
 
 

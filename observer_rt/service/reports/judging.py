@@ -76,7 +76,8 @@ class Judging:
         self._first_version = start.phi_version
         self._submitted = 0
         self._waiting: deque[_Closed] = deque()
-        self._examiner = Examiner(start.statistics, healthy)
+        interval = compiled.observer.constants.interval
+        self._examiner = Examiner(start.statistics, healthy, start.colour_at(interval))
 
     @property
     def adoptions(self) -> int:
@@ -112,6 +113,7 @@ class Judging:
         judge(observer, objections, outcome)
         if outcome is not None:
             self._examiner.statistics = outcome.knowledge.statistics
+            self._examiner.colour = outcome.knowledge.colour
             self.rejected += outcome.adoption is not Adoption.ADOPTED
             self.known = replace(outcome.knowledge, phi_version=int(memory["phi_version"]))
         return Judged(event, objections, outcome, in_force(observer), observer.phi, closed.fuel)

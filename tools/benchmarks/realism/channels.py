@@ -15,6 +15,7 @@ from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.realism import reasons
 from tools.benchmarks.realism.disturbance import (
     ALL,
+    DELAY,
     KHZ,
     LIFT,
     LINE,
@@ -31,7 +32,6 @@ from tools.benchmarks.realism.disturbance import (
     in_order,
 )
 from tools.benchmarks.realism.noises import hum
-from tools.benchmarks.realism.stated import DELAY
 
 DAMPING = 0.05  # of a resonance
 RANGES = {RAIL: 250e6, LINE: 250e6, LIFT: 500e-6}  # of the converters

@@ -15,6 +15,7 @@ ALL = ("rail_pressure", "needle_lift", "line_pressure")
 RAIL, LIFT, LINE = ALL
 MPA, UM, US = 1e6, 1e-6, 1e-6
 KHZ = 1e3
+LAG, DELAY = "lag_us", "filter_delay_us"  # keys of `[signals.<role>]`
 
 Apply = Callable[[Bench, float, Generator], Bench]
 """The bench with a disturbance of a size."""

@@ -12,6 +12,7 @@ from tools.benchmarks.plant import Bench
 from tools.benchmarks.realism import reasons
 from tools.benchmarks.realism.disturbance import (
     KHZ,
+    LAG,
     LIFT,
     UM,
     US,
@@ -24,7 +25,6 @@ from tools.benchmarks.realism.disturbance import (
     with_step_before,
 )
 from tools.benchmarks.realism.noises import hum
-from tools.benchmarks.realism.stated import LAG
 from tools.benchmarks.sampling import Measured
 
 REFERENCE = 100e6  # Pa, at which a lift with crosstalk of the whole pressure was set to 0

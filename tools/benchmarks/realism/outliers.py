@@ -17,6 +17,7 @@ from tools.benchmarks.realism.disturbance import (
     Apply,
     Disturbance,
     Kind,
+    Wave,
     after_noise,
     before_noise,
     changed,
@@ -37,7 +38,7 @@ CLOSING_DELAY = 0.30e-3  # s, from the end of energizing to the closed needle, a
 SPIKE_LENGTHS = (1, 3)  # samples, both included
 LIFT_SPIKE = 20e-6 / 3e6  # m of a spike on the lift per Pa of one on a pressure
 SPIKES = 40.0  # per s, at random
-HOLDS = 40.0  # per s
+HOLDS, LIFT_HOLDS = 40.0, 200.0  # per s; a lift is seldom other than at rest
 DROPOUTS = 20.0  # per s
 FULL_SCALE = {
     RAIL: HIGHEST_CODE * PRESSURE_STEP + PRESSURE_FLOOR,
@@ -87,12 +88,16 @@ def random_spikes(time: Array, values: Array, size: float, rng: Generator) -> Ar
     return found
 
 
-def frozen(time: Array, values: Array, size: float, rng: Generator) -> Array:
-    """Held for `size` [s], now and then: by a sample-and-hold ahead of the noise, or by repeated samples."""
-    found, length = values.copy(), round(size / (time[1] - time[0]))
-    for first in _moments(time, HOLDS, rng):
-        found[first : first + length] = found[first]
-    return found
+def frozen(rate: float) -> Wave:
+    """Held for `size` [s], now and then [1/s]: by a sample-and-hold ahead of the noise, or by repeated samples."""
+
+    def wave(time: Array, values: Array, size: float, rng: Generator) -> Array:
+        found, length = values.copy(), round(size / (time[1] - time[0]))
+        for first in _moments(time, rate, rng):
+            found[first : first + length] = found[first]
+        return found
+
+    return wave
 
 
 def dropouts(level: float) -> Apply:
@@ -149,22 +154,31 @@ def _sign(rng: Generator) -> float:
 
 _L, _R, _N, _A = Kind.LINE, Kind.RAIL, Kind.LIFT, Kind.ALL
 _SHORT = (0.1, 0.2, 0.5)  # ms
-_O = reasons.OUTLIERS
+_O, _OL = reasons.OUTLIERS, reasons.OUTLIERS | reasons.LIFT
 DISTURBANCES = (
     Disturbance("spikes_at_edges", _A, "MPa", (1.0, 3.0, 10.0), edge_spikes(*ALL), _O, table=3.0),
     Disturbance("spikes_at_edges_line", _L, "MPa", (3.0,), edge_spikes(LINE), _O),
-    Disturbance("spikes_at_edges_lift", _N, "MPa, 20 um per 3", (3.0,), edge_spikes(LIFT), _O | reasons.LIFT),
+    Disturbance("spikes_at_edges_lift", _N, "MPa, 20 um per 3", (3.0,), edge_spikes(LIFT), _OL),
     Disturbance("spikes_line", _L, "MPa", (3.0, 10.0), before_noise(random_spikes, MPA, LINE), _O),
     Disturbance("spikes_rail", _R, "MPa", (3.0, 10.0), before_noise(random_spikes, MPA, RAIL), _O),
     Disturbance(
         "spikes_lift", _N, "um", (20.0, 60.0), before_noise(random_spikes, UM, LIFT), _O | reasons.LIFT
     ),
-    Disturbance("frozen_line", _L, "ms", _SHORT, before_noise(frozen, 1e-3, LINE), _O, table=0.2),
-    Disturbance("frozen_line_samples", _L, "ms", _SHORT, after_noise(frozen, 1e-3, LINE), _O),
-    Disturbance("frozen_rail", _R, "ms", _SHORT[1:], before_noise(frozen, 1e-3, RAIL), _O),
-    Disturbance("frozen_rail_samples", _R, "ms", _SHORT[1:], after_noise(frozen, 1e-3, RAIL), _O),
-    Disturbance("frozen_lift", _N, "ms", _SHORT, before_noise(frozen, 1e-3, LIFT), _O | reasons.LIFT),
-    Disturbance("frozen_lift_samples", _N, "ms", _SHORT, after_noise(frozen, 1e-3, LIFT), _O | reasons.LIFT),
+    Disturbance("frozen_line", _L, "ms", _SHORT, before_noise(frozen(HOLDS), 1e-3, LINE), _O, table=0.2),
+    Disturbance("frozen_line_samples", _L, "ms", _SHORT, after_noise(frozen(HOLDS), 1e-3, LINE), _O),
+    Disturbance("frozen_rail", _R, "ms", _SHORT[1:], before_noise(frozen(HOLDS), 1e-3, RAIL), _O),
+    Disturbance("frozen_rail_samples", _R, "ms", _SHORT[1:], after_noise(frozen(HOLDS), 1e-3, RAIL), _O),
+    Disturbance(
+        "frozen_lift", _N, "ms", _SHORT, before_noise(frozen(LIFT_HOLDS), 1e-3, LIFT), _O | reasons.LIFT
+    ),
+    Disturbance(
+        "frozen_lift_samples",
+        _N,
+        "ms",
+        _SHORT,
+        after_noise(frozen(LIFT_HOLDS), 1e-3, LIFT),
+        _O | reasons.LIFT,
+    ),
     Disturbance("dropouts_to_zero", _A, "samples", (2.0, 5.0), dropouts(0.0), _O),
     Disturbance("dropouts_to_full_scale", _A, "samples", (2.0, 5.0), dropouts(1.0), _O),
     Disturbance("line_clipped_at_the_top", _L, "MPa", (1.0, 4.0), clipped(is_top=True), _O),

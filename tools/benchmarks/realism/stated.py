@@ -6,8 +6,6 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.signals import SignalConfig
 from tools.benchmarks.realism.disturbance import Stated
 
-LAG, DELAY = "lag_us", "filter_delay_us"  # keys
-
 
 def is_known(stated: Stated) -> bool:
     """Whether a bench file may say this."""

@@ -15,7 +15,6 @@ from observer_rt.observer.stream.phi import Phi
 
 RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
-REACH = 3  # samples on either side that tell a spike
 RAIL, LIFT, LINE = range(3)  # numbers of the channels
 PENDING_EVENTS = 512  # closed, not yet judged: the longest learning delay over the shortest event gap
 INJECTIONS = 1024  # finished, not yet reported; of more, the oldest are forgotten
@@ -124,6 +123,7 @@ CHANNEL = np.dtype(
         ("instead", np.float64),  # value before it did
         ("repeats", np.int64),  # of all samples, those that only by chance have the value of the one before
         ("held", np.float64),  # value at which it was frozen last
+        ("is_held", np.bool_),  # it has not moved since
         ("is_clipped", np.bool_),  # it was the time before as well
         ("bridged", np.int64),  # lately: samples that do not count less others since
     ],
@@ -179,6 +179,8 @@ _OBSERVER = [
     ("innovation_weight", np.float64),  # 1 / their product
     ("surprise", np.float64),  # running mean of e~^2 by this weight
     ("contradicted", np.bool_),  # it has left what noise can do, and no event passed since
+    ("contradicted_at_rest", np.bool_),  # by a channel, for the injector did nothing
+    ("calm", np.int64),  # samples since it was
     ("contradicted_in", np.int64),  # number of the first event that can tell otherwise
     ("lift_on", np.float64),  # m
     ("lift_off", np.float64),
@@ -227,7 +229,6 @@ _OBSERVER = [
     *_STANDSTILL,
     # outliers
     ("channels", CHANNEL, (3,)),
-    ("around", np.float64, (2 * REACH + 1,)),  # to sort in
     ("accepted_innovation", np.float64),  # the last of x~ that did not leap
     ("leaping", np.int64),  # samples since
     # counters

@@ -43,7 +43,8 @@ def _samples(logged: LoggedSignals) -> Finding:
         f"{counters.lost_samples} lost, {counters.interpolated_samples} interpolated, "
         f"{counters.jumps} pauses of the source"
     )
-    return graded(_TOPIC, counters.lost_samples == 0, text)
+    outliers = f"; {counters.outliers}" if counters.outliers else ""
+    return graded(_TOPIC, counters.lost_samples == 0, text + outliers)
 
 
 def _frames(counters: Counters) -> list[Finding]:

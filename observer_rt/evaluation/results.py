@@ -121,6 +121,8 @@ def recording_json_without(evaluation: Evaluated, c: Coefficients) -> dict[str, 
         "samples": evaluation.samples,
         "sample_rate_hz": evaluation.sample_rate,
         "lost_samples": evaluation.counters.lost_samples,
+        "spikes": evaluation.counters.spikes,
+        "bridged_samples": evaluation.counters.bridged_samples,
         "checks": [vars(check) for check in checks(evaluation, c)],
         "injections": [],
         "summary": {

@@ -27,10 +27,12 @@ from observer_rt.observer.stream.front_end import (
     samples_ahead,
     toe_samples,
 )
+from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
 from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
     INJECTIONS,
+    LINE,
     PENDING_EVENTS,
     RING,
     Constants,
@@ -47,6 +49,7 @@ BOUNCE = 0.3 * MILLISECOND
 WINDOW_LEAD = 0.15 * MILLISECOND
 WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
+BRIDGE = 0.5 * MILLISECOND
 SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
 
 
@@ -56,6 +59,7 @@ class Durations:
 
     event_gap: float = 10 * MILLISECOND
     learning_delay: float = 20 * MILLISECOND
+    bridge: float = BRIDGE
 
 
 def constants_for(
@@ -92,11 +96,13 @@ def constants_for(
             window_lead=samples(WINDOW_LEAD),
             window_tail=samples(WINDOW_TAIL),
             learning_lead=samples(LEARNING_LEAD),
-            lookahead=max(samples_ahead(interval) + toe, sensor.late),
+            lookahead=max(samples_ahead(interval) + toe, sensor.late + REACH),
             toe=toe,
             ramp=ramp_samples(interval),
             confirm=confirming_samples(interval),
             bounce=samples(BOUNCE),
+            bridge=samples(durations.bridge),
+            filtered=interval <= SLOWEST_FILTER,
         ),
         events_required=events_required,
         rail_every=rail_every,
@@ -135,14 +141,15 @@ def event_window(observer: Observer, number: int) -> Window | None:
     start, end = _window_of(observer, event)
     late = observer.constants.sensor.late
     rows = observer.ring[np.arange(start, end) % RING]
-    output = observer.ring["line_pressure"][np.arange(start + late, end + late) % RING]
+    recorded = observer.ring[np.arange(start + late, end + late) % RING]
     return Window(
         inputs=np.column_stack([rows["rail_pressure"], rows["seat_area"]]),
-        output=output,
+        output=recorded["line_pressure"],
         resting=rows["resting"].copy(),
         start=np.append(rows["x_tilde"][0], rows["indicated"][0]),
         opening=int(event["opening"]) - start,
         knots=np.column_stack([rows["lift_after"], rows["lift_area"]]),
+        masked=(recorded["bridged"] >> LINE & 1).astype(np.bool_),
     )
 
 
@@ -257,7 +264,7 @@ def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:
     row that could not be tested, though its samples were to be trusted, ends what was known.
     """
     is_untested = judgement is Reason.NOT_JUDGED
-    memory["doubtful_events"] += event["doubtful"] or is_untested
+    memory["doubtful_events"] += bool(event["doubtful"]) or is_untested
     if not is_untested:
         memory["untested"] = 0
         memory["judgement"] = judgement
@@ -280,3 +287,6 @@ def _put_in_force(observer: Observer, knowledge: Knowledge) -> None:
     memory["offset"] = sensor.offset + learned.offset
     memory["lag"] = sensor.lag + learned.lag
     memory["line"] = learned.coefficients.line
+    noise = knowledge.noise
+    scale = observer.constants.coefficients.pressure_scale
+    memory["channels"]["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale

@@ -127,6 +127,14 @@ REASONS: Mapping[Reason, Words] = {
         "the lift of the shut needle is more than 40 um from zero",
         "calibrate the needle-lift sensor; see to its mounting and temperature",
     ),
+    Reason.INPUT_FROZEN: Words(
+        "an input kept its value for longer than can be bridged",
+        "check sensor, amplifier and the device that samples it; sampling.bridge_ms says how long is bridged",
+    ),
+    Reason.INPUT_CLIPPED: Words(
+        "an input stays at the end of its range",
+        "check the range of sensor and amplifier against the pressures and the lift of the bench",
+    ),
 }
 
 COUNTERS: Mapping[str, Words] = {
@@ -168,6 +176,13 @@ COUNTERS: Mapping[str, Words] = {
     ),
     "missing_injections": Words("commands after which the needle did not open", "injector, driver stage"),
     "uncommanded_injections": Words("injections without a command", "a command message that is lost; a leak"),
+    "spikes": Words(
+        "values that stood out among their neighbours and were replaced",
+        "shielding and earth of the sensor's cable, if many",
+    ),
+    "bridged_samples": Words(
+        "values of a frozen, clipped or missing input that did not count", "as INPUT_FROZEN, if many"
+    ),
 }
 
 

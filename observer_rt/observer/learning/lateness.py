@@ -47,9 +47,10 @@ def lag_score(
     late = math.floor(samples)
     early_enough = len(window.output) - late
     output = np.append(window.output[late:], np.full(late, window.output[-1]))
+    masked = np.append(window.masked[late:], np.full(min(late, window.masked.size), False))
     other = np.empty(len(output))
     innovations(
-        window._replace(output=output),
+        window._replace(output=output, masked=masked),
         setting._replace(late=samples - late),
         learned_of(delayed, setting.coefficients, scalars),
         other,

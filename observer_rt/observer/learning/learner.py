@@ -50,6 +50,7 @@ from observer_rt.observer.learning.knowledge import (
     no_knowledge,
 )
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
+from observer_rt.observer.learning.masks import OutlierSearch, Sigmas
 from observer_rt.observer.learning.noise_level import RecentLevel
 from observer_rt.observer.learning.trend import Trend
 from observer_rt.observer.stream.phi import StructuredPhi
@@ -101,6 +102,7 @@ class Learner:
         self._mistrust = Mistrust()
         self._lag_doubt = LagDoubt()
         self._trend = Trend()
+        self._outliers = OutlierSearch()
 
     @property
     def schedule(self) -> GainSchedule:
@@ -131,9 +133,16 @@ class Learner:
         try:
             prior = self._prior(standstill)
             offset = self._offset_since.after(standstill)
+            bridged = int(window.masked.sum())
+            window = self._without_outliers(window, offset)
             cost, fit = self._fitted(window, prior, offset)
             if fit is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
+            mask = self._mask(window, fit.innovations)
+            if mask is not None:
+                window = window._replace(masked=mask)
+                cost = self._cost(window, offset)
+                fit = self._refit(cost, fit)
             colour = self._colour_after(window, fit)
             if self._colour is None and colour is not None:
                 self._colour, self._trend = colour, Trend()
@@ -152,6 +161,7 @@ class Learner:
         self._events += 1
         self._statistics = pooled(self._statistics, statistics)
         doubts = []
+        is_clipped = self._outliers.is_clipped_after(window, fit.innovations, self._sigmas, cost.burn_in)
         if self._lag_doubt.is_no_lag_after(lag):
             doubts.append(Reason.TIME_BASE)
         if fit.contradicts:
@@ -163,15 +173,18 @@ class Learner:
             return self._frozen(window, in_force)
         adoption = Adoption.ADOPTED if better else Adoption.REJECTED
         outcome = self._outcome(adoption, window, in_force, doubts)
+        if is_clipped and outcome.objections:  # that is why
+            clipped = Objection(Reason.INPUT_CLIPPED)
+            outcome = replace(outcome, objections=(clipped, *outcome.objections))
         because = self._mistrust.after(outcome.objections)
         if because is not None:
             nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
-            found = outcome.objections or (because,)
-            return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=found)
+            reasons = outcome.objections or (because,)
+            return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=reasons)
         now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried, self._scalars)
         event = replace(event, systematic=self._healthy.mass_share)
-        return replace(outcome, resimulated=event)
+        return replace(outcome, resimulated=event, outliers=int(window.masked.sum()) - bridged)
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
@@ -188,21 +201,26 @@ class Learner:
     def _fitted(
         self, window: Window, prior: Belief, offset: float | None
     ) -> tuple[EventCost, EventFit | None]:
-        """An event's cost with the colour in use, and its fit; offset [p_0]: at rest before it."""
-        whitening = None if self._colour is None else self._colour.whitening
-        cost = EventCost(
+        """An event's cost, and its fit; offset [p_0]: at rest before it."""
+        cost = self._cost(window, offset)
+        return cost, self._fit(cost, prior)
+
+    def _cost(self, window: Window, offset: float | None) -> EventCost:
+        """An event's cost with the colour in use."""
+        return EventCost(
             window,
             self._setting(),
             self._schedule.innovation_sigma,
             self._burn_in,
             self._scalars,
-            whitening,
+            None if self._colour is None else self._colour.whitening,
             offset,
         )
-        return cost, self._fit(cost, prior)
 
     def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:
         """The colour of the noise, after what a fitted event leaves while the needle is shut."""
+        if window.masked.any():  # it would tell the colour of gaps
+            return self._at_rest.colour(self._colour)
         shortest = round(SEGMENT / self._constants.interval)
         values = fit.unfiltered / self._schedule.innovation_sigma
         rest = resting_segments(window, self._burn_in, shortest)
@@ -251,6 +269,28 @@ class Learner:
         other = fitter.fit(fit.linearisation, wide, iterations)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
+
+    def _without_outliers(self, window: Window, offset: float | None) -> Window:
+        """The window of an event without what stands out by what is believed before it, if anything is."""
+        if self._events == 0:
+            return window
+        cost = self._cost(window, offset)
+        cost.value(self._theta)
+        mask = self._mask(window, cost.innovations)
+        return window if mask is None else window._replace(masked=mask)
+
+    def _mask(self, window: Window, innovations: NDArray[np.float64]) -> NDArray[np.bool_] | None:
+        return self._outliers.masked(window, innovations, self._sigmas, self._burn_in)
+
+    @property
+    def _sigmas(self) -> Sigmas:
+        return Sigmas(self._schedule.innovation_sigma, self._noise.line_pressure / self._scale)
+
+    def _refit(self, cost: EventCost, fit: EventFit) -> EventFit:
+        """The fit of an event of which less counts than before."""
+        fitter = EventFitter(cost, self._scalars.gate, fit.active, theta_limits(self._scale, self._scalars))
+        start = cost.linearised(fit.linearisation.theta)
+        return replace(fitter.fit(start, fit.prior, ITERATIONS), contradicts=fit.contradicts)
 
     def _take_in(self, fit: EventFit, temper: float) -> None:
         """The fitted event into the belief, its information divided by `temper`."""

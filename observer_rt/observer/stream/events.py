@@ -28,7 +28,7 @@ def begin_injection(observer: Observer, position: int) -> None:
         memory.event_number += 1
         memory.event_opening = position
         memory.event_learnable = memory.synchronised
-        memory.event_doubtful = False
+        memory.event_doubtful = 0
     if memory.injections_begun - memory.injections_reported == INJECTIONS:
         memory.injections_reported += 1
     injection = memory.injections[memory.injections_begun % INJECTIONS]

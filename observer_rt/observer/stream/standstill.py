@@ -33,7 +33,7 @@ def gather(observer: Observer, position: int) -> None:
     """Take the sample at `position` into the statistics of the standstill."""
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
-    if not row.resting or row.interpolated or memory.unsynchronised_by == _NUMERICAL:
+    if not row.resting or row.interpolated or row.bridged != 0 or memory.unsynchronised_by == _NUMERICAL:
         memory.rest_run = 0
         return
     memory.rest_run += 1

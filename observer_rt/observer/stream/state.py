@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
@@ -15,6 +15,7 @@ from observer_rt.observer.stream.phi import Phi
 
 RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
+RAIL, LIFT, LINE = range(3)  # numbers of the channels
 PENDING_EVENTS = 512  # closed, not yet judged: the longest learning delay over the shortest event gap
 INJECTIONS = 1024  # finished, not yet reported; of more, the oldest are forgotten
 
@@ -56,6 +57,8 @@ class Reason(IntEnum):
     SECOND_SENDER = 21  # another node sends what only this service should
     NO_STANDSTILL = 22  # the needle is not shut long enough between injections
     LIFT_ZERO = 23  # the lift of the shut needle is too far from zero
+    INPUT_FROZEN = Doubt.FROZEN  # an input keeps its value for longer than can be bridged
+    INPUT_CLIPPED = Doubt.CLIPPED  # an input stays at the end of its range
 
 
 _SAMPLE = [
@@ -70,6 +73,7 @@ _SAMPLE = [
     ("interpolated", np.bool_),
     ("broken", np.int8),  # Break
     ("doubt", np.int8),  # Doubt
+    ("bridged", np.int8),  # a bit for every channel whose value does not count
     # as computed
     ("lift_area", np.float64),  # normalised seat area when the lift was taken
     ("seat_area", np.float64),  # u2
@@ -102,8 +106,26 @@ EVENT = np.dtype(
         ("window_end", np.int64),
         ("opening", np.int64),
         ("learnable", np.bool_),
-        ("doubtful", np.bool_),  # it has samples that are not to be trusted
+        ("doubtful", np.int8),  # Reason its samples are not to be trusted, 0 when they are
         *_STANDSTILL,  # up to the event's end
+    ],
+    align=True,
+)
+
+CHANNEL = np.dtype(
+    [
+        ("noise", np.float64),  # standard deviation of a sample, as normalised as it is
+        ("last", np.float64),  # value as it came
+        ("until", np.int64),  # position before which every sample is looked at
+        ("run", np.int64),  # samples in a row with the value of the one before
+        ("needed", np.int64),  # of them, until it is frozen
+        ("is_dropout", np.bool_),  # it leapt there
+        ("instead", np.float64),  # value before it did
+        ("repeats", np.int64),  # of all samples, those that only by chance have the value of the one before
+        ("held", np.float64),  # value at which it was frozen last
+        ("is_held", np.bool_),  # it has not moved since
+        ("is_clipped", np.bool_),  # it was the time before as well
+        ("bridged", np.int64),  # lately: samples that do not count less others since
     ],
     align=True,
 )
@@ -157,6 +179,8 @@ _OBSERVER = [
     ("innovation_weight", np.float64),  # 1 / their product
     ("surprise", np.float64),  # running mean of e~^2 by this weight
     ("contradicted", np.bool_),  # it has left what noise can do, and no event passed since
+    ("contradicted_at_rest", np.bool_),  # by a channel, for the injector did nothing
+    ("calm", np.int64),  # samples since it was
     ("contradicted_in", np.int64),  # number of the first event that can tell otherwise
     ("lift_on", np.float64),  # m
     ("lift_off", np.float64),
@@ -171,7 +195,7 @@ _OBSERVER = [
     ("shut_since", np.int64),  # index of the first closed sample
     ("in_event", np.bool_),
     ("event_learnable", np.bool_),
-    ("event_doubtful", np.bool_),
+    ("event_doubtful", np.int8),  # Reason
     ("event_number", np.int64),
     ("event_opening", np.int64),
     ("opening", np.int64),  # position of the last one
@@ -212,7 +236,13 @@ _OBSERVER = [
     ("rail_squares_before", np.float64),
     ("line_squares_before", np.float64),
     *_STANDSTILL,
+    # outliers
+    ("channels", CHANNEL, (3,)),
+    ("accepted_innovation", np.float64),  # the last of x~ that did not leap
+    ("leaping", np.int64),  # samples since
     # counters
+    ("spikes", np.int64),
+    ("bridged", np.int64),
     ("interpolated", np.int64),
     ("lost", np.int64),
     ("breaks", np.int64),
@@ -251,6 +281,8 @@ class Timing(NamedTuple):
     ramp: int  # samples beyond the first of a ramp from which its slope is taken
     confirm: int  # samples in a row above the dead band that open the needle
     bounce: int  # closed needle after which its lift is its zero
+    bridge: int  # most samples of a channel that may be missing
+    filtered: bool  # samples come fast enough for a spike to be told from the line
 
 
 class Constants(NamedTuple):

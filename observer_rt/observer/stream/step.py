@@ -23,6 +23,7 @@ from observer_rt.observer.stream.front_end import (
     shut_area,
 )
 from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, without_zero
+from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
 from observer_rt.observer.stream.state import MAX_EVENT, RING, Observer, Reason, State
@@ -81,7 +82,9 @@ def push(
     row.rail_share = rail_share
     row.interpolated = interpolated
     row.broken = broken
-    row.doubt = doubt
+    row.bridged = 0
+    outlier = inspect(observer, memory.received)
+    row.doubt = outlier if doubt == _NO_DOUBT else doubt
     if doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
         for position in range(memory.processed, memory.received):
             observer.ring[position & _MASK].doubt = doubt
@@ -252,14 +255,14 @@ def _mark(observer: Observer, position: int) -> None:
     elif row.doubt != _NO_DOUBT:
         row.reason = row.doubt
         memory.event_learnable = False
-        memory.event_doubtful = True
+        memory.event_doubtful = row.reason
     elif memory.doubted != _NO_REASON:
         row.reason = memory.doubted
         memory.event_learnable = False
-        memory.event_doubtful = True
+        memory.event_doubtful = row.reason
     elif is_beyond_limit(observer):
         row.reason = _LIFT_ZERO
-        memory.event_doubtful = True
+        memory.event_doubtful = row.reason
     elif memory.events_judged - memory.doubtful_events < observer.constants.events_required:
         row.reason = _TOO_FEW_EVENTS
     elif memory.judgement != _NO_REASON:

@@ -59,7 +59,11 @@ def injector_at(fitted: BenchInjector, fuel_temperature: float | None) -> Inject
 
 def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bool) -> Constants:
     learning = fitted.config.learning
-    durations = Durations(learning.event_gap_ms * MILLISECOND, learning.learning_delay_ms * MILLISECOND)
+    durations = Durations(
+        learning.event_gap_ms * MILLISECOND,
+        learning.learning_delay_ms * MILLISECOND,
+        fitted.config.sampling.bridge_ms * MILLISECOND,
+    )
     events_required = EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
     rate = fitted.config.sampling.rate_hz
     means = fitted.config.sampling.meaning is Meaning.MEAN

@@ -48,6 +48,8 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
     for signal, sigma in asdict(knowledge.noise).items():
         if not (math.isfinite(sigma) and 0.0 < sigma <= getattr(LARGEST_NOISE, signal)):
             return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"
+    if not np.all(np.isfinite(knowledge.learned_at)):
+        return "the operating points learned at are not finite numbers"
     return None if knowledge.colour is None else _problem_of_colour(knowledge.colour)
 
 

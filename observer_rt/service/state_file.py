@@ -20,6 +20,7 @@ from observer_rt.estimation.whitening import Whitening
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.parameters import InjectorParameters, Scaling
 from observer_rt.observer.learning.colour import Colour
+from observer_rt.observer.learning.familiarity import OperatingPoint
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.plausible_knowledge import problem_of
 
@@ -74,6 +75,9 @@ class _Content(BaseModel, strict=True):
     error_covariance: _Array
     noise: _Noise
     colour: _Colour | None = None  # of files without it, the noise is taken for white until an event tells
+    learned_at: list[
+        OperatingPoint
+    ] = []  # of files without it, every operating point counts as new until learned at
 
 
 @dataclass(frozen=True)
@@ -129,6 +133,7 @@ def save_knowledge(
         **vars(knowledge.belief),
         noise=_Noise(**asdict(knowledge.noise)),
         colour=_saved(knowledge.colour),
+        learned_at=list(knowledge.learned_at),
     ).model_dump()
     document = {"version": VERSION, "sha256": _digest(content), "content": content}
     try:
@@ -254,6 +259,7 @@ def _knowledge_in(data: bytes, model: str) -> Knowledge:
             active=frozenset(content.active),
             statistics=PhaseStatistics(**content.statistics),
             colour=_restored(content.colour),
+            learned_at=tuple(content.learned_at),
         )
     except ValidationError as error:
         first = error.errors()[0]

@@ -12,6 +12,7 @@ from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.estimation.whitening import Whitening
 from observer_rt.observer.learning.colour import ORDERS, Colour
+from observer_rt.observer.learning.familiarity import OperatingPoint
 from observer_rt.observer.learning.knowledge import Knowledge
 
 PRESSURE_SCALE = 1e8  # Pa
@@ -41,6 +42,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
             ),
             interval=1e-5,
         ),
+        learned_at=tuple(OperatingPoint(*point) for point in random.uniform(-1.0, 1.0, (3, 3)).tolist()),
     )
 
 

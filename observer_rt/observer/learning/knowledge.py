@@ -15,6 +15,7 @@ from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.colour import Colour
+from observer_rt.observer.learning.familiarity import OperatingPoint
 from observer_rt.observer.learning.healthy import SAME_RATE
 from observer_rt.observer.learning.interval import Resimulated
 from observer_rt.observer.stream.phi import Phi, StructuredPhi
@@ -37,8 +38,8 @@ class Knowledge:
     """All that was learned, as one value that can be saved and restored.
 
     belief: about all parameters jointly; active: the gated columns in use; in_force: theta (m,) the observer carries,
-    0 at start; noise: levels in use; colour: of the innovations, None while they are white; scalars: the table theta
-    goes by.
+    0 at start; noise: levels in use; colour: of the innovations, None while they are white; learned_at: the operating
+    points of the last events learned from; scalars: the table theta goes by.
     """
 
     belief: Belief
@@ -49,6 +50,7 @@ class Knowledge:
     events: int = 0  # learned from
     statistics: PhaseStatistics = field(default_factory=no_statistics)
     colour: Colour | None = None
+    learned_at: tuple[OperatingPoint, ...] = ()
     scalars: Scalars = field(default=SCALARS, repr=False, compare=False)
 
     def colour_at(self, interval: float) -> Colour | None:

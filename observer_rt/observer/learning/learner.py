@@ -1,5 +1,6 @@
 """Learning between events: everything jointly, by prediction error, as a Bayesian update."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -39,6 +40,7 @@ from observer_rt.observer.learning.colour import (
     SlowRail,
     resting_segments,
 )
+from observer_rt.observer.learning.familiarity import UNSEEN, operating_point, remembered, unfamiliarity
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.indicators import nozzle_change
@@ -91,6 +93,7 @@ class Learner:
         self._noise = knowledge.noise
         self._events = knowledge.events
         self._statistics = knowledge.statistics
+        self._learned_at = knowledge.learned_at
         self._colour = knowledge.colour_at(constants.interval)
         self._at_rest = RestingNoise(constants.interval)
         self._slow_rail = SlowRail(constants.interval)
@@ -159,6 +162,9 @@ class Learner:
             return self._outcome(Adoption.FAILED, window, in_force)
         self._colour = colour
         self._events += 1
+        point = operating_point(window, self._constants.interval)
+        strange = unfamiliarity(point, self._learned_at)
+        self._learned_at = remembered(self._learned_at, point)
         self._statistics = pooled(self._statistics, statistics)
         doubts = []
         is_clipped = self._outliers.is_clipped_after(window, fit.innovations, self._sigmas, cost.burn_in)
@@ -183,7 +189,7 @@ class Learner:
             return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=reasons)
         now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried, self._scalars)
-        event = replace(event, systematic=self._healthy.mass_share)
+        event = replace(event, systematic=math.hypot(self._healthy.mass_share, UNSEEN * strange))
         return replace(outcome, resimulated=event, outliers=int(window.masked.sum()) - bridged)
 
     def _prior(self, standstill: Standstill) -> Belief:
@@ -324,6 +330,7 @@ class Learner:
         fresh = no_knowledge(self._noise, self._scale, self._scalars)
         self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
         self._events = 0
+        self._learned_at = ()
         self._previous = None
         knowledge = replace(
             fresh, events=outcome.knowledge.events, statistics=self._statistics, colour=self._colour
@@ -348,6 +355,7 @@ class Learner:
                 events=self._events,
                 statistics=self._statistics,
                 colour=self._colour,
+                learned_at=self._learned_at,
                 scalars=self._scalars,
             ),
             schedule=self._schedule,

@@ -199,13 +199,13 @@ def test_lift_gain() -> None:
 
 
 def test_slow_lift_sensor() -> None:
-    """Its step answer, folded with the lift of a fine simulation."""
+    """Its answer to an impulse, in steps of 1 us, folded with the lift of a fine simulation."""
     slow = simulated("needle_lift_sensor_lag", 100e6).recording
     fine = simulate(NOMINAL, make_schedule([100e6], 1, 0.05, [OPEN_FOR]), 1e6).truth
     answer = np.exp(-np.arange(300) * 1e-6 / 30e-6)
     expected = np.convolve(fine.needle_lift, answer / answer.sum())[: fine.time.size]
     np.testing.assert_allclose(
-        slow.needle_lift, np.interp(slow.time, fine.time - 0.5e-6, expected), atol=0.3e-6
+        slow.needle_lift, np.interp(slow.time, fine.time + 0.5e-6, expected), atol=0.3e-6
     )
     assert np.abs(slow.needle_lift - simulated("", 100e6).recording.needle_lift).max() > 20e-6
 
@@ -218,7 +218,7 @@ def test_rail_pressure_sensor() -> None:
 
 
 def test_rail_pressure_recorded_late() -> None:
-    schedule = make_schedule([60e6, 140e6], 1, 0.05, [OPEN_FOR])  # between them the rail is filled
+    schedule = make_schedule([60e6, 140e6], 2, 0.05, [OPEN_FOR])  # between them the rail is filled
     late = simulate(NOMINAL, schedule, 100e3, (sized("rail_pressure_skew", d=25e-6),)).recording
     expected = schedule.rail_pressure(late.time - 25e-6)
     np.testing.assert_allclose(late.rail_pressure, expected, atol=2e3)

@@ -34,6 +34,10 @@ HIDDEN = {
         sized("lift_dependent_seat_coefficient", a=0.3, x_c=60e-6),
     ),
     "chamber": (Faults(chamber_pressure_step=5e6), sized("chamber_pressure_rise", dp=5e6)),
+    "chamber, with the needle": (
+        Faults(chamber_pressure_rise=8e6),
+        sized("chamber_pressure_rise", dp=8e6, s=1.0),
+    ),
     "lift too low": (Faults(lift_offset=20e-6), sized("lift_offset", x_0=20e-6)),
     "lift too high": (Faults(lift_offset=-20e-6), sized("lift_offset", x_0=-20e-6)),
     "lift gain": (Faults(lift_gain=0.1), sized("lift_gain", g=0.1)),
@@ -54,7 +58,9 @@ EVENTS = 6
 
 
 def test_the_whole_vocabulary_is_tested() -> None:
-    assert {effect.effect.id for _, effect in HIDDEN.values()} == VOCABULARY.keys()
+    """But for what the bench file says of the bench."""
+    of_the_injector = {name for name, effect in VOCABULARY.items() if not effect.remedy}
+    assert {effect.effect.id for _, effect in HIDDEN.values()} == of_the_injector
 
 
 @CASES

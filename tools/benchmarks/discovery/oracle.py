@@ -86,9 +86,10 @@ def record_all(benches: Sequence[Bench], with_rate: bool) -> tuple[tuple[Recorde
 def true_lift(r: Recorded, faults: Faults) -> NDArray[np.float64]:
     """Lift [m] (n,) if the sensor has these faults; what an offset cut off is extended with the needle's speeds."""
     lift = np.zeros(r.lift.size)
+    recorded_lift = r.lift + faults.lift_sensor_lag / INTERVAL * np.gradient(r.lift)
     for (first, last), (up, down) in zip(r.openings, r.speeds, strict=True):
         part = slice(int(first), int(last) + 1)
-        seen = r.lift[part]
+        seen = recorded_lift[part]
         corrected = (np.maximum(seen, 0.0) + faults.lift_offset) * (1.0 + faults.lift_gain)
         if faults.lift_offset > 0.0:
             _extend(corrected, seen, up * INTERVAL)

@@ -1,0 +1,44 @@
+"""What a bench file states of its channels, delays of filters and lags of sensors: where each of them is undone.
+
+For samples of a bus `bus/alignment` undoes the delay of each message that carries the lift or the rail pressure; all
+else is told to the model, as effects.
+"""
+
+from observer_rt.config.signals import Role, SignalsConfig
+from observer_rt.foundation.units import MICROSECOND
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import sized
+
+
+def undone_in_alignment(signals: SignalsConfig, role: Role) -> float:
+    """Delay [s] by which samples of lift or rail pressure are moved with their message: the lift's, if it has both."""
+    lift, own = signals.needle_lift, signals.of(role)
+    together = (own.message, own.link) == (lift.message, lift.link)
+    return (lift if together else own).filter_delay_us * MICROSECOND
+
+
+def effects_after_alignment(signals: SignalsConfig) -> tuple[SizedEffect, ...]:
+    """What is left of the delays in aligned samples, and the lags; () where nothing is stated."""
+    rail = signals.rail_pressure.filter_delay_us * MICROSECOND
+    rest = rail - undone_in_alignment(signals, Role.RAIL_PRESSURE)
+    return _effects(signals, rest, signals.line_pressure.filter_delay_us * MICROSECOND)
+
+
+def effects_on_one_raster(signals: SignalsConfig) -> tuple[SizedEffect, ...]:
+    """The same for recordings whose channels lie on one raster, at the times of the lift."""
+    rail, line, lift = (
+        each.filter_delay_us * MICROSECOND
+        for each in (signals.rail_pressure, signals.line_pressure, signals.needle_lift)
+    )
+    return _effects(signals, rail - lift, line - lift)
+
+
+def _effects(signals: SignalsConfig, rail_delay: float, line_delay: float) -> tuple[SizedEffect, ...]:
+    """Of delays [s] against the lift."""
+    sizes = (
+        ("rail_pressure_skew", "d", rail_delay),
+        ("channel_skew", "d", line_delay),
+        ("needle_lift_sensor_lag", "tau", signals.needle_lift.lag_us * MICROSECOND),
+        ("line_pressure_sensor_lag", "tau", signals.line_pressure.lag_us * MICROSECOND),
+    )
+    return tuple(sized(name, **{key: size}) for name, key, size in sizes if size != 0.0)

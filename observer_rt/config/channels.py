@@ -11,7 +11,7 @@ from observer_rt.model.effects import sized
 
 
 def undone_in_alignment(signals: SignalsConfig, role: Role) -> float:
-    """Delay [s] by which samples of lift or rail pressure are moved with their message: the lift's, if it has both."""
+    """Delay [s] by which samples of lift or rail pressure are moved with their message: the lift's, if it has one."""
     lift, own = signals.needle_lift, signals.of(role)
     together = (own.message, own.link) == (lift.message, lift.link)
     return (lift if together else own).filter_delay_us * MICROSECOND

@@ -72,6 +72,7 @@ class Outcome:
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
     with the covariance (m, m) of its error, None where the training knows none. resimulated: the event with the
     estimate, None where nothing usable was learned from it. phi: what x^ is to carry.
+    outliers: samples of the line pressure that were left out, of those that the stream had not bridged.
     """
 
     adoption: Adoption
@@ -82,6 +83,7 @@ class Outcome:
     covariance: NDArray[np.float64] | None
     resimulated: Resimulated | None = None
     phi: Phi = field(default_factory=StructuredPhi)
+    outliers: int = 0
 
 
 class EventLearner(Protocol):

@@ -119,6 +119,7 @@ class Learner:
         try:
             prior = self._prior(standstill)
             offset = self._offset_since.after(standstill)
+            bridged = int(window.masked.sum())
             window = self._without_outliers(window, offset)
             cost, fit = self._fitted(window, prior, offset)
             if fit is None:
@@ -164,12 +165,12 @@ class Learner:
         because = self._mistrust.after(outcome.objections)
         if because is not None:
             nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
-            found = outcome.objections or (because,)
-            return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=found)
+            reasons = outcome.objections or (because,)
+            return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=reasons)
         now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried, self._scalars)
         event = replace(event, systematic=self._healthy.mass_share)
-        return replace(outcome, resimulated=event)
+        return replace(outcome, resimulated=event, outliers=int(window.masked.sum()) - bridged)
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""

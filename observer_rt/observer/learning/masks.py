@@ -8,6 +8,7 @@ what the injector does; and of many in one event the model is to blame.
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -20,10 +21,10 @@ BETTER = 40.0  # chi2 by which a constant must beat the model
 JUMP = 5.0  # standard deviations by which the value jumps when it is let go
 MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen
 MOST_STRETCHES = 3  # in an event
-SPIKE = 6.0  # standard deviations of the innovations
-REACH = 3  # samples on either side of a spike
-DEVIATION = 1.4826  # standard deviation of normal numbers over their median absolute deviation
-MOST_SPIKES = 12  # samples in an event
+LEAP = 8.0  # standard deviations of the innovations from one sample to the next
+WIDEST_SPIKE = 8  # samples
+MOST_SPIKES = 6  # in an event
+RECOVERY = 20  # samples after a stretch, until the innovations are themselves again
 REMEMBERED = 6  # events, of stretches
 ENDS_REMEMBERED = 12  # events
 RECURS = 3  # of these, with a stretch at the same place
@@ -91,9 +92,10 @@ class OutlierSearch:
             for stretch in stretches:
                 if not self._is_true(window, stretch, sigmas):
                     mask[max(stretch.start - (stretch.end - stretch.start) // MARGIN, 0) : stretch.end] = True
-        spikes = spiked_samples(np.where(mask, 0.0, innovations), sigmas.innovation, first)
-        if spikes.size <= MOST_SPIKES:
-            mask[spikes] = True
+        spikes = spikes_of(np.where(mask, 0.0, innovations), sigmas.innovation, first)
+        if len(spikes) <= MOST_SPIKES:
+            for start, end in spikes:
+                mask[start:end] = True
         return mask if (mask & ~before).any() else None
 
     def is_clipped_after(
@@ -151,7 +153,8 @@ def frozen_stretches(
     explained = np.concatenate(([0.0], np.cumsum((innovations / sigmas.innovation) ** 2)))
     found: list[Stretch] = []
     for end in ends:
-        lengths = np.arange(SHORTEST, min(LONGEST, end - max(first, found[-1].end if found else 0)) + 1)
+        begin = found[-1].end + RECOVERY if found else first
+        lengths = np.arange(SHORTEST, min(LONGEST, end - begin) + 1)
         if lengths.size == 0:
             continue
         starts = end - lengths
@@ -168,16 +171,16 @@ def frozen_stretches(
     return found
 
 
-def spiked_samples(innovations: NDArray[np.float64], sigma: float, first: int) -> NDArray[np.int64]:
-    """Numbers of the innovations (n,), from `first` on, that stand out among their neighbours."""
-    large = np.flatnonzero(np.abs(innovations) > SPIKE * sigma)
-    large = large[(large >= max(first, REACH)) & (large < len(innovations) - REACH)]
-    if large.size == 0:
-        return large
-    around = sliding_window_view(innovations, 2 * REACH + 1)[large - REACH]
-    middle = np.median(around, axis=1)
-    spread = DEVIATION * np.median(np.abs(around - middle[:, None]), axis=1)
-    return large[np.abs(innovations[large] - middle) > SPIKE * np.maximum(sigma, spread)]
+def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
+    """Samples [start, end) of innovations (n,), from `first` on, that leap away and soon back."""
+    steps = np.diff(innovations)
+    leaps = [int(k) for k in np.flatnonzero(np.abs(steps) > LEAP * sigma) if k >= first]
+    found: list[tuple[int, int]] = []
+    for leap, back in pairwise(leaps):
+        is_apart = not found or leap >= found[-1][1]
+        if is_apart and back - leap <= WIDEST_SPIKE and steps[leap] * steps[back] < 0.0:
+            found.append((leap + 1, back + 1))
+    return found
 
 
 def _mask_of(window: Window) -> NDArray[np.bool_]:

@@ -87,8 +87,7 @@ def _look(observer: Observer, position: int, number: int, value: float) -> int:
         channel.bridged -= 1
     if channel.bridged > 0:
         channel.until = max(channel.until, position + 2)
-    if number != LIFT:  # a needle leaves its seat as suddenly as a spike does
-        _mend(observer, position - REACH, number)
+    _mend(observer, position - REACH, number)
     return int(_doubt(channel, number, observer.constants.timing.bridge))
 
 

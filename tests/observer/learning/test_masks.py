@@ -9,7 +9,7 @@ from observer_rt.observer.learning.masks import (
     OutlierSearch,
     Sigmas,
     frozen_stretches,
-    spiked_samples,
+    spikes_of,
 )
 
 NOISE = 0.0015  # of p_0
@@ -95,16 +95,35 @@ def test_many_stretches_speak_against_the_model() -> None:
     assert OutlierSearch().masked(window, innovations, SIGMAS, FIRST) is None
 
 
-@pytest.mark.parametrize("height", [-12.0, 12.0])
-def test_single_innovations_that_stand_out_are_spikes(height: float) -> None:
+@pytest.mark.parametrize("height", [-15.0, 15.0])
+def test_innovations_that_leap_away_and_back_are_spikes(height: float) -> None:
     innovations = np.random.default_rng(2).normal(size=COUNT)
-    innovations[[400, 700, 701]] += height
-    assert spiked_samples(innovations, 1.0, FIRST).tolist() == [400, 700, 701]
+    innovations[400] += height
+    innovations[700:705] += height
+    assert spikes_of(innovations, 1.0, FIRST) == [(400, 401), (700, 705)]
+
+
+def test_innovations_that_leap_and_stay_are_no_spike() -> None:
+    innovations = np.random.default_rng(2).normal(size=COUNT)
+    innovations[700:] += 20.0
+    innovations[760:] += 20.0
+    assert spikes_of(innovations, 1.0, FIRST) == []
 
 
 def test_a_wrong_model_has_no_spikes() -> None:
-    swing = 30.0 * np.sin(np.arange(COUNT) / 6.0)
-    assert spiked_samples(swing + np.random.default_rng(3).normal(size=COUNT), 1.0, FIRST).size == 0
+    swing = 20.0 * np.sin(np.arange(COUNT) / 10.0)
+    assert spikes_of(swing + np.random.default_rng(3).normal(size=COUNT), 1.0, FIRST) == []
+
+
+def test_two_stretches_of_half_a_millisecond_are_two() -> None:
+    y = truth()
+    for start in (150, 500):
+        y[start : start + 50] = y[start]
+    noise = np.random.default_rng(1).normal(size=COUNT) * NOISE
+    left = y + noise - truth()
+    for end in (200, 550):  # as x~ comes back
+        left[end : end + 12] -= 0.02 * np.exp(-np.arange(12) / 5.0)
+    assert len(frozen_stretches(window_of(y + noise), left, SIGMAS, FIRST)) == 2
 
 
 def test_a_line_pressure_that_goes_as_far_at_any_rail_pressure_is_clipped() -> None:

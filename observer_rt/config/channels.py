@@ -4,10 +4,14 @@ For samples of a bus `bus/alignment` undoes the delay of each message that carri
 else is told to the model, as effects.
 """
 
+from collections.abc import Callable
+
 from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
+
+_KEYS = {"filter_delay_us", "lag_us"}
 
 
 def undone_in_alignment(signals: SignalsConfig, role: Role) -> float:
@@ -31,6 +35,24 @@ def effects_on_one_raster(signals: SignalsConfig) -> tuple[SizedEffect, ...]:
         for each in (signals.rail_pressure, signals.line_pressure, signals.needle_lift)
     )
     return _effects(signals, rail - lift, line - lift)
+
+
+def with_channels_of(signals: SignalsConfig, other: SignalsConfig) -> SignalsConfig:
+    """The same signals, of which `other` says how late and how slow they are."""
+    return _changed(signals, lambda role: other.of(role).model_dump(include=_KEYS))
+
+
+def as_sent(signals: SignalsConfig) -> SignalsConfig:
+    """The same signals, none of them late or slow."""
+    return _changed(
+        signals, lambda role: dict.fromkeys(_KEYS & type(signals.of(role)).model_fields.keys(), 0.0)
+    )
+
+
+def _changed(signals: SignalsConfig, change: Callable[[Role], dict[str, float]]) -> SignalsConfig:
+    return signals.model_copy(
+        update={role.value: signals.of(role).model_copy(update=change(role)) for role in Role}
+    )
 
 
 def _effects(signals: SignalsConfig, rail_delay: float, line_delay: float) -> tuple[SizedEffect, ...]:

@@ -25,6 +25,7 @@ from observer_rt.evidence.reading import hashes, read_measured
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.file_hash import file_hash
+from observer_rt.model.effect import SizedEffect
 from observer_rt.recording.formats import open_recording
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
@@ -56,10 +57,12 @@ def discover_files(
     ask_observer: AskObserver,
     console: Console,
     read: Callable[[Path], SignalStream] = open_recording,
+    stated: tuple[SizedEffect, ...] = (),
 ) -> None:
     """Find the missing effect in recordings; write everything into a folder, print the answer.
 
-    read: looks through a file the user named, and refuses one that is none.
+    read: looks through a file the user named, and refuses one that is none; stated: what the bench file says of the
+    channels.
 
     Raises `UserError` for files that will not do, before the work begins; `RunError` when it fails or is interrupted.
     """
@@ -68,7 +71,7 @@ def discover_files(
     chosen = _chosen(options.chosen)
     _refuse_replacing(options)
     source = InjectorText(options.model)
-    measured = read_measured([*paths, *options.healthy], read, console)
+    measured = read_measured([*paths, *options.healthy], read, console, stated=stated)
     refuse_rates_missing([one.recording for one in measured[: len(paths)]])
     question = Question(parameters, measured[: len(paths)], measured[len(paths) :], hashes(paths), chosen)
     _make_folder(options.out)
@@ -76,7 +79,7 @@ def discover_files(
         say(console, coverage(one))
     say_if_compiling(console)
     with file_errors(options.out):
-        store = FitStore(options.out / FITS, problem_key(parameters, list(question.hashes.values())))
+        store = FitStore(options.out / FITS, problem_key(parameters, list(question.hashes.values()), stated))
     if store.taken_over:
         say(console, f"going on with {store.taken_over} candidates fitted before")
     with store, progress_bar(console, "looking for what is missing", 1.0) as progress:

@@ -73,7 +73,6 @@ def discover(
     read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
     injector = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
     options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json, choose, force, data)
-    signals = None if decoder is None else decoder.injector.config.signals
-    stated = () if signals is None else effects_on_one_raster(signals)
-    ask = partial(second_opinion, signals=signals)
+    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
+    ask = partial(second_opinion, signals=None if decoder is None else decoder.injector.config.signals)
     discover_files(without_truths(recordings, messages), options, ask, messages, read, stated)

@@ -54,5 +54,5 @@ def fit(
     messages = Console(stderr=True)
     read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
     options = FitOptions(model, output, mass, plot, as_json, force)
-    stated = () if decoder is None else effects_on_one_raster(decoder.injector.config.signals)
+    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
     fit_files(without_truths(recordings, messages), options, messages, read, stated)

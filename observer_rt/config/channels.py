@@ -6,11 +6,14 @@ else is told to the model, as effects.
 
 from collections.abc import Callable
 
+from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role, SignalsConfig
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 
+MOST_APART_US = 60.0
 _KEYS = {"filter_delay_us", "lag_us"}
 
 
@@ -28,13 +31,23 @@ def effects_after_alignment(signals: SignalsConfig) -> tuple[SizedEffect, ...]:
     return _effects(signals, rest, signals.line_pressure.filter_delay_us * MICROSECOND)
 
 
-def effects_on_one_raster(signals: SignalsConfig) -> tuple[SizedEffect, ...]:
-    """The same for recordings whose channels lie on one raster, at the times of the lift."""
-    rail, line, lift = (
-        each.filter_delay_us * MICROSECOND
-        for each in (signals.rail_pressure, signals.line_pressure, signals.needle_lift)
-    )
-    return _effects(signals, rail - lift, line - lift)
+def effects_on_one_raster(fitted: BenchInjector) -> tuple[SizedEffect, ...]:
+    """The same for recordings that are compared with models, whose channels lie on one raster: against the lift.
+
+    Raises `UserError` for a delay that the samples kept beside an injection do not bridge.
+    """
+    signals = fitted.config.signals
+    lift = signals.needle_lift.filter_delay_us
+    for role in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE):
+        apart = abs(signals.of(role).filter_delay_us - lift)
+        if apart > MOST_APART_US:
+            raise UserError(
+                fitted.place(f"signals.{role}.filter_delay_us"),
+                f"differs by {apart:g} us from the lift's, {lift:g} us; `fit` and `discover` undo {MOST_APART_US:g}",
+                "shift the channel in the recording, and leave the key out for these commands",
+            )
+    rail, line = (each.filter_delay_us - lift for each in (signals.rail_pressure, signals.line_pressure))
+    return _effects(signals, rail * MICROSECOND, line * MICROSECOND)
 
 
 def with_channels_of(signals: SignalsConfig, other: SignalsConfig) -> SignalsConfig:

@@ -56,6 +56,13 @@ class SignalConfig(SampledConfig):
     counter: str | None = None  # signal that counts the frames of a message without index
     rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
     max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
+    filter_delay_us: Annotated[float, Field(ge=0, le=500)] = 0.0  # by which all it shows comes late
+
+
+class LaggedSignalConfig(SignalConfig):
+    """The same of a sensor that may follow what it measures slowly."""
+
+    lag_us: Annotated[float, Field(ge=0, le=150)] = 0.0  # time constant, first order
 
 
 class EnergizingConfig(SampledConfig):
@@ -89,8 +96,8 @@ class FuelTemperatureConfig(SlowQuantityConfig):
 
 class SignalsConfig(Section):
     rail_pressure: SignalConfig
-    needle_lift: SignalConfig
-    line_pressure: SignalConfig
+    needle_lift: LaggedSignalConfig
+    line_pressure: LaggedSignalConfig
     learning_enable: LearningEnableConfig | None = None
     measured_mass: SlowQuantityConfig | None = None  # of an injection
     fuel_temperature: FuelTemperatureConfig | None = None  # in the feed line

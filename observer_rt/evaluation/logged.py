@@ -12,6 +12,7 @@ from observer_rt.bus.alignment.message_timing import MessageTiming
 from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.config.channels import as_sent
 from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import Coefficients
@@ -118,7 +119,10 @@ class LoggedSignals(SignalStream):
         sampling = bench.injector.config.sampling
         self.meaning = sampling.meaning
         # samples as they were sent: what they mean is for whoever reads them
-        bench = bench.with_sections(sampling=sampling.model_copy(update={"meaning": Meaning.INSTANT}))
+        bench = bench.with_sections(
+            sampling=sampling.model_copy(update={"meaning": Meaning.INSTANT}),
+            signals=as_sent(bench.injector.config.signals),
+        )
         self._bench = bench
         self._bus = map_bus(bench)
         needed = {layout.bus for layout in self._bus.input_layouts}

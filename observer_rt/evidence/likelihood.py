@@ -65,6 +65,7 @@ class Trial:
 
     def __init__(self, measurement: Measurement, nominal: EffectiveModel) -> None:
         self.measurement = measurement
+        nominal = measurement.as_recorded(nominal)
         self._rows = Rows(measurement)
         self._latest = latest(measurement)
         rate = measurement.recording.sample_rate
@@ -88,6 +89,7 @@ class Trial:
 
     def judge(self, model: EffectiveModel) -> Judged | None:
         """Compare with a model; None where its solution is not finite or cannot be had."""
+        model = self.measurement.as_recorded(model)
         late = math.floor(model.sensor.delay / self.measurement.interval)
         if abs(late) >= self._latest or self._substeps_of(model) > MAX_SUBSTEPS:
             return None
@@ -107,6 +109,7 @@ class Trial:
 
         at_line: (n,) at the counted innovations; else (m,) where a measured rate is judged.
         """
+        model = self.measurement.as_recorded(model)
         _, rate = self._predicted(model, self._inputs_of(model), 0, self._schedule(model))
         rows = np.flatnonzero(self._rows.counted) if at_line else self._rows.rate_rows
         return self.measurement.recording.needle_lift[self._rows.samples[rows]], rate[rows]

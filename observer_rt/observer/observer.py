@@ -12,6 +12,7 @@ from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.coefficients import averaged
+from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model
 from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
@@ -42,6 +43,7 @@ from observer_rt.observer.stream.state import (
     observer_dtype,
     sample_dtype,
 )
+from observer_rt.observer.stream.undoing import louder, undoing_of
 
 SETTLE = 3 * MILLISECOND
 GOOD = 1 * MILLISECOND
@@ -69,12 +71,14 @@ def constants_for(
     events_required: int,
     rail_every: float = 1.0,
     means: bool = False,
+    stated: Sequence[SizedEffect] = (),
 ) -> Constants:
     """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
 
-    rail_every: samples to one of the rail pressure; means: samples are means over the sample period before.
+    rail_every: samples to one of the rail pressure; means: samples are means over the sample period before;
+    stated: what is to be undone of the channels.
     """
-    model = effective_model(parameters)
+    model = effective_model(parameters, stated)
     interval = 1.0 / sample_rate
     sensor = sensor_of(model.sensor, model.coefficients.pressure_scale, interval)
     toe = toe_samples(model.inputs, interval)
@@ -106,6 +110,7 @@ def constants_for(
         ),
         events_required=events_required,
         rail_every=rail_every,
+        undoing=undoing_of(model.inputs, interval),
     )
 
 
@@ -127,7 +132,7 @@ def make_observer(
     scale = constants.coefficients.pressure_scale
     noise = knowledge.noise
     memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
-    memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift)
+    memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift * louder(constants.undoing))
     _expect(memory, learner.schedule.innovation_sigma)
     _put_in_force(observer, knowledge)
     return observer

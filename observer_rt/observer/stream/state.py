@@ -16,6 +16,7 @@ from observer_rt.observer.stream.phi import Phi
 RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
 RAIL, LIFT, LINE = range(3)  # numbers of the channels
+WAITING = 1 << 11  # samples, with those before them, while the delay of a channel is undone
 PENDING_EVENTS = 512  # closed, not yet judged: the longest learning delay over the shortest event gap
 INJECTIONS = 1024  # finished, not yet reported; of more, the oldest are forgotten
 
@@ -153,7 +154,27 @@ INJECTION = np.dtype(
     align=True,
 )
 
+RECORDED = np.dtype(
+    [
+        ("index", np.int64),
+        ("rail_pressure", np.float64),  # Pa, m, Pa
+        ("needle_lift", np.float64),
+        ("line_pressure", np.float64),
+        ("lift_after", np.float64),  # see `_SAMPLE`
+        ("rail_share", np.float64),
+        ("interpolated", np.bool_),
+        ("broken", np.int64),
+        ("doubt", np.int64),
+    ],
+    align=True,
+)
+
 _OBSERVER = [
+    # samples as recorded, where something of the channels is undone: recorded >= given_on
+    ("waiting_samples", RECORDED, (WAITING,)),
+    ("recorded", np.int64),
+    ("given_on", np.int64),
+    ("unbroken_since", np.int64),  # number of the first sample since the last break
     # positions in the stream of samples: received >= processed
     ("received", np.int64),
     ("processed", np.int64),
@@ -285,6 +306,18 @@ class Timing(NamedTuple):
     filtered: bool  # samples come fast enough for a spike to be told from the line
 
 
+class Undoing(NamedTuple):
+    """What is undone of channels before the observer sees a sample; of the line pressure the model knows it."""
+
+    stated: bool  # whether there is anything
+    rail_late: (
+        int  # samples; sample k + rail_late of the rail pressure is of the time `rail_fraction` (0..1) of a
+    )
+    rail_fraction: float  # .. sample before k
+    lift_lag: float  # samples: time constant of the lift's sensor
+    ahead: int  # samples that must be known beyond one
+
+
 class Constants(NamedTuple):
     """What does not change while the observer runs."""
 
@@ -296,6 +329,7 @@ class Constants(NamedTuple):
     timing: Timing
     events_required: int  # judged events before a sample can be valid
     rail_every: float  # samples to one of the rail pressure
+    undoing: Undoing
 
 
 class Observer(NamedTuple):

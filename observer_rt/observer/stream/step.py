@@ -26,9 +26,11 @@ from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, 
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
-from observer_rt.observer.stream.state import MAX_EVENT, RING, Observer, Reason, State
+from observer_rt.observer.stream.state import MAX_EVENT, RING, WAITING, Observer, Reason, State
+from observer_rt.observer.stream.undoing import keep_waiting, true_lift, true_rail_pressure
 
 _MASK = RING - 1
+_WAITING_MASK = WAITING - 1
 _RESTLESS = MAX_EVENT + RING // 8  # samples without standstill; a needle that is open as long is stuck
 _NONE = int(Break.NONE)
 _JUMP = int(Break.JUMP)
@@ -68,6 +70,76 @@ def push(
     `lift_after` by which share of an interval (0..1) its lift was taken later than the rest of it, `rail_share` that
     its rail pressure lies between two neighbours and which share (0..1) the later one has in it.
     """
+    if not observer.constants.undoing.stated:
+        _append(
+            observer,
+            index,
+            rail_pressure,
+            needle_lift,
+            line_pressure,
+            interpolated,
+            broken,
+            doubt,
+            lift_after,
+            rail_share,
+        )
+        return
+    if broken != _NONE:
+        _give_on(observer, observer.memory[0].recorded)  # nothing follows what waits
+    keep_waiting(
+        observer,
+        index,
+        rail_pressure,
+        needle_lift,
+        line_pressure,
+        interpolated,
+        broken,
+        doubt,
+        lift_after,
+        rail_share,
+    )
+    _give_on(observer, observer.memory[0].recorded - observer.constants.undoing.ahead)
+
+
+@njit(cache=True, nogil=True)
+def _give_on(observer: Observer, end: int) -> None:
+    """Append the samples that wait, up to the number `end`, with what is stated of their channels undone."""
+    memory = observer.memory[0]
+    undoing = observer.constants.undoing
+    for number in range(memory.given_on, end):
+        row = memory.waiting_samples[number & _WAITING_MASK]
+        share = row.rail_share
+        if share == 0.0 and observer.constants.rail_every <= 1.0:
+            share = undoing.rail_fraction
+        _append(
+            observer,
+            row.index,
+            true_rail_pressure(observer, number),
+            true_lift(observer, number),
+            row.line_pressure,
+            row.interpolated,
+            row.broken,
+            row.doubt,
+            row.lift_after,
+            share,
+        )
+    memory.given_on = max(memory.given_on, end)
+
+
+@njit(cache=True, nogil=True)
+def _append(
+    observer: Observer,
+    index: int,
+    rail_pressure: float,
+    needle_lift: float,
+    line_pressure: float,
+    interpolated: bool,
+    broken: int,
+    doubt: int,
+    lift_after: float,
+    rail_share: float,
+) -> None:
+    """Into the ring, normalised; arguments as of `push`."""
     c = observer.constants.coefficients
     inputs = observer.constants.inputs
     memory = observer.memory[0]
@@ -102,6 +174,8 @@ def advance_stream(observer: Observer) -> bool:
     Returns True when it stopped because an event must be judged first (`memory.waiting`).
     """
     memory = observer.memory[0]
+    if memory.draining:
+        _give_on(observer, memory.recorded)
     while memory.processed < memory.received:
         position = memory.processed
         if (

@@ -54,15 +54,15 @@ def caveats_of(found: Discovery, circumstances: Circumstances) -> tuple[Caveat, 
     )
 
 
+def remedies(found: Discovery) -> tuple[str, ...]:
+    """What to do about the effects found that no injector file can have in force."""
+    return tuple(remedy for effect in found.effects if (remedy := VOCABULARY[effect.id].remedy))
+
+
 def is_level_measured(nominal: EffectiveModel) -> bool:
     """Whether a rate or mass told the level of all flows when the model was fitted."""
     baseline = nominal.injector.baseline
     return baseline is not None and baseline.level != "file"
-
-
-def remedies(found: Discovery) -> tuple[str, ...]:
-    """What to do about the effects found that no injector file can have in force."""
-    return tuple(remedy for effect in found.effects if (remedy := VOCABULARY[effect.id].remedy))
 
 
 def is_like_inertance(nominal: EffectiveModel, amended: EffectiveModel) -> bool:

@@ -62,7 +62,9 @@ def _is_odd(channel, position: int, value: float) -> bool:  # type: ignore[no-un
         channel.run = 0
     step = abs(value - last)
     limit = max(STEP * channel.noise, RESTLESS * channel.change)
-    channel.change += (min(step, limit) - channel.change) / MEMORY
+    channel.change += (
+        (step if step < limit else limit) - channel.change
+    ) / MEMORY  # no number is not taken in
     return bool(step > limit or position < channel.until)
 
 

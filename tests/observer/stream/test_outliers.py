@@ -57,9 +57,7 @@ def spike_before(values: NDArray[np.float64], k: int, limit: float) -> int:
 
 
 @pytest.mark.parametrize("channel", [RAIL, LINE])
-def test_a_spike_of_up_to_three_samples_is_replaced_by_what_is_beside_it(
-    channel: int, height: float, width: int
-) -> None:
+def test_a_spike_of_up_to_three_samples_is_replaced_by_what_is_beside_it(channel: int, width: int) -> None:
     clean, spiked = signals(), signals()
     spiked[channel][AT : AT + width] += 3e6
     stream, rows = observed(spiked)

@@ -192,7 +192,8 @@ class Learner:
         """
         cost = self._cost(window, offset)
         first = cost.linearised(self._theta)
-        mask = self._mask(window, cost.innovations) if self._events > 0 else None
+        is_told = self._events > 0 and np.isfinite(first.value)
+        mask = self._mask(window, cost.innovations) if is_told else None
         if mask is not None:
             window = window._replace(masked=mask)
             cost = self._cost(window, offset)

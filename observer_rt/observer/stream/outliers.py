@@ -14,12 +14,15 @@ from observer_rt.observer.stream.state import LIFT, LINE, RAIL, RING, Observer
 SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are short for a line
 REACH = 3  # samples of the longest spike
 STEP = 4.5  # standard deviations from one sample to the next, by which a spike goes away and comes back
+RESTLESS = 4.0  # the same of a channel's mean change: of white noise as much
+MEMORY = 64.0  # samples, of that mean
 CLOSE = 0.7  # of these: it comes back so near to where it was, and the channel was so steady before
 UNLIKELY = math.log(1e-8)  # probability a sample of so many equal values by chance
 FEWEST_REPEATS = 4  # that are a frozen value: so many samples wait for their look-ahead
 UNLIKELY_AFTER_LEAP = math.log(1e-4)
 FEWEST_AFTER_LEAP = 2
 MOST_SAMPLES = RING  # more than ever may be bridged
+COARSE = 0.2  # share of equal neighbours, from which on they are no noise: a needle on its seat, a held value
 WELL_KNOWN = 1000  # samples from which on the share of equal neighbours is known
 DROPOUT = 30.0  # standard deviations by which a value that then stays is a dropout
 LEAP = 10.0  # of e~ from one sample to the next; a wrong model's grows over several
@@ -57,14 +60,19 @@ def _is_odd(channel, position: int, value: float) -> bool:  # type: ignore[no-un
         if channel.run < channel.needed:
             channel.repeats += channel.run
         channel.run = 0
-    return bool(abs(value - last) > STEP * channel.noise or position < channel.until)
+    step = abs(value - last)
+    limit = max(STEP * channel.noise, RESTLESS * channel.change)
+    channel.change += (
+        (step if step < limit else limit) - channel.change
+    ) / MEMORY  # no number is not taken in
+    return bool(step > limit or position < channel.until)
 
 
 @njit(cache=True, nogil=True, inline="always")
 def accepted(memory, longest: int, innovation: float) -> bool:  # type: ignore[no-untyped-def]
     """Whether an innovation of x~ [p_0] may correct it: not where it leaps, for `longest` samples at most."""
     leap = innovation - memory.accepted_innovation
-    is_leap = leap * leap * memory.innovation_weight > LEAP * LEAP
+    is_leap = math.inf > leap * leap * memory.innovation_weight > LEAP * LEAP
     if is_leap and memory.synchronised and memory.leaping < longest:
         memory.leaping += 1
     else:
@@ -85,7 +93,8 @@ def _look(observer: Observer, position: int, number: int, value: float) -> int:
         channel.until = max(channel.until, position + 2)
     if _was_held(channel, number, value):
         return _FROZEN
-    _mend(observer, position, number)
+    if number != LIFT:  # a needle moves as suddenly
+        _mend(observer, position, number)
     return int(_doubt(channel, number, observer.constants.timing.bridge))
 
 
@@ -145,7 +154,7 @@ def _note_run(observer: Observer, position: int, number: int, value: float) -> N
     """Two samples, the second at `position`, have one value: how many must follow, and what it was before them."""
     channel = observer.memory[0].channels[number]
     channel.needed = MOST_SAMPLES
-    if position <= observer.memory[0].segment_start + 1:
+    if position <= observer.memory[0].segment_start + 1 or not math.isfinite(value):
         return
     channel.instead = value_of(observer.ring[(position - 2) & _MASK], number)
     channel.is_dropout = abs(value - channel.instead) > DROPOUT * channel.noise
@@ -158,7 +167,7 @@ def repeats_needed(repeats: int, samples: int, is_dropout: bool) -> int:
     if samples < WELL_KNOWN:
         return MOST_SAMPLES
     chance = (repeats + 1.0) / (samples + 1.0)
-    if chance > 0.99:
+    if chance > COARSE:
         return MOST_SAMPLES
     if is_dropout:
         return max(FEWEST_AFTER_LEAP, math.ceil(UNLIKELY_AFTER_LEAP / math.log(chance)))
@@ -193,10 +202,10 @@ def _mend(observer: Observer, position: int, number: int) -> None:
     memory = observer.memory[0]
     if not observer.constants.timing.filtered or position - memory.newest_break < 2 * REACH + 1:
         return
-    limit = STEP * memory.channels[number].noise
+    limit = max(STEP * memory.channels[number].noise, RESTLESS * memory.channels[number].change)
     here = value_of(observer.ring[position & _MASK], number)
     back = abs(here - value_of(observer.ring[(position - 1) & _MASK], number))
-    if back <= limit:
+    if back <= limit or not math.isfinite(back):
         return
     for width in range(1, REACH + 1):
         last = position - width - 1

@@ -117,6 +117,7 @@ CHANNEL = np.dtype(
     [
         ("noise", np.float64),  # standard deviation of a sample, as normalised as it is
         ("last", np.float64),  # value as it came
+        ("change", np.float64),  # running mean from sample to sample
         ("until", np.int64),  # position before which every sample is looked at
         ("run", np.int64),  # samples in a row with the value of the one before
         ("needed", np.int64),  # of them, until it is frozen

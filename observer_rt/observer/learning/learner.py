@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
+from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.gating import carried_covariance, gated_covariance
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.phases import (
@@ -50,7 +50,6 @@ from observer_rt.observer.learning.knowledge import (
     no_knowledge,
 )
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
-from observer_rt.observer.learning.noise_level import RecentLevel
 from observer_rt.observer.learning.trend import Trend
 from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
@@ -65,7 +64,6 @@ QUICKER_SCORE = 35.0  # from which on wear is taken to move faster than its usua
 QUICKER = 30.0  # times the usual drift
 COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
 RAIL_TEMPER = 2.0
-LEVEL_SEGMENT = 16  # samples of rest without break, for the level of the noise
 CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 
 
@@ -94,7 +92,6 @@ class Learner:
         self._at_rest = RestingNoise(constants.interval)
         self._slow_rail = SlowRail(constants.interval)
         self._offset_since = OffsetSince()
-        self._line_level, self._rail_level = RecentLevel(), RecentLevel()
         self._schedule = self._gains()
         self._previous: tuple[Window, Constants] | None = None
         self._freezer = Freezer()
@@ -126,7 +123,7 @@ class Learner:
         """
         self._constants = constants or self._constants
         if standstill.noise is not None:
-            self._noise = self._recent(standstill.noise, window)
+            self._noise = standstill.noise
         self._schedule = self._gains()
         try:
             prior = self._prior(standstill)
@@ -140,7 +137,7 @@ class Learner:
                 cost, fit = self._fitted(window, prior, offset)
                 if fit is None:
                     return self._outcome(Adoption.FAILED, window, in_force)
-            innovations = Innovations(fit.innovations, self._schedule.innovation_sigma)
+            innovations = Innovations(fit.innovations, cost.sigma)
             statistics = event_statistics(window, innovations, self._constants.interval, self._healthy)
             wide = self._scalars.prior(self._scale)
             lag = lag_score(window, self._setting(), fit, cost, wide, self._scalars)
@@ -189,35 +186,19 @@ class Learner:
         self, window: Window, prior: Belief, offset: float | None
     ) -> tuple[EventCost, EventFit | None]:
         """An event's cost with the colour in use, and its fit; offset [p_0]: at rest before it."""
-        whitening = None if self._colour is None else self._colour.whitening
-        cost = EventCost(
-            window,
-            self._setting(),
-            self._schedule.innovation_sigma,
-            self._burn_in,
-            self._scalars,
-            whitening,
-            offset,
-        )
+        colour = self._colour
+        sigma = self._schedule.innovation_sigma if colour is None else colour.sigma
+        whitening = None if colour is None else colour.whitening
+        cost = EventCost(window, self._setting(), sigma, self._burn_in, self._scalars, whitening, offset)
         return cost, self._fit(cost, prior)
 
     def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:
         """The colour of the noise, after what a fitted event leaves while the needle is shut."""
         shortest = round(SEGMENT / self._constants.interval)
-        values = fit.unfiltered / self._schedule.innovation_sigma
         rest = resting_segments(window, self._burn_in, shortest)
-        self._at_rest.add([values[part] for part in rest])
+        self._at_rest.add([fit.unfiltered[part] for part in rest])
         self._slow_rail.add([window.inputs[part, 0] for part in rest])
         return self._at_rest.colour(self._colour)
-
-    def _recent(self, noise: NoiseLevels, window: Window) -> NoiseLevels:
-        """Levels of the whole standstill, or since they changed; not of a rail pressure slower than the samples."""
-        rest = resting_segments(window, 0, LEVEL_SEGMENT)
-        rail, line = noise.rail_pressure / self._scale, noise.line_pressure / self._scale
-        line = self._line_level.after([window.output[part] for part in rest], line)
-        if self._constants.rail_every == 1.0:
-            rail = self._rail_level.after([window.inputs[part, 0] for part in rest], rail)
-        return replace(noise, rail_pressure=rail * self._scale, line_pressure=line * self._scale)
 
     def _temper(self, statistics: PhaseStatistics) -> float:
         """Factor on the variance of an event's innovations.

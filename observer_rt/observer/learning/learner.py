@@ -8,14 +8,21 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.gating import carried_covariance, gated_covariance
-from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.learned import Learned, learned_of
 from observer_rt.estimation.phases import (
     Phase,
     PhaseStatistics,
 )
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost
-from observer_rt.estimation.predictor import Setting, Window, open_loop_error
+from observer_rt.estimation.predictor import (
+    NO_RATE,
+    NO_SLOPES,
+    Setting,
+    Window,
+    follow,
+    open_loop_error,
+)
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.sensor import LAG_UNIT
@@ -251,12 +258,20 @@ class Learner:
             events.insert(0, (previous, self._setting(constants)))
         errors = [
             sum(
-                open_loop_error(*event, learned_of(theta, event[1].coefficients, self._scalars))
+                self._open_loop_error(*event, learned_of(theta, event[1].coefficients, self._scalars))
                 for event in events
             )
             for theta in (self._theta, in_force)
         ]
         return bool(errors[0] < ADOPTION_TOLERANCE * errors[1])
+
+    def _open_loop_error(self, window: Window, setting: Setting, learned: Learned) -> float:
+        """`open_loop_error` without the colour of the noise: hum may be larger than what an adoption changes."""
+        if self._colour is None:
+            return open_loop_error(window, setting, learned)
+        errors = np.empty(window.output.size)
+        follow(window, setting, learned, window.opening, errors, NO_RATE, None, NO_SLOPES)
+        return float(np.sum(self._colour.whitening.of(errors)[window.opening :] ** 2))
 
     def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         """Fall back to phi = 0 and forget: what was learned belongs to another line. No event is valid meanwhile."""

@@ -13,15 +13,13 @@ NO_HIGH_PASS = -1.0
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
-    """(1 - z)/(1 - theta z) (1 + a_1 z + .. + a_p z^p)/level, z the delay of one sample; nothing of it: all pass.
+    """(1 - z)/(1 - theta z) (1 + a_1 z + .. + a_p z^p), z the delay of one sample.
 
-    forgetting: theta, None without high pass; taps: a (p,); level: standard deviation of what passes, by which it is
-    divided.
+    forgetting: theta, None without high pass; taps: a (p,).
     """
 
     forgetting: float | None
     taps: NDArray[np.float64]
-    level: float = 1.0
 
     def of(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Innovations (n,) or their slopes (n, m), whitened: linear, and alike for both.
@@ -31,7 +29,7 @@ class Whitening:
         columns = values.reshape(values.shape[0], -1)
         result = np.empty_like(columns)
         forgetting = NO_HIGH_PASS if self.forgetting is None else self.forgetting
-        _whiten(columns, forgetting, self.taps / self.level, 1.0 / self.level, result)
+        _whiten(columns, forgetting, self.taps, result)
         return result.reshape(values.shape)
 
 
@@ -40,10 +38,9 @@ def _whiten(
     values: NDArray[np.float64],
     forgetting: float,
     taps: NDArray[np.float64],
-    scale: float,
     result: NDArray[np.float64],
 ) -> None:
-    """Values (n, m) down the columns; taps: times `scale` already."""
+    """Values (n, m) down the columns."""
     n, m = values.shape
     passed = np.zeros((n, m))
     if forgetting == NO_HIGH_PASS:
@@ -61,7 +58,7 @@ def _whiten(
     result[0] = 0.0
     for k in range(1, n):
         for j in range(m):
-            result[k, j] = scale * passed[k, j]
+            result[k, j] = passed[k, j]
         for i in range(min(taps.shape[0], k - 1)):
             for j in range(m):
                 result[k, j] += taps[i] * passed[k - 1 - i, j]

@@ -57,7 +57,7 @@ def _problem_of_colour(colour: Colour) -> str | None:
     whitening = colour.whitening
     if whitening.taps.ndim != 1 or whitening.taps.size > ORDERS or not np.all(np.isfinite(whitening.taps)):
         return f"the colour of the noise is no filter of at most {ORDERS} taps"
-    if not all(math.isfinite(value) and value > 0.0 for value in (whitening.level, colour.interval)):
+    if not all(math.isfinite(value) and value > 0.0 for value in (colour.sigma, colour.interval)):
         return "the colour of the noise has no level or no sample interval"
     if whitening.forgetting is not None and not 0.0 < whitening.forgetting < 1.0:
         return "the high pass of the noise is none"

@@ -57,7 +57,7 @@ class _Colour(BaseModel, extra="forbid", strict=True):
     interval: float
     forgetting: float | None
     taps: _Array
-    level: float
+    sigma: float
 
 
 class _Content(BaseModel, strict=True):
@@ -189,13 +189,13 @@ def load_knowledge(
 def _saved(colour: Colour | None) -> _Colour | None:
     if colour is None:
         return None
-    return _Colour.model_construct(interval=colour.interval, **vars(colour.whitening))
+    return _Colour.model_construct(interval=colour.interval, sigma=colour.sigma, **vars(colour.whitening))
 
 
 def _restored(colour: _Colour | None) -> Colour | None:
     if colour is None:
         return None
-    return Colour(Whitening(colour.forgetting, colour.taps, colour.level), colour.interval)
+    return Colour(Whitening(colour.forgetting, colour.taps), colour.interval, colour.sigma)
 
 
 def _digest(content: object) -> str:

@@ -20,7 +20,7 @@ def reference(values: NDArray[np.float64], whitening: Whitening) -> NDArray[np.f
     rest = values[1:]
     if whitening.forgetting is not None:
         rest = lfilter([1.0, -1.0], [1.0, -whitening.forgetting], rest - rest[:LEVEL_SAMPLES].mean())
-    rest = lfilter(np.append(1.0, whitening.taps), [1.0], rest) / whitening.level
+    rest = lfilter(np.append(1.0, whitening.taps), [1.0], rest)
     return np.append(0.0, rest)
 
 
@@ -28,7 +28,7 @@ def reference(values: NDArray[np.float64], whitening: Whitening) -> NDArray[np.f
 @pytest.mark.parametrize("taps", [np.empty(0), TAPS])
 @pytest.mark.parametrize("samples", [2, 3, 15, 400])
 def test_as_scipy_filters(forgetting: float | None, taps: NDArray[np.float64], samples: int) -> None:
-    whitening = Whitening(forgetting, taps, level=0.7)
+    whitening = Whitening(forgetting, taps)
     values = noise(1, samples, 4) + 3.0
     columns = [reference(values[:, j], whitening) for j in range(4)]
     assert_allclose(whitening.of(values), np.column_stack(columns), rtol=1e-12, atol=1e-12)

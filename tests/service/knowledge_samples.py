@@ -38,9 +38,9 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
             Whitening(
                 forgetting=0.96 if random.random() < 0.5 else None,
                 taps=random.normal(size=random.integers(ORDERS)),
-                level=float(random.uniform(0.5, 2.0)),
             ),
             interval=1e-5,
+            sigma=float(random.uniform(5e-4, 2e-3)),
         ),
         learned_at=tuple(OperatingPoint(*point) for point in random.uniform(-1.0, 1.0, (3, 3)).tolist()),
     )

@@ -134,7 +134,7 @@ NOT_RESTORED = {
     ),
     "endless filter": (put("content", "colour", "taps", value=[0.1] * 30), "no filter"),
     "high pass that grows": (put("content", "colour", "forgetting", value=1.5), "high pass"),
-    "noise of no level": (put("content", "colour", "level", value=0.0), "no level"),
+    "noise of no level": (put("content", "colour", "sigma", value=0.0), "no level"),
     "short statistics": (put("content", "statistics", "squares", value=[1.0]), "shape"),
     "negative statistics": (put("content", "statistics", "blocks", 0, 0, value=-1.0), "sums of squares"),
     "offset beyond bounds": (

@@ -25,10 +25,14 @@ ABOUT_AS_GOOD = 20.0
 
 @dataclass(frozen=True, eq=False)
 class Colour:
-    """Of the innovations of a bench: the filter that makes them white, at a sample interval [s]."""
+    """Of the innovations of a bench: the filter that makes them white, at a sample interval [s].
+
+    sigma: standard deviation of what it leaves of them, in units of p_0.
+    """
 
     whitening: Whitening
     interval: float
+    sigma: float
 
 
 class SlowRail:
@@ -93,7 +97,7 @@ class RestingNoise:
         self._count = 0.0
 
     def add(self, segments: Sequence[NDArray[np.float64]]) -> None:
-        """Take in an event's innovations in units of their expected deviation, a stretch of rest each."""
+        """Take in an event's innovations [p_0], a stretch of rest each."""
         self._products *= REMEMBERED
         self._count *= REMEMBERED
         for values in segments:
@@ -123,10 +127,8 @@ class RestingNoise:
         if choice > 0:
             choice = int(np.flatnonzero(least < least[choice] + ABOUT_AS_GOOD)[-1])
         order = orders[choice]
-        whitening = Whitening(
-            self._choices[choice], self._taps(choice, order), math.sqrt(variances[choice, order])
-        )
-        return Colour(whitening, self._interval)
+        whitening = Whitening(self._choices[choice], self._taps(choice, order))
+        return Colour(whitening, self._interval, math.sqrt(variances[choice, order]))
 
     def _taps(self, choice: int, order: int) -> NDArray[np.float64]:
         products = self._products[choice]

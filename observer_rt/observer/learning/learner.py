@@ -7,16 +7,23 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
+from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.gating import carried_covariance, gated_covariance
-from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.learned import Learned, learned_of
 from observer_rt.estimation.phases import (
     Phase,
     PhaseStatistics,
 )
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost, Linearisation
-from observer_rt.estimation.predictor import Setting, Window, open_loop_error
+from observer_rt.estimation.predictor import (
+    NO_RATE,
+    NO_SLOPES,
+    Setting,
+    Window,
+    follow,
+    open_loop_error,
+)
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.sensor import LAG_UNIT
@@ -53,7 +60,6 @@ from observer_rt.observer.learning.knowledge import (
 )
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
 from observer_rt.observer.learning.masks import OutlierSearch, Sigmas
-from observer_rt.observer.learning.noise_level import RecentLevel
 from observer_rt.observer.learning.trend import Trend
 from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
@@ -68,7 +74,6 @@ QUICKER_SCORE = 35.0  # from which on wear is taken to move faster than its usua
 QUICKER = 30.0  # times the usual drift
 COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
 RAIL_TEMPER = 2.0
-LEVEL_SEGMENT = 16  # samples of rest without break, for the level of the noise
 CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 
 
@@ -98,7 +103,6 @@ class Learner:
         self._at_rest = RestingNoise(constants.interval)
         self._slow_rail = SlowRail(constants.interval)
         self._offset_since = OffsetSince()
-        self._line_level, self._rail_level = RecentLevel(), RecentLevel()
         self._schedule = self._gains()
         self._previous: tuple[Window, Constants] | None = None
         self._freezer = Freezer()
@@ -131,7 +135,7 @@ class Learner:
         """
         self._constants = constants or self._constants
         if standstill.noise is not None:
-            self._noise = self._recent(standstill.noise, window)
+            self._noise = standstill.noise
         self._schedule = self._gains()
         try:
             prior = self._prior(standstill)
@@ -151,7 +155,7 @@ class Learner:
                 window, cost, fit = self._fitted(window, prior, offset)
                 if fit is None:
                     return self._outcome(Adoption.FAILED, window, in_force)
-            innovations = Innovations(fit.innovations, self._schedule.innovation_sigma)
+            innovations = Innovations(fit.innovations, cost.sigma)
             statistics = event_statistics(window, innovations, self._constants.interval, self._healthy)
             wide = self._scalars.prior(self._scale)
             lag = lag_score(window, self._setting(), fit, cost, wide, self._scalars)
@@ -222,35 +226,20 @@ class Learner:
 
     def _cost(self, window: Window, offset: float | None) -> EventCost:
         """An event's cost with the colour in use."""
-        return EventCost(
-            window,
-            self._setting(),
-            self._schedule.innovation_sigma,
-            self._burn_in,
-            self._scalars,
-            None if self._colour is None else self._colour.whitening,
-            offset,
-        )
+        colour = self._colour
+        sigma = self._schedule.innovation_sigma if colour is None else colour.sigma
+        whitening = None if colour is None else colour.whitening
+        return EventCost(window, self._setting(), sigma, self._burn_in, self._scalars, whitening, offset)
 
     def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:
         """The colour of the noise, after what a fitted event leaves while the needle is shut."""
         if window.masked.any():  # it would tell the colour of gaps
             return self._at_rest.colour(self._colour)
         shortest = round(SEGMENT / self._constants.interval)
-        values = fit.unfiltered / self._schedule.innovation_sigma
         rest = resting_segments(window, self._burn_in, shortest)
-        self._at_rest.add([values[part] for part in rest])
+        self._at_rest.add([fit.unfiltered[part] for part in rest])
         self._slow_rail.add([window.inputs[part, 0] for part in rest])
         return self._at_rest.colour(self._colour)
-
-    def _recent(self, noise: NoiseLevels, window: Window) -> NoiseLevels:
-        """Levels of the whole standstill, or since they changed; not of a rail pressure slower than the samples."""
-        rest = resting_segments(window, 0, LEVEL_SEGMENT)
-        rail, line = noise.rail_pressure / self._scale, noise.line_pressure / self._scale
-        line = self._line_level.after([window.output[part] for part in rest], line)
-        if self._constants.rail_every == 1.0:
-            rail = self._rail_level.after([window.inputs[part, 0] for part in rest], rail)
-        return replace(noise, rail_pressure=rail * self._scale, line_pressure=line * self._scale)
 
     def _temper(self, statistics: PhaseStatistics) -> float:
         """Factor on the variance of an event's innovations.
@@ -289,7 +278,9 @@ class Learner:
 
     @property
     def _sigmas(self) -> Sigmas:
-        return Sigmas(self._schedule.innovation_sigma, self._noise.line_pressure / self._scale)
+        colour = self._colour
+        sigma = self._schedule.innovation_sigma if colour is None else colour.sigma
+        return Sigmas(sigma, self._noise.line_pressure / self._scale)
 
     def _refit(self, cost: EventCost, fit: EventFit) -> EventFit:
         """The fit of an event of which less counts than before."""
@@ -315,12 +306,20 @@ class Learner:
             events.insert(0, (previous, self._setting(constants)))
         errors = [
             sum(
-                open_loop_error(*event, learned_of(theta, event[1].coefficients, self._scalars))
+                self._open_loop_error(*event, learned_of(theta, event[1].coefficients, self._scalars))
                 for event in events
             )
             for theta in (self._theta, in_force)
         ]
         return bool(errors[0] < ADOPTION_TOLERANCE * errors[1])
+
+    def _open_loop_error(self, window: Window, setting: Setting, learned: Learned) -> float:
+        """`open_loop_error` without the colour of the noise: hum may be larger than what an adoption changes."""
+        if self._colour is None:
+            return open_loop_error(window, setting, learned)
+        errors = np.empty(window.output.size)
+        follow(window, setting, learned, window.opening, errors, NO_RATE, None, NO_SLOPES)
+        return float(np.sum(self._colour.whitening.of(errors)[window.opening :] ** 2))
 
     def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         """Fall back to phi = 0 and forget: what was learned belongs to another line. No event is valid meanwhile."""

@@ -65,7 +65,9 @@ def test_hum_is_taken_away_by_a_high_pass(interval: float, samples: int) -> None
     assert colour.whitening.forgetting is not None
     assert colour.interval == interval
     left = np.concatenate([colour.whitening.of(values)[1:] for values in events])
-    assert np.mean(left**2) == pytest.approx(1.0, abs=0.08)
+    assert np.std(left) == pytest.approx(colour.sigma, rel=0.04)
+    by_high_pass = math.sqrt(2.0 / (1.0 + colour.whitening.forgetting))  # of white noise
+    assert colour.sigma == pytest.approx(by_high_pass, rel=0.04)
     assert np.abs(correlations(left)).max() < 4.0 / math.sqrt(left.size)
 
 
@@ -75,7 +77,8 @@ def test_noise_through_a_filter_is_made_white(pole: float) -> None:
     colour = found_in(events)
     assert colour is not None
     left = np.concatenate([colour.whitening.of(values)[21:] for values in events])
-    assert np.mean(left**2) == pytest.approx(1.0, abs=0.08)
+    assert np.std(left) == pytest.approx(colour.sigma, rel=0.04)
+    assert colour.sigma == pytest.approx(1.0, abs=0.04)
     assert np.abs(correlations(left)).max() < 4.0 / math.sqrt(left.size)
 
 

@@ -28,14 +28,13 @@ from observer_rt.observer.stream.front_end import (
     samples_ahead,
     toe_samples,
 )
-from observer_rt.observer.stream.outliers import SLOWEST_FILTER
+from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
 from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
     INJECTIONS,
     LINE,
     PENDING_EVENTS,
-    REACH,
     RING,
     Constants,
     Observer,

@@ -177,7 +177,7 @@ COUNTERS: Mapping[str, Words] = {
     "missing_injections": Words("commands after which the needle did not open", "injector, driver stage"),
     "uncommanded_injections": Words("injections without a command", "a command message that is lost; a leak"),
     "spikes": Words(
-        "pressures that stood out among their neighbours and were replaced",
+        "values that stood out among their neighbours and were replaced",
         "shielding and earth of the sensor's cable, if many",
     ),
     "bridged_samples": Words(

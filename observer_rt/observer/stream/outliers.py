@@ -6,22 +6,23 @@ without correction, and what is learned leaves it out; a rail pressure or lift i
 
 import math
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from observer_rt.foundation.continuity import Doubt
-from observer_rt.observer.stream.state import LIFT, LINE, RAIL, REACH, RING, Observer
+from observer_rt.observer.stream.state import LIFT, LINE, RAIL, RING, Observer
 
-SLOWEST_FILTER = 21e-6  # s of a sample period, up to which seven samples are short for a line
-STEP = 5.0  # standard deviations between two samples, after which spikes are looked for
-SPIKE = 4.5  # from the median of the seven
-DEVIATION = 1.4826  # standard deviation of normal numbers over their median absolute deviation
+SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are short for a line
+REACH = 3  # samples of the longest spike
+STEP = 4.5  # standard deviations from one sample to the next, by which a spike goes away and comes back
+RESTLESS = 4.0  # the same of a channel's mean change: of white noise as much
+MEMORY = 64.0  # samples, of that mean
+CLOSE = 0.7  # of these: it comes back so near to where it was, and the channel was so steady before
 UNLIKELY = math.log(1e-8)  # probability a sample of so many equal values by chance
 FEWEST_REPEATS = 4  # that are a frozen value: so many samples wait for their look-ahead
 UNLIKELY_AFTER_LEAP = math.log(1e-4)
 FEWEST_AFTER_LEAP = 2
 MOST_SAMPLES = RING  # more than ever may be bridged
+COARSE = 0.2  # share of equal neighbours, from which on they are no noise: a needle on its seat, a held value
 WELL_KNOWN = 1000  # samples from which on the share of equal neighbours is known
 DROPOUT = 30.0  # standard deviations by which a value that then stays is a dropout
 LEAP = 10.0  # of e~ from one sample to the next; a wrong model's grows over several
@@ -59,16 +60,19 @@ def _is_odd(channel, position: int, value: float) -> bool:  # type: ignore[no-un
         if channel.run < channel.needed:
             channel.repeats += channel.run
         channel.run = 0
-    if abs(value - last) > STEP * channel.noise:
-        channel.until = position + 2 * REACH
-    return bool(position < channel.until)
+    step = abs(value - last)
+    limit = max(STEP * channel.noise, RESTLESS * channel.change)
+    channel.change += (
+        (step if step < limit else limit) - channel.change
+    ) / MEMORY  # no number is not taken in
+    return bool(step > limit or position < channel.until)
 
 
 @njit(cache=True, nogil=True, inline="always")
 def accepted(memory, longest: int, innovation: float) -> bool:  # type: ignore[no-untyped-def]
     """Whether an innovation of x~ [p_0] may correct it: not where it leaps, for `longest` samples at most."""
     leap = innovation - memory.accepted_innovation
-    is_leap = leap * leap * memory.innovation_weight > LEAP * LEAP
+    is_leap = math.inf > leap * leap * memory.innovation_weight > LEAP * LEAP
     if is_leap and memory.synchronised and memory.leaping < longest:
         memory.leaping += 1
     else:
@@ -87,8 +91,20 @@ def _look(observer: Observer, position: int, number: int, value: float) -> int:
         channel.bridged -= 1
     if channel.bridged > 0:
         channel.until = max(channel.until, position + 2)
-    _mend(observer, position - REACH, number)
+    if _was_held(channel, number, value):
+        return _FROZEN
+    if number != LIFT:  # a needle moves as suddenly
+        _mend(observer, position, number)
     return int(_doubt(channel, number, observer.constants.timing.bridge))
+
+
+@njit(cache=True, nogil=True)
+def _was_held(channel, number: int, value: float) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a lift that moves again has moved while it was held: a needle cannot be bridged."""
+    if number != LIFT or channel.run > 0 or not channel.is_held:
+        return False
+    channel.is_held = False
+    return bool(not channel.is_dropout and abs(value - channel.held) > DROPOUT * channel.noise)
 
 
 @njit(cache=True, nogil=True)
@@ -124,7 +140,10 @@ def _follow_run(observer: Observer, position: int, number: int, value: float) ->
     if channel.run == channel.needed:
         channel.is_clipped = value == channel.held and not channel.is_dropout
         channel.held = value
-        for k in range(channel.needed - int(not channel.is_dropout)):
+        channel.is_held = True
+        # those before may have been used by now: how many depends on what a frame carries
+        repeats = channel.needed - int(not channel.is_dropout)
+        for k in range(min(repeats, observer.constants.timing.lookahead)):
             _bridge(observer, position - 1 - k, number)
     _bridge(observer, position, number)
     channel.bridged = min(channel.bridged, 2 * longest + 1)
@@ -148,7 +167,7 @@ def repeats_needed(repeats: int, samples: int, is_dropout: bool) -> int:
     if samples < WELL_KNOWN:
         return MOST_SAMPLES
     chance = (repeats + 1.0) / (samples + 1.0)
-    if chance > 0.99:
+    if chance > COARSE:
         return MOST_SAMPLES
     if is_dropout:
         return max(FEWEST_AFTER_LEAP, math.ceil(UNLIKELY_AFTER_LEAP / math.log(chance)))
@@ -179,43 +198,45 @@ def _bridge(observer: Observer, position: int, number: int) -> None:
 
 @njit(cache=True, nogil=True)
 def _mend(observer: Observer, position: int, number: int) -> None:
-    """Put a straight line in the place of a value that stands out among seven: Hampel's identifier."""
+    """Put a straight line in the place of the few values before a position that leapt away from it and came back."""
     memory = observer.memory[0]
-    if not observer.constants.timing.filtered or position < memory.segment_start + REACH:
+    if not observer.constants.timing.filtered or position - memory.newest_break < 2 * REACH + 1:
         return
-    for k in range(1, 2 * REACH + 1):
-        if observer.ring[(position - REACH + k) & _MASK].broken != 0:
+    limit = max(STEP * memory.channels[number].noise, RESTLESS * memory.channels[number].change)
+    here = value_of(observer.ring[position & _MASK], number)
+    back = abs(here - value_of(observer.ring[(position - 1) & _MASK], number))
+    if back <= limit or not math.isfinite(back):
+        return
+    for width in range(1, REACH + 1):
+        last = position - width - 1
+        before = value_of(observer.ring[last & _MASK], number)
+        away = abs(value_of(observer.ring[(last + 1) & _MASK], number) - before)
+        close = CLOSE * min(away, back)
+        rise = here - before
+        if away > limit and (
+            _is_steady(observer, last, number, close)
+            and min(abs(rise), abs(rise - (width + 1) * _slope(observer, last, number))) < close
+        ):
+            for k in range(1, width + 1):
+                row = observer.ring[(last + k) & _MASK]
+                _replace(row, number, before + rise * k / (width + 1))
+                row.bridged |= 1 << number
+            memory.spikes += width
             return
-    around = memory.around
-    for k in range(2 * REACH + 1):
-        around[k] = value_of(observer.ring[(position - REACH + k) & _MASK], number)
-    middle = _median(around)
-    row = observer.ring[position & _MASK]
-    for k in range(2 * REACH + 1):
-        around[k] = abs(value_of(observer.ring[(position - REACH + k) & _MASK], number) - middle)
-    limit = SPIKE * max(memory.channels[number].noise, DEVIATION * _median(around))
-    if abs(value_of(row, number) - middle) <= limit:
-        return
-    earlier = value_of(observer.ring[(position - 1) & _MASK], number)
-    later, distance = middle, 1
-    for k in range(1, REACH + 1):
-        following = value_of(observer.ring[(position + k) & _MASK], number)
-        if abs(following - middle) <= limit:
-            later, distance = following, k
-            break
-    _replace(row, number, earlier + (later - earlier) / (distance + 1))
-    row.bridged |= 1 << number
-    memory.spikes += 1
 
 
 @njit(cache=True, nogil=True)
-def _median(values: NDArray[np.float64]) -> float:
-    """Of an odd number of values, which are sorted in place."""
-    for i in range(1, values.shape[0]):
-        value = values[i]
-        j = i
-        while j > 0 and values[j - 1] > value:
-            values[j] = values[j - 1]
-            j -= 1
-        values[j] = value
-    return float(values[values.shape[0] // 2])
+def _slope(observer: Observer, position: int, number: int) -> float:
+    """Of a channel [a sample], at a position and the two before it."""
+    later, earlier = observer.ring[position & _MASK], observer.ring[(position - 2) & _MASK]
+    return float(0.5 * (value_of(later, number) - value_of(earlier, number)))
+
+
+@njit(cache=True, nogil=True)
+def _is_steady(observer: Observer, position: int, number: int, close: float) -> bool:
+    """Whether a channel changed by less than that at a position and the one before it: else it rings."""
+    for k in range(2):
+        later, earlier = observer.ring[(position - k) & _MASK], observer.ring[(position - k - 1) & _MASK]
+        if abs(value_of(later, number) - value_of(earlier, number)) >= close:
+            return False
+    return True

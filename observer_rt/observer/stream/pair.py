@@ -15,7 +15,7 @@ from observer_rt.observer.stream.front_end import known
 from observer_rt.observer.stream.outliers import accepted
 from observer_rt.observer.stream.phi import advance_x_hat, read_phi
 from observer_rt.observer.stream.state import LINE, RING, Observer
-from observer_rt.observer.stream.surprise import watch
+from observer_rt.observer.stream.surprise import end_contradiction, watch
 
 _MASK = RING - 1
 
@@ -117,7 +117,10 @@ def step_pair(observer: Observer, position: int) -> bool:
         innovation = y - memory.offset - shown
         if accepted(memory, constants.timing.bridge, innovation):
             row.innovation = innovation
+            was_contradicted = memory.contradicted
             watch(observer, innovation, row.doubt)
+            if memory.contradicted:
+                end_contradiction(observer, row.resting, not was_contradicted)
     gain = observer.gains[min(memory.since_start, observer.gains.shape[0] - 1)]
     row.indicated = correct(row.x_tilde, indicated, row.innovation, gain, None)
     memory.since_start += 1

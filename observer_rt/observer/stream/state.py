@@ -15,7 +15,6 @@ from observer_rt.observer.stream.phi import Phi
 
 RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
-REACH = 3  # samples on either side that tell a spike
 RAIL, LIFT, LINE = range(3)  # numbers of the channels
 WAITING = 1 << 11  # samples, with those before them, while the delay of a channel is undone
 PENDING_EVENTS = 512  # closed, not yet judged: the longest learning delay over the shortest event gap
@@ -118,6 +117,7 @@ CHANNEL = np.dtype(
     [
         ("noise", np.float64),  # standard deviation of a sample, as normalised as it is
         ("last", np.float64),  # value as it came
+        ("change", np.float64),  # running mean from sample to sample
         ("until", np.int64),  # position before which every sample is looked at
         ("run", np.int64),  # samples in a row with the value of the one before
         ("needed", np.int64),  # of them, until it is frozen
@@ -125,6 +125,7 @@ CHANNEL = np.dtype(
         ("instead", np.float64),  # value before it did
         ("repeats", np.int64),  # of all samples, those that only by chance have the value of the one before
         ("held", np.float64),  # value at which it was frozen last
+        ("is_held", np.bool_),  # it has not moved since
         ("is_clipped", np.bool_),  # it was the time before as well
         ("bridged", np.int64),  # lately: samples that do not count less others since
     ],
@@ -200,6 +201,8 @@ _OBSERVER = [
     ("innovation_weight", np.float64),  # 1 / their product
     ("surprise", np.float64),  # running mean of e~^2 by this weight
     ("contradicted", np.bool_),  # it has left what noise can do, and no event passed since
+    ("contradicted_at_rest", np.bool_),  # by a channel, for the injector did nothing
+    ("calm", np.int64),  # samples since it was
     ("contradicted_in", np.int64),  # number of the first event that can tell otherwise
     ("lift_on", np.float64),  # m
     ("lift_off", np.float64),
@@ -248,7 +251,6 @@ _OBSERVER = [
     *_STANDSTILL,
     # outliers
     ("channels", CHANNEL, (3,)),
-    ("around", np.float64, (2 * REACH + 1,)),  # to sort in
     ("accepted_innovation", np.float64),  # the last of x~ that did not leap
     ("leaping", np.int64),  # samples since
     # counters

@@ -155,9 +155,8 @@ def _append(
     row.interpolated = interpolated
     row.broken = broken
     row.bridged = 0
-    found = inspect(observer, memory.received)
-    doubt = doubt if doubt != _NO_DOUBT else found
-    row.doubt = doubt
+    outlier = inspect(observer, memory.received)
+    row.doubt = outlier if doubt == _NO_DOUBT else doubt
     if doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
         for position in range(memory.processed, memory.received):
             observer.ring[position & _MASK].doubt = doubt

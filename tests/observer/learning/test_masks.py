@@ -121,8 +121,8 @@ def test_two_stretches_of_half_a_millisecond_are_two() -> None:
         y[start : start + 50] = y[start]
     noise = np.random.default_rng(1).normal(size=COUNT) * NOISE
     left = y + noise - truth()
-    for end in (200, 550):  # as x~ comes back
-        left[end : end + 12] -= 0.02 * np.exp(-np.arange(12) / 5.0)
+    for end in (200, 550):  # as x~ comes back, which was drawn to what was held
+        left[end : end + 12] -= 0.5 * left[end - 1] * np.exp(-np.arange(12) / 5.0)
     assert len(frozen_stretches(window_of(y + noise), left, SIGMAS, FIRST)) == 2
 
 

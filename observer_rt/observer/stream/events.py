@@ -4,6 +4,7 @@ import math
 
 from numba import njit
 
+from observer_rt.observer.stream.standstill import forget_other_noise
 from observer_rt.observer.stream.state import (
     INJECTIONS,
     MAX_EVENT,
@@ -90,11 +91,13 @@ def close_event(observer: Observer, position: int) -> None:
     memory = observer.memory[0]
     timing = observer.constants.timing
     _end_window(observer, memory.injections_begun - 1, position)
+    forget_other_noise(observer)
     memory.in_event = False
     event = memory.events[memory.events_closed % PENDING_EVENTS]
     memory.events_closed += 1
     event.number = memory.event_number
-    event.due_index = memory.shut_since + timing.event_gap + timing.learning_delay
+    shut_at = min(memory.shut_since + timing.event_gap, observer.ring[position & _MASK].index)
+    event.due_index = shut_at + timing.learning_delay
     event.opening = memory.event_opening
     event.window_start = max(memory.event_opening - timing.learning_lead, memory.segment_start)
     event.window_end = position
@@ -138,13 +141,11 @@ def make_all_due(observer: Observer) -> None:
 
 @njit(cache=True, nogil=True)
 def judgement_due(observer: Observer, index: int) -> bool:
-    """Whether the oldest closed event must be judged before the sample `index`, at which the needle does not open.
+    """Whether the oldest closed event must be judged before the sample `index`, at which the needle stays shut.
 
     Outside every event, or where x^ follows x~ or is not available: nothing that is being integrated changes.
     """
     memory = observer.memory[0]
-    if memory.events_taken == memory.events_closed:
-        return False
     is_at_rest = not memory.needle_open and index - memory.shut_since > observer.constants.timing.settle
     if memory.in_event and memory.synchronised and not is_at_rest:
         return False

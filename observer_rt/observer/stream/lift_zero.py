@@ -7,6 +7,7 @@ from numba import njit
 from observer_rt.foundation.continuity import Break
 from observer_rt.observer.stream.events import forget_opening
 from observer_rt.observer.stream.front_end import dead_band
+from observer_rt.observer.stream.lift_stop import follow_opening, take_opening
 from observer_rt.observer.stream.standstill import (
     DIFFERENCE_GAIN,
     ENOUGH_SAMPLES,
@@ -28,9 +29,8 @@ FOUND, LOST = 8.0, 5.0  # standard deviations from which on it is taken out, and
 LEAST_NOISE = 0.1e-6  # m
 MOST_CROSSTALK = 0.5e-12  # m/Pa
 _WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
-_BEGINNING = 1000  # samples; afterwards
-_EVERY = 4  # .. one of so many tells of the noise: neighbours share most of it
-_LOOK = 64  # samples after which dead band and crosstalk are worked out
+_BEGINNING = 1000  # samples; afterwards every second one is looked at
+_LOOK = 32  # of these after which dead band and crosstalk are worked out
 _MASK = RING - 1
 _START = int(Break.START)
 
@@ -56,20 +56,29 @@ def is_beyond_limit(observer: Observer) -> bool:
 
 @njit(cache=True, nogil=True)
 def follow_lift(observer: Observer, position: int) -> None:
-    """Take the lift at `position` into its zero, its noise and its crosstalk, if the needle is shut and at rest."""
+    """Take the lift at `position` into its zero, its noise and its crosstalk, if the needle is shut and at rest.
+
+    Else into what is known of its stop.
+    """
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
     shut_for = row.index - memory.shut_since
-    if memory.needle_open or shut_for <= observer.constants.timing.bounce or row.interpolated:
+    if memory.needle_open:
+        follow_opening(observer, position)
+        return
+    if memory.highest > 0.0:
+        take_opening(observer)
+    has_begun = memory.zero_count >= _BEGINNING
+    if shut_for <= observer.constants.timing.bounce or row.interpolated or (has_begun and position % 2):
         return
     lift = row.needle_lift - memory.zero
     if not math.isfinite(lift):
         return
     swing = _swing(observer, row.line_pressure)
     memory.zero_count += 1
-    share = ZERO_RATE * observer.constants.interval
-    if memory.zero_count < _BEGINNING:
-        share = max(1.0 / memory.zero_count, share)
+    share = 2.0 * ZERO_RATE * observer.constants.interval
+    if not has_begun:
+        share = max(1.0 / memory.zero_count, 0.5 * share)
     memory.line_mean += share * swing
     clip = CLIP * memory.lift_on
     left = min(max(lift - memory.crosstalk * swing, -clip), clip)
@@ -78,9 +87,7 @@ def follow_lift(observer: Observer, position: int) -> None:
         memory.swing_squares += swing * swing - FADE * memory.swing_squares
         memory.swing_lifts += swing * lift - FADE * memory.swing_lifts
         memory.crosstalk_count += 1
-    if shut_for > observer.constants.timing.bounce + 4 and (
-        memory.zero_count % _EVERY == 0 or memory.zero_count < _BEGINNING
-    ):
+    if shut_for > observer.constants.timing.bounce + 4 and (memory.zero_count % 2 == 0 or not has_begun):
         _gather_noise(observer, position, left)
     if memory.zero_count % _LOOK == 0:
         opens, shuts = dead_band(math.sqrt(max(memory.lift_variance, memory.spread)))
@@ -89,7 +96,7 @@ def follow_lift(observer: Observer, position: int) -> None:
         _find_crosstalk(observer)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _swing(observer: Observer, line_pressure: float) -> float:
     """Line pressure about its running mean, which begins anew after a jump."""
     memory = observer.memory[0]
@@ -139,7 +146,7 @@ def look_at_start(observer: Observer, position: int) -> None:
     """A moment after the samples began: in a line at rest the needle was shut before, whatever lift it showed."""
     memory = observer.memory[0]
     start = memory.segment_start
-    if position - start != observer.constants.timing.good or observer.ring[start & _MASK].broken != _START:
+    if observer.ring[start & _MASK].broken != _START:
         return
     has_opened = memory.event_number > 0
     if has_opened and not (memory.needle_open and memory.opening == start and memory.event_number == 1):

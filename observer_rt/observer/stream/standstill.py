@@ -1,13 +1,14 @@
 """What the closed needle tells: noise levels and the offset between line and rail pressure."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.observer.stream.lift_figures import LiftFigures
 from observer_rt.observer.stream.state import RING, Observer, Reason
 
 ENOUGH_SAMPLES = 256  # of standstill, before measured noise may replace the stated
@@ -65,9 +66,39 @@ def gather(observer: Observer, position: int) -> None:
         )
         memory.difference_count += 1
         if memory.difference_count == 2 * MEMORY:
-            memory.difference_count = MEMORY
-            memory.rail_squares *= 0.5
-            memory.line_squares *= 0.5
+            _halve(observer)
+
+
+@njit(cache=True, nogil=True)
+def _halve(observer: Observer) -> None:
+    """What is long past counts for less."""
+    memory = observer.memory[0]
+    memory.difference_count = MEMORY
+    memory.differences_before //= 2
+    memory.rail_squares *= 0.5
+    memory.line_squares *= 0.5
+    memory.rail_squares_before *= 0.5
+    memory.line_squares_before *= 0.5
+
+
+@njit(cache=True, nogil=True)
+def forget_other_noise(observer: Observer) -> None:
+    """An event closes: what was known before it goes where the noise has become another since."""
+    memory = observer.memory[0]
+    before, since = memory.differences_before, memory.difference_count - memory.differences_before
+    if min(before, since) >= ENOUGH_SAMPLES:
+        rail, line = memory.rail_squares_before, memory.line_squares_before
+        within = CONTRADICTED * math.sqrt(4.0 * _SPREAD * (1.0 / before + 1.0 / since))
+        if (
+            abs(math.log((memory.rail_squares - rail) / rail * before / since)) > within
+            or abs(math.log((memory.line_squares - line) / line * before / since)) > within
+        ):
+            memory.difference_count = since
+            memory.rail_squares -= rail
+            memory.line_squares -= line
+    memory.differences_before = memory.difference_count
+    memory.rail_squares_before = memory.rail_squares
+    memory.line_squares_before = memory.line_squares
 
 
 @njit(cache=True, nogil=True)
@@ -104,6 +135,7 @@ class Standstill:
     samples: int
     offset: float
     noise: NoiseLevels | None  # None until ENOUGH_SAMPLES
+    lift: LiftFigures = field(default_factory=LiftFigures)
 
 
 def standstill_of(

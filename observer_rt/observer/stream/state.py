@@ -245,9 +245,18 @@ _OBSERVER = [
     ("crosstalk_count", np.int64),
     ("swing_squares", np.float64),  # fading sums: of the line pressure about its mean,
     ("swing_lifts", np.float64),  # and of its products with the lift about its zero
+    # where the lift of an open needle stays
+    ("level", np.float64),  # m, mean of the samples that differ little, and
+    ("level_count", np.int64),  # .. how many they are
+    ("highest", np.float64),  # m, of this opening, 0 where it stayed nowhere
+    ("stop", np.float64),  # m, running mean of the openings that went furthest
+    ("stop_openings", np.int64),
     # statistics of the standstill
     ("stated_noise", np.float64, (3,)),  # of rail and line pressure [p_0] and lift [m], until it is measured
     ("rest_run", np.int64),
+    ("differences_before", np.int64),  # what was known when the event before closed
+    ("rail_squares_before", np.float64),
+    ("line_squares_before", np.float64),
     *_STANDSTILL,
     # outliers
     ("channels", CHANNEL, (3,)),

@@ -216,13 +216,15 @@ def _process(observer: Observer, position: int) -> bool:
     if row.broken != _NONE:
         _end_segment(observer, position)
     opens = not memory.needle_open and opens_at(observer, position)
-    if not opens and judgement_due(observer, row.index):
+    is_closed = memory.events_taken < memory.events_closed
+    if not opens and is_closed and judgement_due(observer, row.index):
         memory.waiting = True
         return False
     if row.broken != _NONE:
         _begin_segment(observer, position)
     _move_needle(observer, position, opens)
-    look_at_start(observer, position)
+    if position == memory.segment_start + observer.constants.timing.good:
+        look_at_start(observer, position)
     row.resting = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.settle
     if row.broken != _NONE:
         start_pair(observer, position)

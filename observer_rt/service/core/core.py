@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from observer_rt.config.signals import Role
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.observer import make_observer
 from observer_rt.observer.stream.front_end import dead_band
+from observer_rt.observer.stream.lift_figures import LiftFigures, lift_figures
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import RING, Reason, State
 from observer_rt.service.compiled.by_reference import CompiledPipeline
@@ -63,6 +65,7 @@ class Core:
         start = knowledge or no_knowledge(noise, constants.coefficients.pressure_scale)
         learner = learner_of(fitted, constants, start)
         self._bus = bus
+        self._max_lift = fitted.parameters.seat.max_lift
         healthy = healthy_injector(fitted)
         self._learning = healthy.adequate and (config.learning.enabled if learning is None else learning)
         self.compiled = CompiledPipeline(
@@ -187,7 +190,13 @@ class Core:
     @property
     def standstill(self) -> Standstill:
         """Statistics of the closed needle since the start."""
-        return standstill_of(self.compiled.observer.memory[0], self._pressure_scale)
+        found = standstill_of(self.compiled.observer.memory[0], self._pressure_scale)
+        return replace(found, lift=self.lift)
+
+    @property
+    def lift(self) -> LiftFigures:
+        """What was found of the needle-lift sensor."""
+        return lift_figures(self.compiled.observer, self._max_lift)
 
     @property
     def timing(self) -> tuple[MessageTiming, ...]:

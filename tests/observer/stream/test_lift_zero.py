@@ -26,11 +26,11 @@ def lift_of(
     return lift
 
 
-def run(lift: NDArray[np.float64], **options: bool) -> Stream:
+def run(lift: NDArray[np.float64]) -> Stream:
     random = np.random.default_rng(9)
     rail = RAIL + random.normal(0.0, NOISE.rail_pressure, lift.size)
     line = RAIL + random.normal(0.0, NOISE.line_pressure, lift.size)
-    return Stream(events_required=0, **options).feed(rail, lift, line)
+    return Stream(events_required=0).feed(rail, lift, line)
 
 
 TIME = np.arange(45_000) / 100e3

@@ -20,6 +20,7 @@ from observer_rt.evidence.measurement import (
     shut_mask,
 )
 from observer_rt.evidence.openings import Opening
+from observer_rt.evidence.rail_delay import without_delay
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.line.interface import rest_line
@@ -115,11 +116,7 @@ class TrueInputs:
     """
 
     def __init__(self, measurement: Measurement, terms: InputTerms, c: Coefficients) -> None:
-        recording = measurement.recording
-        rail = terms.rail_factor * recording.rail_pressure + terms.rail_shift
-        if terms.rail_delay != 0.0:
-            sample = np.arange(rail.size)
-            rail = np.interp(sample + terms.rail_delay / measurement.interval, sample, rail)
+        rail = terms.rail_factor * without_delay(measurement, terms.rail_delay) + terms.rail_shift
         self.rail = (rail - c.chamber_pressure) / c.pressure_scale
         self.area = _areas(measurement, terms, c)
         self.knots = np.empty((0, 2))

@@ -85,6 +85,11 @@ def test_a_late_rail_pressure_is_brought_back() -> None:
     assert rail[:-3] == pytest.approx((1e8 + 1e10 * (ramp.time[:-3] + 25e-6) - C.chamber_pressure) / 1e8)
 
 
+def test_the_noise_of_a_rail_at_rest_is_not_moved() -> None:
+    still, late = (TrueInputs(NOISY, InputTerms(rail_delay=d), C).rail for d in (0.0, 25e-6))
+    assert np.array_equal(still, late)
+
+
 def test_a_late_line_pressure_moves_the_inputs_not_what_is_judged() -> None:
     rows = Rows(HEALTHY)
     inputs = TrueInputs(HEALTHY, InputTerms(), C)

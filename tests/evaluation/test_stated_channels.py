@@ -32,9 +32,9 @@ def recorded(late: dict[str, float]) -> Recording:
     time = fine.time[:: round(FINE / RATE)]
 
     def shown(role: str) -> NDArray[np.float64]:
-        return np.interp(time - late[role], fine.time, getattr(fine, role))
+        return np.asarray(np.interp(time - late[role], fine.time, getattr(fine, role)))
 
-    return Recording(time, *(shown(role) for role in LATE))
+    return Recording(time, shown("rail_pressure"), shown("needle_lift"), shown("line_pressure"))
 
 
 def rmse(bench: Bench, recording: Recording) -> float:

@@ -169,7 +169,7 @@ def test_what_a_disturbance_states_goes_into_the_bench_file() -> None:
     every = [each.stated for entry in alone() for each in entry if each.is_stated]
     assert len(every) > 10
     assert all(map(is_known, every))
-    assert not is_known({"rail_pressure": {"lag_us": 10.0}})
+    assert not is_known({"rail_pressure": {"late_us": 10.0}})
     bench = load_bench()
     for stated in every:
         signals = with_stated(bench, stated).injector.config.signals

@@ -78,7 +78,8 @@ def test_how_many_samples_come_together_changes_nothing(pieces: list[int], resta
         stream = Stream(stated=stated)
         for start, end in itertools.pairwise(bounds):
             broken = Break.RESTART if start == restart else Break.NONE
-            stream.feed(*(signal[start:end] for signal in signals), index=start, broken=broken)
+            rail, lift, line = (signal[start:end] for signal in signals)
+            stream.feed(rail, lift, line, index=start, broken=broken)
         return stream.finish().rows
 
     together = rows([0, restart, 300])

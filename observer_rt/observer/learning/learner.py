@@ -13,7 +13,7 @@ from observer_rt.estimation.phases import (
     Phase,
 )
 from observer_rt.estimation.posterior import Belief
-from observer_rt.estimation.prediction_error import EventCost
+from observer_rt.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.estimation.predictor import Setting, Window, open_loop_error
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.estimation.sensitivity import Parameter
@@ -120,8 +120,7 @@ class Learner:
             prior = self._prior(standstill)
             offset = self._offset_since.after(standstill)
             bridged = int(window.masked.sum())
-            window = self._without_outliers(window, offset)
-            cost, fit = self._fitted(window, prior, offset)
+            window, cost, fit = self._fitted(window, prior, offset)
             if fit is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
             mask = self._mask(window, fit.innovations)
@@ -132,7 +131,7 @@ class Learner:
             found = self._colour_after(window, fit)
             if self._colour is None and found is not None:
                 self._colour, self._trend = found, Trend()
-                cost, fit = self._fitted(window, prior, offset)
+                window, cost, fit = self._fitted(window, prior, offset)
                 if fit is None:
                     return self._outcome(Adoption.FAILED, window, in_force)
             innovations = Innovations(fit.innovations, self._schedule.innovation_sigma)
@@ -186,10 +185,20 @@ class Learner:
 
     def _fitted(
         self, window: Window, prior: Belief, offset: float | None
-    ) -> tuple[EventCost, EventFit | None]:
-        """An event's cost, and its fit; offset [p_0]: at rest before it."""
+    ) -> tuple[Window, EventCost, EventFit | None]:
+        """An event without what stands out by what is believed before it, its cost, and its fit.
+
+        offset [p_0]: at rest before it.
+        """
         cost = self._cost(window, offset)
-        return cost, self._fit(cost, prior)
+        first = cost.linearised(self._theta)
+        is_told = self._events > 0 and np.isfinite(first.value)
+        mask = self._mask(window, cost.innovations) if is_told else None
+        if mask is not None:
+            window = window._replace(masked=mask)
+            cost = self._cost(window, offset)
+            first = cost.linearised(self._theta)
+        return window, cost, self._fit(cost, first, prior)
 
     def _cost(self, window: Window, offset: float | None) -> EventCost:
         """An event's cost with the colour in use."""
@@ -212,9 +221,8 @@ class Learner:
         self._at_rest.add([values[part] for part in resting_segments(window, self._burn_in, shortest)])
         return self._at_rest.colour(self._colour)
 
-    def _fit(self, cost: EventCost, prior: Belief) -> EventFit | None:
+    def _fit(self, cost: EventCost, first: Linearisation, prior: Belief) -> EventFit | None:
         """Fit the event; after a sudden change from a wide prior, if that explains it much better."""
-        first = cost.linearised(self._theta)
         if not np.isfinite(first.value):
             return None
         fitter = EventFitter(cost, self._scalars.gate, self._active, theta_limits(self._scale, self._scalars))
@@ -234,15 +242,6 @@ class Learner:
         other = fitter.fit(fit.linearisation, wide, iterations)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
-
-    def _without_outliers(self, window: Window, offset: float | None) -> Window:
-        """The window of an event without what stands out by what is believed before it, if anything is."""
-        if self._events == 0:
-            return window
-        cost = self._cost(window, offset)
-        cost.value(self._theta)
-        mask = self._mask(window, cost.innovations)
-        return window if mask is None else window._replace(masked=mask)
 
     def _mask(self, window: Window, innovations: NDArray[np.float64]) -> NDArray[np.bool_] | None:
         return self._outliers.masked(window, innovations, self._sigmas, self._burn_in)

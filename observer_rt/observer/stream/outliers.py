@@ -154,7 +154,7 @@ def _note_run(observer: Observer, position: int, number: int, value: float) -> N
     """Two samples, the second at `position`, have one value: how many must follow, and what it was before them."""
     channel = observer.memory[0].channels[number]
     channel.needed = MOST_SAMPLES
-    if position <= observer.memory[0].segment_start + 1:
+    if position <= observer.memory[0].segment_start + 1 or not math.isfinite(value):
         return
     channel.instead = value_of(observer.ring[(position - 2) & _MASK], number)
     channel.is_dropout = abs(value - channel.instead) > DROPOUT * channel.noise

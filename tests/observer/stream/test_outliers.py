@@ -56,6 +56,7 @@ def spike_before(values: NDArray[np.float64], k: int, limit: float) -> int:
     return 0
 
 
+@pytest.mark.parametrize("width", [1, 2, 3])
 @pytest.mark.parametrize("channel", [RAIL, LINE])
 def test_a_spike_of_up_to_three_samples_is_replaced_by_what_is_beside_it(channel: int, width: int) -> None:
     clean, spiked = signals(), signals()

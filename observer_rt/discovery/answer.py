@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from observer_rt.discovery.amend import amended_effects
-from observer_rt.discovery.caveats import is_like_inertance
+from observer_rt.discovery.caveats import is_level_measured, is_like_inertance
 from observer_rt.discovery.comparison.disagreement import disagreements
 from observer_rt.discovery.comparison.gaps import gaps_of
 from observer_rt.discovery.comparison.overlays import typical_overlays
@@ -113,6 +113,7 @@ def answer(
         opinion=_opinion(ask_observer, question),
         healthy_warning=warning,
         like_inertance=is_like_inertance(nominal, amended),
+        level_measured=is_level_measured(nominal),
         chosen=question.chosen,
         amended_model=amended_model if in_force else None,
         in_force=in_force,

@@ -29,7 +29,8 @@ class Circumstances:
     """What besides the discovery itself gives rise to a reservation.
 
     held_apart: whether the gap was taken where nothing was fitted; rate_measured: whether an injection rate was;
-    like_inertance: the change found is one that another inertance of the line would make as well; against: where the
+    like_inertance: the change found is one that another inertance of the line would make as well; level_measured:
+    whether the model was fitted to a measured rate or mass, which told the inertance; against: where the
     learning observer says otherwise; healthy_warning: what healthy recordings say against the model, empty when
     nothing.
     """
@@ -37,6 +38,7 @@ class Circumstances:
     held_apart: bool
     rate_measured: bool
     like_inertance: bool
+    level_measured: bool
     against: Sequence[str]
     healthy_warning: str
 
@@ -49,6 +51,12 @@ def caveats_of(found: Discovery, circumstances: Circumstances) -> tuple[Caveat, 
         *_of_names(found),
         *_of_level(found, circumstances),
     )
+
+
+def is_level_measured(nominal: EffectiveModel) -> bool:
+    """Whether a rate or mass told the level of all flows when the model was fitted."""
+    baseline = nominal.injector.baseline
+    return baseline is not None and baseline.level != "file"
 
 
 def is_like_inertance(nominal: EffectiveModel, amended: EffectiveModel) -> bool:
@@ -102,20 +110,25 @@ def _of_names(found: Discovery) -> Iterator[Caveat]:
 
 
 def _of_level(found: Discovery, circumstances: Circumstances) -> Iterator[Caveat]:
-    """Without a measured rate, the level of all flows is that of the line's inertance."""
+    """Without a measured rate, now or when the model was fitted, the level of all flows is the line's inertance."""
     if circumstances.rate_measured or found.verdict is Verdict.UNKNOWN:
         return
     if circumstances.like_inertance:
+        settled = " (right when the model was fitted: another fuel since then, say)"
         yield Caveat(
             "line_inertance",
             "another line inertance would look the same",
             "Flow and stiffness of the line changed together as they would for another inertance of the line "
-            "(density, length and diameter in the model); the injection rate measured tells them apart.",
+            f"(density, length and diameter in the model){settled if circumstances.level_measured else ''}; the "
+            "injection rate measured tells them apart.",
         )
-    elif not found.effects or any(abs(effect.moves.mass) >= LEAST_MASS for effect in found.effects):
+    elif not circumstances.level_measured and (
+        not found.effects or any(abs(effect.moves.mass) >= LEAST_MASS for effect in found.effects)
+    ):
         yield Caveat(
             "mass_not_measured",
             "injected mass not measured",
             "No injection rate was measured: masses follow from the line pressure and the inertance of the line "
-            "(density, length and diameter in the model), and are wrong by the same share where that is.",
+            "(density, length and diameter in the model), and are wrong by the same share where that is. A model "
+            "fitted with a measured rate or mass (`observer-rt fit`) has it right.",
         )

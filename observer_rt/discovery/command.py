@@ -25,6 +25,8 @@ from observer_rt.evidence.reading import hashes, read_measured
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.file_hash import file_hash
+from observer_rt.model.cells import refuse_unstable_cells
+from observer_rt.model.effects import effective_model
 from observer_rt.recording.formats import open_recording
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
@@ -70,6 +72,8 @@ def discover_files(
     source = InjectorText(options.model)
     measured = read_measured([*paths, *options.healthy], read, console)
     refuse_rates_missing([one.recording for one in measured[: len(paths)]])
+    coefficients = measured[0].coefficients_of(effective_model(parameters))
+    refuse_unstable_cells(str(options.model), parameters, coefficients, measured[0].interval)
     question = Question(parameters, measured[: len(paths)], measured[len(paths) :], hashes(paths), chosen)
     _make_folder(options.out)
     for one in measured:

@@ -18,13 +18,14 @@ from observer_rt.model.parameters import EffectInForce
 class Findings:
     """The answer with what it rests on.
 
-    opinion: of the learning observer, None where it could not be run; healthy_warning: what healthy recordings say
-    against the model, empty when nothing; like_inertance: the change found is one that another inertance of the line
-    would make as well; chosen: effects the user chose among those that explain as much; amended_model: name of the
-    file beside the document, None when no effect is added; in_force: all effects that it has then; overlays:
-    injections to be shown; files: names of the recordings; in_part: which of these were too long to be judged as a
-    whole, and how injections were chosen of them; points: of their operating points, each of which counts as
-    a recording; fitted_on, held_out: of these; seconds: it took.
+    opinion: of the learning observer, None where it could not be run; healthy_warning: what healthy recordings
+    say against the model, empty when nothing; like_inertance: the change found is one that another inertance of
+    the line would make as well; level_measured: whether the fit of the model had a measured rate or mass; chosen:
+    effects the user chose among those that explain as much; amended_model: name of the file beside the document,
+    None when no effect is added; in_force: all effects that it has then; overlays: injections to be shown; files:
+    names of the recordings; in_part: which of these were too long to be judged as a whole, and how injections
+    were chosen of them; points: of their operating points, each of which counts as a recording; fitted_on,
+    held_out: of these; seconds: it took.
     """
 
     discovery: Discovery
@@ -34,6 +35,7 @@ class Findings:
     opinion: Opinion | None
     healthy_warning: str
     like_inertance: bool
+    level_measured: bool
     chosen: tuple[str, ...]
     amended_model: str | None
     in_force: tuple[EffectInForce, ...]
@@ -62,6 +64,7 @@ class Findings:
             self.held_apart,
             self.gaps.injection_rate is not None,
             self.like_inertance,
+            self.level_measured,
             self.contradictions,
             self.healthy_warning,
         )

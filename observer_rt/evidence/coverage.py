@@ -1,4 +1,4 @@
-"""What of a recording discovery judges, in words: samples, gaps, injections, and those it leaves out."""
+"""What of a recording is judged, in words: samples, gaps, injections, and those it leaves out."""
 
 from observer_rt.evidence.excerpts import MOST_SAMPLES
 from observer_rt.evidence.measurement import Measurement
@@ -24,10 +24,15 @@ def coverage(measurement: Measurement) -> str:
     return "\n".join(lines)
 
 
+def is_chosen(measurement: Measurement) -> bool:
+    """Whether not all injections are judged, so that times are not those of the recording."""
+    return len(measurement.events) != measurement.found.complete
+
+
 def chosen_words(measurement: Measurement) -> str:
     """How injections were chosen of a recording too long to be judged as a whole; empty for others."""
     judged, complete = len(measurement.events), measurement.found.complete
-    if judged == complete:
+    if not is_chosen(measurement):
         return ""
     return (
         f"{judged} of {complete} complete injections chosen, spread evenly over each operating point: no more than "

@@ -15,13 +15,14 @@ from observer_rt.fit.held_out import Unexplained
 from observer_rt.fit.parts import Part, Weighed, as_recorded, parts_of
 from observer_rt.fit.residuals import Comparison, compared
 from observer_rt.fit.search import ROUGH_ITERATIONS, Failed, Fitted, fine, fitted, rough, settled
+from observer_rt.fit.starts import explains, searched
 from observer_rt.fit.structures import INERTANCE, STRUCTURES, FreeParameter, Structure
+from observer_rt.fit.suitability import share_between_samples
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.parameters import InjectorParameters
 
-SPARE = 1.2  # by which the stiffness of the file may be too small
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
-LEAST_MASS_SHARE = 1.5e-3  # of a mass: cells, corners of the lift and the like
+LEAST_MASS_SHARE = 2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
 
 
 class Level(StrEnum):
@@ -73,14 +74,15 @@ class Calibrated:
     def mass_share(self) -> float:
         """Standard deviation of a mass, as a share, that learning will not remove.
 
-        From what a recording left out changes, from structures that explain the recordings as well, and, where the
-        absolute level is measured, from how well it was told.
+        From what a recording left out changes, from structures that explain the recordings as well, from edges of the
+        lift between slow instants, and, where the absolute level is measured, from how well it was told.
         """
         held_out = self.fitted.held_out
         left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))
         told = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
         level = sum(2.0 * float(sigma) for one, sigma in told if one is INERTANCE)  # an area, of a diameter
-        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, level)
+        between = max(map(share_between_samples, self.found))
+        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, level, between)
 
 
 def level_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> Level:
@@ -125,9 +127,11 @@ def _tried(
     parts: Sequence[Part],
 ) -> Fitted | Failed:
     """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of."""
+    free = _free(structure, level)
     simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
-    start, spare = (simpler[-1].injector, 1.0) if simpler else (file, SPARE)
-    return fitted(structure, start, _free(structure, level), parts, ROUGH_ITERATIONS, spare)
+    if simpler:
+        return fitted(structure, simpler[-1].injector, free, parts, ROUGH_ITERATIONS)
+    return searched(structure, file, free, parts, ROUGH_ITERATIONS, any(map(explains, earlier)))
 
 
 def _free(structure: Structure, level: Level) -> tuple[FreeParameter, ...]:

@@ -76,7 +76,8 @@ def _reason(best: Fitted, lowest: Fitted, candidates: Sequence[Fitted], as_good:
     ]
     if lowest is not best:
         words.append(
-            f"{lowest.structure.name} is no better than the {MARGIN - 1.0:.0%} margin ({judged_by(lowest).mean:.2f})"
+            f"{lowest.structure.name} has the lowest ({judged_by(lowest).mean:.2f}), but not {MARGIN - 1.0:.0%} "
+            "less, and the simpler is taken"
         )
     equal = [one for one in as_good if one is not best and one is not lowest]
     words += [f"{one.structure.name} does as well ({judged_by(one).mean:.2f})" for one in equal]

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from observer_rt.config.bench import load_injector
 from observer_rt.evidence.coverage import coverage
+from observer_rt.evidence.excerpts import MOST_SAMPLES
 from observer_rt.evidence.plausible import refuse_rates_missing
 from observer_rt.evidence.reading import hashes, read_measured
 from observer_rt.fit.calibrate import calibrate
@@ -48,7 +49,8 @@ def fit_files(
     file = load_injector(options.model)
     document = read_document(options.model)
     _check_destinations(options)
-    found = read_measured(paths, read, console, sys.maxsize)  # whole: masses go by the injection's number
+    most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: masses go by the injection's number
+    found = read_measured(paths, read, console, most)
     refuse_rates_missing([one.recording for one in found])
     refuse_clipped(found)
     weighed = {} if options.mass is None else read_masses(options.mass, found)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import Phase
+from observer_rt.evidence.coverage import is_chosen
 from observer_rt.evidence.likelihood import Evidence, Judged
 from observer_rt.evidence.open_loop import Simulated, mass, measured_mass, simulated
 from observer_rt.evidence.pooled import Pool, Signal, pool_of
@@ -34,7 +35,10 @@ class Residual:
 
 @dataclass(frozen=True)
 class InjectedMass:
-    """Mass of an injection [kg], by the file's model, the fitted one, and as measured; nan where there is none."""
+    """Mass of an injection [kg], by the file's model, the fitted one, and as measured; nan where there is none.
+
+    time: when the needle opens [s]; nan of a recording so long that some injections were chosen.
+    """
 
     recording: int
     time: float
@@ -159,7 +163,7 @@ def _masses(before: _Seen | None, after: _Seen, parts: Sequence[Part]) -> list[I
             result.append(
                 InjectedMass(
                     part.recording,
-                    float(measurement.recording.time[first]),
+                    math.nan if is_chosen(measurement) else float(measurement.recording.time[first]),
                     measurement.rail_pressure,
                     math.nan if before is None else mass(measurement, before.simulated[number][i], density),
                     mass(measurement, one, density),

@@ -82,7 +82,9 @@ def fitted(
         return Failed(structure, error.problem)
     judged = None if found is None else calibration.judge_all(found.at.theta)
     if found is None or judged is None:
-        return Failed(structure, "it has no finite solution on these recordings")
+        return Failed(
+            structure, "has no finite solution on these recordings from the numbers it was started with"
+        )
     left = pooled(calibration, judged)
     return Fitted(structure, calibration, found, judged, left, held_out(calibration, found.at))
 

@@ -13,6 +13,9 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 _RUN = 5  # equal samples at the edge of a range that are no chance
 _FINE = 0.2  # share of equal neighbours, below which a signal is so noisy that a run of them is none
 _FEW = 6  # injections, below which intervals are wide
+BETWEEN_SAMPLES = 0.005  # of a mass, by instants SLOW apart: of the richer plant, every fifth sample
+FAST, SLOW = 10e-6, 50e-6  # s between samples: edges of the lift lost nothing, and that
+WORTH_A_WORD = 0.001  # of a mass
 
 
 def refuse_clipped(found: Sequence[Measurement]) -> None:
@@ -50,6 +53,14 @@ def _clipped(values: NDArray[np.float64], both: bool) -> tuple[float, int] | Non
     return None
 
 
+def share_between_samples(one: Measurement) -> float:
+    """Standard deviation of a mass, as a share: instants far apart miss where the needle leaves and meets its seat.
+
+    A mean over the sample period does not, for it holds what flowed in between.
+    """
+    return 0.0 if one.means else BETWEEN_SAMPLES * max(0.0, (one.interval - FAST) / (SLOW - FAST))
+
+
 def warnings(found: Sequence[Measurement]) -> list[str]:
     """What makes the result less sure, in sentences."""
     result = []
@@ -68,4 +79,12 @@ def warnings(found: Sequence[Measurement]) -> list[str]:
         result.append("one energizing time only: add recordings with others, such as 0.6 and 1.9 ms")
     if len(events) < _FEW:
         result.append(f"{len(events)} injections only: intervals are wide; record {_FEW} or more")
+    between = max(map(share_between_samples, found))
+    if between > WORTH_A_WORD:
+        result.append(
+            f"samples are instants at {found[0].recording.sample_rate:g} Hz: between them the edges of the lift are "
+            f"lost, and masses are {between:.1%} (1 sigma) less sure, even if the verdict is adequate. Fit at "
+            "the full rate of the bench (100 kHz); if samples are means over the sample period, state it: "
+            'meaning = "mean" in [sampling] of the bench file (--bench)'
+        )
     return result

@@ -27,6 +27,8 @@ def print_fit(done: Calibrated, console: Console) -> None:
         "structures, by chi2 on recordings left out (1: noise alone)",
     )
     console.print(_structures(done))
+    for failed in (one for one in done.choice.tried if isinstance(one, Failed)):
+        say(console, f"not fitted: {failed.structure.name}: it {failed.reason}")
     say(console, f"chosen: {done.choice.reason}\n")
     say(console, "parameters")
     console.print(_parameters(done))
@@ -46,15 +48,14 @@ def print_fit(done: Calibrated, console: Console) -> None:
 
 
 def _structures(done: Calibrated) -> Table:
-    table = _table(("structure", *map(phase_name, Phase), "free", ""), left=(0, 7))
+    table = _table(("structure", *map(phase_name, Phase), "free", ""), left=(0, 7), folded=0)
     for one in done.choice.tried:
-        table.add_row(*_structure(one, one is done.choice.best))
+        if isinstance(one, Fitted):
+            table.add_row(*_structure(one, one is done.choice.best))
     return table
 
 
-def _structure(one: Fitted | Failed, chosen: bool) -> Sequence[str]:
-    if isinstance(one, Failed):
-        return (one.structure.name, *[""] * (len(Phase) + 1), one.reason)
+def _structure(one: Fitted, chosen: bool) -> Sequence[str]:
     chi2 = judged_by(one).chi2
     free = str(len(one.calibration.free))
     return (one.structure.name, *(_figure(chi2[phase]) for phase in Phase), free, "chosen" if chosen else "")
@@ -104,7 +105,7 @@ def _masses(done: Calibrated) -> Iterable[str]:
     before = np.array([one.before for one in masses])
     if np.isfinite(before).all():
         yield f"mass of an injection, mean: {np.mean(before) / MILLIGRAM:.2f} -> {np.mean(after) / MILLIGRAM:.2f} mg"
-    because = "what a recording left out changes, and structures that do as well"
+    because = "what a recording left out changes, structures that do as well, slow instants, a level measured"
     yield f"mass uncertain by the model: {done.mass_share:.2%} (1 sigma; {because})"
 
 
@@ -114,8 +115,9 @@ def _figure(value: float) -> str:
     return f"{value:.3g}" if value < 1000.0 else f"{value:.0f}"
 
 
-def _table(names: Sequence[str], left: Sequence[int]) -> Table:
+def _table(names: Sequence[str], left: Sequence[int], folded: int | None = None) -> Table:
+    """folded: the column that a narrow terminal breaks into lines; none else is."""
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
     for place, name in enumerate(names):
-        table.add_column(name, justify="left" if place in left else "right", no_wrap=place < 2)
+        table.add_column(name, justify="left" if place in left else "right", no_wrap=place != folded)
     return table

@@ -2,10 +2,12 @@
 
 from observer_rt.estimation.phases import Phase
 from observer_rt.fit.calibrate import GATE, Calibrated, Level
+from observer_rt.fit.suitability import WORTH_A_WORD, share_between_samples
 
 _SEAT = "check the lift's calibration and the seat's geometry, and run `discover` on these recordings"
 _TRY = {
-    Phase.STANDSTILL: "look at the sensors: a drifting offset, or noise that is not white, shows at standstill",
+    Phase.STANDSTILL: "with the needle shut there is more than white noise: give the line pressure as "
+    "it was sampled, not smoothed, interpolated or resampled; else look for an offset that drifts",
     Phase.OPENING: _SEAT,
     Phase.OPEN: "check the chamber pressure, and run `discover` on these recordings: cavitation, or a coefficient "
     "of the seat that depends on the lift, shows here",
@@ -13,6 +15,14 @@ _TRY = {
     Phase.AFTER: "the line rings otherwise than any structure tried (friction that depends on frequency is in none): "
     "check line.length, and where along the line the pressure is measured",
 }
+_FOREIGN = 500.0  # chi2 that no wrong number of the file leaves
+_OF_FOREIGN = (
+    "most probably the signals do not belong together: a lift that is later or earlier than the pressures (another "
+    "clock, a delay of its channel; 0.1 ms does this), or a line pressure of another place, or of the wrong sign; "
+    "compare them in --plot. Lengths and diameters wrong by less than a factor of two are not the cause: the fit "
+    "makes up for them"
+)
+_OF_INSTANTS = "; if samples are means over the sample period, state it (warning above)"
 _FITTED = "; line.diameter stands for A_L/(rho_L L_L) and was fitted with it"
 
 
@@ -51,7 +61,18 @@ def verdict_words(done: Calibrated) -> str:
             f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({phase_name(left.worst)}; limit {GATE:g})"
         )
     where = ", ".join(f"{phase_name(phase)} {left.chi2[phase]:.3g}" for phase in done.inadequate)
-    return f"INADEQUATE: chi2 above {GATE:g} in {where}. To try: {_TRY[done.inadequate[0]]}"
+    return f"INADEQUATE: chi2 above {GATE:g} in {where}. To try: {_to_try(done)}"
+
+
+def _to_try(done: Calibrated) -> str:
+    """By the most probable cause."""
+    worst = done.inadequate[0]
+    if done.left.chi2[worst] > _FOREIGN:
+        return _OF_FOREIGN
+    if Phase.STANDSTILL in done.inadequate:
+        return _TRY[Phase.STANDSTILL]
+    slow = max(map(share_between_samples, done.found)) > WORTH_A_WORD
+    return _TRY[worst] + (_OF_INSTANTS if slow else "")
 
 
 def oddities(done: Calibrated) -> list[str]:

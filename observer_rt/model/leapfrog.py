@@ -109,8 +109,14 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
         flow, pressure, drop = x[place], x[here], ahead_pressure - x[here]
         inertia = across_joint(line.joint - (i - 1), line.a3, line.a3_near)
         uneven = ahead_flow - 2.0 * flow + x[behind]
+        # friction by the product of old and new flow: with the old flow's alone, half a step late, it would pass for
+        # inertance, which is the level of all masses
+        slowed = 1.0 / (1.0 + step * line.a4 * math.fabs(flow))
+        new_flow = slowed * (flow + step * (inertia * drop + line.damping * uneven))
         if tangent is not None:
-            keep = 1.0 - step * (2.0 * line.a4 * math.fabs(flow) + 2.0 * line.damping)
+            friction = step * line.a4 * math.copysign(1.0, flow)
+            keep = slowed * (1.0 - 2.0 * step * line.damping - friction * new_flow)
+            push = slowed * step
             there = -1 if i == 1 else pressure_at(i - 1, cells)
             _flow_row(
                 tangent.by,
@@ -120,16 +126,16 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
                 here,
                 behind,
                 keep,
-                step * line.damping,
-                step * inertia,
+                push * line.damping,
+                push * inertia,
             )
             by_coefficient = tangent.slopes.by_coefficient
             far, near = across_joint_slopes(line.joint - (i - 1), line.a3, line.a3_near)
-            by_coefficient[place, _A3] = step * far * drop
-            by_coefficient[place, _A3_NEAR] = step * near * drop
-            by_coefficient[place, _A4] = -step * flow * math.fabs(flow)
-            by_coefficient[place, _DAMPING] = step * uneven
-        x[place] = flow + step * (inertia * drop - line.a4 * flow * math.fabs(flow) + line.damping * uneven)
+            by_coefficient[place, _A3] = push * far * drop
+            by_coefficient[place, _A3_NEAR] = push * near * drop
+            by_coefficient[place, _A4] = -push * math.fabs(flow) * new_flow
+            by_coefficient[place, _DAMPING] = push * uneven
+        x[place] = new_flow
         ahead_flow, ahead_pressure = flow, pressure
     _stress_end(x, cells, line, tangent)
     if tangent is not None:

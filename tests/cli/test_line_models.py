@@ -57,6 +57,17 @@ def test_too_many_cells_are_refused_with_the_numbers(
     assert command("check", "--model", model).code == 0
 
 
+def test_discovery_refuses_them_with_the_numbers_too(command: Command, tmp_path: Path) -> None:
+    model, made = injector(tmp_path / "injector.toml", "wave", added="cells = 40\n"), tmp_path / "made.csv"
+    assert command("simulate", "--injections", "2", "--output", made).code == 0
+    outcome = command("discover", made, "--model", model, "--out", tmp_path / "out")
+    assert outcome.code == 2
+    assert "line.cells: 40 cells are not stable: sound crosses 3.21 of a cell" in " ".join(
+        outcome.err.split()
+    )
+    assert not (tmp_path / "out").exists()
+
+
 def test_what_cannot_be_integrated_is_not_looked_at_further(tmp_path: Path) -> None:
     model = injector(tmp_path / "injector.toml", "wave", added="cells = 40\n")
     findings = observer_findings(load_bench(model=model).injector)

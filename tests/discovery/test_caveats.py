@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from observer_rt.discovery.caveats import Caveat, is_like_inertance
+from observer_rt.discovery.caveats import Caveat, is_level_measured, is_like_inertance
 from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.text import as_text
 from observer_rt.discovery.search.result import Verdict
+from observer_rt.model.baseline import Baseline
 from observer_rt.model.effects import effective_model, sized
 from tests.discovery.conftest import SOURCES, Worn
 from tests.discovery.hidden import NOMINAL
@@ -61,6 +62,36 @@ def test_a_reservation_is_in_headline_and_document(worn: Worn, caveat: str, chan
 
 def test_a_measured_rate_settles_the_inertance(worn: Worn) -> None:
     assert replace(worn.findings, like_inertance=True).caveats == ()
+
+
+def test_a_level_measured_when_the_model_was_fitted_settles_masses(worn: Worn) -> None:
+    measured = replace(_without_rate(worn.findings), level_measured=True)
+    assert measured.caveats == ()
+    (caveat,) = replace(measured, like_inertance=True).caveats
+    assert "when the model was fitted" in caveat.sentence
+
+
+def _fitted(level: str) -> Baseline:
+    noise = {"rail_pressure_MPa": 0.1, "line_pressure_MPa": 0.15, "needle_lift_um": 0.4}
+    of_recordings = {
+        "sample_rate_Hz": 1e5,
+        "injections": 36,
+        "rail_pressure_MPa": (60.0, 140.0),
+        "noise": noise,
+    }
+    left: dict[str, object] = {"variance": {}, "chi2": {}, "colour": {}}
+    return Baseline.model_validate(
+        {"adequate": True, "level": level, "mass_share": 0.002, **of_recordings, **left}
+    )
+
+
+@pytest.mark.parametrize(
+    ("level", "measured"), [("file", False), ("measured_mass", True), ("measured_rate", True)]
+)
+def test_the_level_is_what_the_fit_of_the_model_says(level: str, measured: bool) -> None:
+    assert not is_level_measured(effective_model(NOMINAL))
+    fitted = NOMINAL.model_copy(update={"baseline": _fitted(level)})
+    assert is_level_measured(effective_model(fitted)) is measured
 
 
 def test_what_looks_the_same_in_every_signal_is_told(worn: Worn) -> None:

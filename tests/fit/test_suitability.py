@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from observer_rt.config.recording import Meaning
 from observer_rt.evidence.measurement import measurements
-from observer_rt.fit.suitability import refuse_clipped, warnings
+from observer_rt.fit.suitability import refuse_clipped, share_between_samples, warnings
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.recording import Recording
 from tests.fit.healthy import POINTS, simulations
@@ -55,6 +56,32 @@ def test_one_operating_point_is_warned_of() -> None:
     words = warnings(measurements([RECORDING]))
     assert any("one operating point only" in one for one in words)
     assert any("3 injections only" in one for one in words)
+
+
+def _every_fifth(meaning: Meaning) -> Recording:
+    every = slice(None, None, 5)
+    return Recording(
+        RECORDING.time[every],
+        RECORDING.rail_pressure[every],
+        RECORDING.needle_lift[every],
+        RECORDING.line_pressure[every],
+        meaning=meaning,
+    )
+
+
+def test_slow_instants_are_warned_of_and_make_masses_less_sure() -> None:
+    (slow,) = measurements([_every_fifth(Meaning.INSTANT)])
+    assert share_between_samples(slow) == pytest.approx(0.005)
+    (warning,) = (one for one in warnings([slow]) if "instants" in one)
+    assert "20000 Hz" in warning
+    assert 'meaning = "mean"' in warning
+
+
+@pytest.mark.parametrize("recording", [RECORDING, _every_fifth(Meaning.MEAN)], ids=["100 kHz", "means"])
+def test_fast_instants_and_means_are_not(recording: Recording) -> None:
+    (one,) = measurements([recording])
+    assert share_between_samples(one) == pytest.approx(0.0, abs=1e-6)
+    assert not any("instants" in words for words in warnings([one]))
 
 
 def test_one_pressure_and_one_duration_are_warned_of() -> None:

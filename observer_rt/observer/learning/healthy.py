@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 from observer_rt.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
 from observer_rt.model.baseline import Baseline
 
+EDGES = (Phase.OPENING, Phase.CLOSING)
+# Mean square of single samples at an edge that a fitted model may leave: corners of the lift between samples scatter
+# with flow, and injections beyond those fitted have more of it. What biases a mass shows in means of blocks.
+SCATTER = 2.0
 SAME_RATE = 0.01  # share by which sample rates may differ and a baseline still holds: blocks count samples
 
 
@@ -47,9 +51,10 @@ def healthy_of(baseline: Baseline | None, sample_rate: float, trusted: bool = Fa
     if not holds_at(baseline, sample_rate):
         return Healthy(mass_share=share, adequate=adequate)
     names = [phase.name for phase in Phase]
-    variance = np.array([baseline.variance.at(name) for name in names])
+    variance = np.maximum([baseline.variance.at(name) for name in names], 1.0)
+    variance[list(EDGES)] = np.maximum(variance[list(EDGES)], SCATTER)
     colour = np.array([[baseline.chi2.at(name), baseline.colour.at(name)] for name in names])
-    return Healthy(np.maximum(variance, 1.0), np.maximum(colour, 1.0), share, adequate)
+    return Healthy(variance, np.maximum(colour, 1.0), share, adequate)
 
 
 def holds_at(baseline: Baseline, sample_rate: float) -> bool:

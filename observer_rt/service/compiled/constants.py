@@ -4,10 +4,10 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.recording import Meaning
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
+from observer_rt.model.cells import refuse_unstable_cells
 from observer_rt.model.effects import effective_model
 from observer_rt.model.fuel import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, at_temperature
-from observer_rt.model.line.wave import STABLE, cells_for, steps_over
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.observer import Durations, constants_for
@@ -75,20 +75,8 @@ def rail_every(fitted: BenchInjector) -> float:
 def _require_integrable(fitted: BenchInjector, injector: InjectorParameters, constants: Constants) -> None:
     substeps = constants.substeps
     rate = fitted.config.sampling.rate_hz
-    line = constants.coefficients.line
-    if line.staggered:
-        step = constants.interval / steps_over(constants.interval)
-        strain = line.strain(step)
-        if strain < STABLE:
-            return
-        raise UserError(
-            f"{fitted.parameters_path}: line.cells",
-            f"{line.cells:.0f} cells are not stable: sound crosses {line.crossing * step:.3g} of a cell in a step of "
-            f"{step / MICROSECOND:.3g} us and {2.0 * line.damping * step:.2g} is left of it to damping, together "
-            f"{strain:.3g} (at most {STABLE:g})",
-            f"give {cells_for(injector, step)} cells, or leave 'cells' out",
-        )
-    if substeps <= MAX_SUBSTEPS:
+    refuse_unstable_cells(str(fitted.parameters_path), injector, constants.coefficients, constants.interval)
+    if constants.coefficients.line.staggered or substeps <= MAX_SUBSTEPS:
         return
     model = effective_model(injector)
     fastest = fastest_rate(model.injector, model.departures)

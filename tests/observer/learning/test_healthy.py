@@ -1,5 +1,7 @@
 """What a fitted model leaves unexplained is not held against an event; a model that fits nobody is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,16 @@ def test_what_the_fit_left_is_not_held_against_an_event() -> None:
     assert inadequate_phase(statistics(COLOUR)) is Phase.OPENING
     assert inadequate_phase(healthy.relative(statistics(COLOUR))) is None
     assert inadequate_phase(healthy.relative(statistics(2.0 * COLOUR))) is Phase.OPENING
+
+
+def test_samples_that_scatter_at_an_edge_are_not_held_against_a_fitted_model() -> None:
+    healthy = healthy_of(baseline(), 1e5)
+    white = statistics(1.0)
+    for phase, refused in ((Phase.CLOSING, False), (Phase.OPEN, True)):
+        scattered = replace(white, squares=white.squares.copy())
+        scattered.squares[phase] *= 1.5
+        assert inadequate_phase(scattered) is phase
+        assert (inadequate_phase(healthy.relative(scattered)) is phase) == refused
 
 
 def test_a_phase_quieter_than_noise_does_not_make_others_loud() -> None:

@@ -2,7 +2,7 @@
 
 from observer_rt.check.findings import Finding, Level
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.signals import LaggedSignalConfig, Role, SignalConfig
+from observer_rt.config.signals import Role, SignalConfig
 
 
 def channel_findings(fitted: BenchInjector) -> list[Finding]:
@@ -17,6 +17,5 @@ def channel_findings(fitted: BenchInjector) -> list[Finding]:
 
 def _said(signal: SignalConfig) -> str:
     delay = f"recorded {signal.filter_delay_us:g} us late" if signal.filter_delay_us else ""
-    lag = signal.lag_us if isinstance(signal, LaggedSignalConfig) else 0.0
-    slow = f"sensor with a lag of {lag:g} us" if lag else ""
+    slow = f"sensor with a lag of {signal.lag_us:g} us" if signal.lag_us else ""
     return ", ".join(filter(None, (delay, slow)))

@@ -57,9 +57,7 @@ def with_channels_of(signals: SignalsConfig, other: SignalsConfig) -> SignalsCon
 
 def as_sent(signals: SignalsConfig) -> SignalsConfig:
     """The same signals, none of them late or slow."""
-    return _changed(
-        signals, lambda role: dict.fromkeys(_KEYS & type(signals.of(role)).model_fields.keys(), 0.0)
-    )
+    return _changed(signals, lambda _: dict.fromkeys(_KEYS, 0.0))
 
 
 def _changed(signals: SignalsConfig, change: Callable[[Role], dict[str, float]]) -> SignalsConfig:

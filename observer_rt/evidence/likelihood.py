@@ -35,6 +35,7 @@ def predict(
     no_slopes: NDArray[np.float64],
 ) -> None:
     """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording."""
+    nothing_masked = np.empty(0, np.bool_)
     for i in range(batch.openings.shape[0]):
         first, end = batch.bounds[i], batch.bounds[i + 1]
         window = Window(
@@ -44,6 +45,7 @@ def predict(
             batch.starts[i],
             batch.openings[i],
             batch.knots[first:end],
+            nothing_masked,
         )
         follow(window, setting, learned, end - first, innovation[first:end], rate[first:end], None, no_slopes)
 

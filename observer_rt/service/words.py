@@ -208,7 +208,7 @@ TOPICS: Mapping[Topic, TopicWords] = {
         logging.WARNING,
     ),
     Topic.VALUE: TopicWords(
-        "a signal says `not available`, is at the end of its range, frozen or off",
+        "a signal says `not available`, is at the range's end, frozen or off",
         "the sensor, its cable and amplifier; unit and range in the database",
         logging.WARNING,
     ),

@@ -17,7 +17,7 @@ from observer_rt.config.bench import (
     load_bench,
     load_injector,
 )
-from observer_rt.config.signals import LaggedSignalConfig, Role
+from observer_rt.config.signals import Role, SignalConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
@@ -84,7 +84,7 @@ def test_example_bench_shows_every_key_with_its_default(tmp_path: Path) -> None:
     """Each key is there, commented out where its default is nothing; and its value is the default."""
     text = EXAMPLE_BENCH.read_text()
     for section, keys in _keys(BenchConfig).items():
-        expected = set(LaggedSignalConfig.model_fields) if section == "signals" else keys
+        expected = set(SignalConfig.model_fields) if section == "signals" else keys
         expected = set(DatabaseConfig.model_fields) if section == "dbc" else expected
         for key in expected:
             assert re.search(rf"\b{key}\b", text), f"{section}.{key} is not shown"

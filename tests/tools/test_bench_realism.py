@@ -13,6 +13,7 @@ from observer_rt.evaluation.evaluate import Evaluation
 from tests.tools.made_scores import UKF_SCORE, factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.pool import Crash, Task
+from tools.benchmarks.realism.catalogue import alone
 from tools.benchmarks.realism.run import Results, phantoms
 from tools.benchmarks.realism.score import RunScore, Verdict, summary
 from tools.benchmarks.realism.stated import is_known, with_stated
@@ -189,3 +190,15 @@ def test_unknown_disturbance_is_the_users_to_mend(tmp_path: Path) -> None:
     assert "hum_line" in done.stderr
     assert "hum_50_hz_line" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_what_a_disturbance_states_goes_into_the_bench_file() -> None:
+    every = [each.stated for entry in alone() for each in entry if each.is_stated]
+    assert len(every) > 10
+    assert all(map(is_known, every))
+    assert not is_known({"rail_pressure": {"late_us": 10.0}})
+    bench = load_bench()
+    for stated in every:
+        signals = with_stated(bench, stated).injector.config.signals
+        for role, keys in stated.items():
+            assert {key: getattr(getattr(signals, role), key) for key in keys} == keys

@@ -16,5 +16,5 @@ EFFECT = Effect(
             ("channel_skew", "lift_offset", "lift_dependent_seat_coefficient"), Likeness.NEAR, LIFT_STEP
         ),
     ),
-    remedy="state the lag of the lift sensor in the bench file",
+    remedy="state the lag of the lift sensor in the bench file, as lag_us of [signals.needle_lift]",
 )

@@ -12,5 +12,5 @@ EFFECT = Effect(
     sentence="The rail pressure is recorded late (or early) against lift and line pressure by d: other filters.",
     signature="The line pressure is off with every change of the rail pressure only; a rail at rest hides it.",
     relations=(Relation(("channel_skew",), Likeness.NEAR, BOTH_CHANNELS),),
-    remedy="undo the delay of the rail-pressure channel, at its filter or in the bench file",
+    remedy="undo the delay of the rail-pressure channel, at its filter or in the bench file, as filter_delay_us",
 )

@@ -141,7 +141,8 @@ def make_all_due(observer: Observer) -> None:
 
 @njit(cache=True, nogil=True)
 def judgement_due(observer: Observer, index: int) -> bool:
-    """Whether the oldest closed event must be judged before the sample `index`, at which the needle stays shut.
+    """Whether the oldest closed event must be judged before the sample `index`, at which the needle does not
+    open.
 
     Outside every event, or where x^ follows x~ or is not available: nothing that is being integrated changes.
     """

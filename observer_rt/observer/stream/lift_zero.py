@@ -6,7 +6,7 @@ from numba import njit
 
 from observer_rt.foundation.continuity import Break
 from observer_rt.observer.stream.events import forget_opening
-from observer_rt.observer.stream.front_end import dead_band
+from observer_rt.observer.stream.front_end import dead_band, known
 from observer_rt.observer.stream.lift_stop import follow_opening, take_opening
 from observer_rt.observer.stream.standstill import (
     DIFFERENCE_GAIN,
@@ -36,16 +36,21 @@ _START = int(Break.START)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def without_zero(observer: Observer, position: int) -> float:
-    """Lift [m] of a sample just received, without what a shut needle shows."""
+def take_out_zero(observer: Observer, position: int) -> None:
+    """Work out the lift of all samples known at `position`: the recorded one without what a shut needle shows.
+
+    Not when they are received: how many come at once must not matter.
+    """
     memory = observer.memory[0]
-    row = observer.ring[position & _MASK]
-    lift = row.needle_lift - memory.zero
-    if memory.crosstalk != 0.0:
-        pressed = memory.crosstalk * (row.line_pressure - memory.line_mean)
-        if abs(pressed) < LIMIT:  # a line pressure that is a number
-            lift -= pressed
-    return float(lift)
+    end = position + known(observer, position) + 1
+    for k in range(memory.lifted, end):
+        row = observer.ring[k & _MASK]
+        row.lift = row.needle_lift - memory.zero
+        if memory.crosstalk != 0.0:
+            pressed = memory.crosstalk * (row.line_pressure - memory.line_mean)
+            if abs(pressed) < LIMIT:  # a line pressure that is a number
+                row.lift -= pressed
+    memory.lifted = end
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -169,7 +174,7 @@ def look_at_start(observer: Observer, position: int) -> None:
             return
         forget_opening(observer)
         memory.zero = lifts / count
-        for k in range(start, memory.received):
+        for k in range(start, memory.lifted):
             observer.ring[k & _MASK].lift -= memory.zero
         observer.ring[position & _MASK].lift_area = 0.0
         observer.ring[position & _MASK].seat_area = 0.0

@@ -82,16 +82,22 @@ def _halve(observer: Observer) -> None:
 
 
 @njit(cache=True, nogil=True)
+def _differ(one: float, other: float, factor: float) -> bool:
+    """Whether one exceeds the other by more than a factor."""
+    return bool(one > factor * other or other > factor * one)
+
+
+@njit(cache=True, nogil=True)
 def forget_other_noise(observer: Observer) -> None:
     """An event closes: what was known before it goes where the noise has become another since."""
     memory = observer.memory[0]
     before, since = memory.differences_before, memory.difference_count - memory.differences_before
     if min(before, since) >= ENOUGH_SAMPLES:
         rail, line = memory.rail_squares_before, memory.line_squares_before
-        within = CONTRADICTED * math.sqrt(4.0 * _SPREAD * (1.0 / before + 1.0 / since))
-        if (
-            abs(math.log((memory.rail_squares - rail) / rail * before / since)) > within
-            or abs(math.log((memory.line_squares - line) / line * before / since)) > within
+        within = math.exp(CONTRADICTED * math.sqrt(4.0 * _SPREAD * (1.0 / before + 1.0 / since)))
+        share = since / before
+        if _differ(memory.rail_squares - rail, share * rail, within) or _differ(
+            memory.line_squares - line, share * line, within
         ):
             memory.difference_count = since
             memory.rail_squares -= rail

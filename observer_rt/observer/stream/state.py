@@ -179,6 +179,7 @@ _OBSERVER = [
     # positions in the stream of samples: received >= processed
     ("received", np.int64),
     ("processed", np.int64),
+    ("lifted", np.int64),  # as far as `lift` is known
     ("newest_break", np.int64),  # position of the newest sample that does not follow the one before
     ("segment_start", np.int64),  # position of the first sample since the last break
     ("draining", np.bool_),  # no more samples will come: do without look-ahead

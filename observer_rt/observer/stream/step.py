@@ -22,7 +22,7 @@ from observer_rt.observer.stream.front_end import (
     opens_at,
     shut_area,
 )
-from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, without_zero
+from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, take_out_zero
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
@@ -149,7 +149,6 @@ def _append(
     row.rail_pressure = (true_rail_pressure - c.chamber_pressure) / c.pressure_scale
     row.needle_lift = needle_lift
     row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
-    row.lift = without_zero(observer, memory.received)
     row.lift_after = lift_after
     row.rail_share = rail_share
     row.interpolated = interpolated
@@ -215,6 +214,7 @@ def _process(observer: Observer, position: int) -> bool:
     row = observer.ring[position & _MASK]
     if row.broken != _NONE:
         _end_segment(observer, position)
+    take_out_zero(observer, position)
     opens = not memory.needle_open and opens_at(observer, position)
     is_closed = memory.events_taken < memory.events_closed
     if not opens and is_closed and judgement_due(observer, row.index):

@@ -1,21 +1,15 @@
 """What a bench file says of a channel's delay and lag, `[signals.<role>]`, and whether this observer knows it."""
 
-from collections.abc import Collection
 from typing import Any
 
 from observer_rt.config.bench import Bench
-from observer_rt.config.signals import LaggedSignalConfig, SignalConfig
-from tools.benchmarks.realism.disturbance import LIFT, LINE, Stated
+from observer_rt.config.signals import SignalConfig
+from tools.benchmarks.realism.disturbance import Stated
 
 
 def is_known(stated: Stated) -> bool:
     """Whether a bench file may say this."""
-    return all(key in _known(role) for role, keys in stated.items() for key in keys)
-
-
-def _known(role: str) -> Collection[str]:
-    section = LaggedSignalConfig if role in (LIFT, LINE) else SignalConfig
-    return section.model_fields
+    return all(key in SignalConfig.model_fields for keys in stated.values() for key in keys)
 
 
 def with_stated(bench: Bench, stated: Stated) -> Bench:

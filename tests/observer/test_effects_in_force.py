@@ -9,7 +9,8 @@ from observer_rt.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, sized
 from observer_rt.observer.observer import Durations, constants_for
-from observer_rt.observer.stream.front_end import LOOKAHEAD
+from observer_rt.observer.stream.front_end import samples_ahead
+from observer_rt.observer.stream.outliers import REACH
 from tests.observer.plant_runs import GATED, in_force, run_plant
 from tests.observer.sample_stream import RAIL, Stream
 from tools.benchmarks.plant_parameters import Faults
@@ -96,11 +97,12 @@ def lookahead(*effects: SizedEffect) -> int:
 
 
 def test_look_ahead_grows_only_where_it_is_needed() -> None:
-    assert lookahead() == LOOKAHEAD
-    assert lookahead(sized("lift_offset", x_0=-20 * UM), sized("channel_skew", d=20e-6)) == LOOKAHEAD
-    assert lookahead(sized("lift_offset", x_0=20 * UM)) > LOOKAHEAD + 2
-    assert lookahead(sized("channel_skew", d=55e-6)) == 5
-    assert lookahead(sized("channel_skew", d=-55e-6)) == LOOKAHEAD
+    usual = samples_ahead(1e-5)
+    assert lookahead() == usual
+    assert lookahead(sized("lift_offset", x_0=-20 * UM), sized("channel_skew", d=20e-6)) == usual
+    assert lookahead(sized("lift_offset", x_0=20 * UM)) > usual + 2
+    assert lookahead(sized("channel_skew", d=55e-6)) == 5 + REACH
+    assert lookahead(sized("channel_skew", d=-55e-6)) == usual
 
 
 @pytest.mark.parametrize("speed", [0.5, 0.8, 1.1])

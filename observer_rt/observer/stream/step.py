@@ -145,8 +145,8 @@ def _append(
     memory = observer.memory[0]
     row = observer.ring[memory.received & _MASK]
     row.index = index
-    true_rail_pressure = inputs.rail_factor * rail_pressure + inputs.rail_shift
-    row.rail_pressure = (true_rail_pressure - c.chamber_pressure) / c.pressure_scale
+    at_rail = inputs.rail_factor * rail_pressure + inputs.rail_shift
+    row.rail_pressure = (at_rail - c.chamber_pressure) / c.pressure_scale
     row.needle_lift = needle_lift
     row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
     row.lift_after = lift_after

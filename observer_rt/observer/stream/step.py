@@ -126,7 +126,7 @@ def _give_on(observer: Observer, end: int) -> None:
     memory.given_on = max(memory.given_on, end)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _append(
     observer: Observer,
     index: int,

@@ -108,7 +108,7 @@ def test_band_follows_noise_that_grows() -> None:
     random = np.random.default_rng(5)
     noise = np.zeros(100_000)
     for k in range(1, noise.size):
-        noise[k] = 0.7 * noise[k - 1] + random.normal(0.0, 0.5 * UM * (1.0 + 2.0 * k / noise.size))
+        noise[k] = 0.7 * noise[k - 1] + random.normal(0.0, 0.3 * UM * (1.0 + 4.0 * k / noise.size))
     stream = run(noise)
     assert stream.count("injections_begun") == 0
     assert float(stream.observer.memory["lift_on"][0]) > 5 * np.std(noise[-20_000:]) * 0.8

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +51,7 @@ from observer_rt.observer.learning.familiarity import UNSEEN, operating_point, r
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.indicators import nozzle_change
-from observer_rt.observer.learning.interval import resimulated
+from observer_rt.observer.learning.interval import Resimulated, resimulated
 from observer_rt.observer.learning.knowledge import (
     Adoption,
     Knowledge,
@@ -75,6 +75,16 @@ QUICKER = 30.0  # times the usual drift
 COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
 RAIL_TEMPER = 2.0
 CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
+
+
+@dataclass(frozen=True, eq=False)
+class _Explained:
+    """An event as far as it was understood: the samples that count, its fit, and the colour after it."""
+
+    window: Window
+    cost: EventCost
+    fit: EventFit
+    colour: Colour | None
 
 
 class Learner:
@@ -138,50 +148,26 @@ class Learner:
             self._noise = standstill.noise
         self._schedule = self._gains()
         try:
-            prior = self._prior(standstill)
-            offset = self._offset_since.after(standstill)
-            bridged = int(window.masked.sum())
-            window, cost, fit = self._fitted(window, prior, offset)
-            if fit is None:
+            event = self._explained(window, self._prior(standstill), self._offset_since.after(standstill))
+            if event is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
-            mask = self._mask(window, fit.innovations)
-            if mask is not None:
-                window = window._replace(masked=mask)
-                cost = self._cost(window, offset)
-                fit = self._refit(cost, fit)
-            colour = self._colour_after(window, fit)
-            if self._colour is None and colour is not None:
-                self._colour, self._trend = colour, Trend()
-                window, cost, fit = self._fitted(window, prior, offset)
-                if fit is None:
-                    return self._outcome(Adoption.FAILED, window, in_force)
-            innovations = Innovations(fit.innovations, cost.sigma)
-            statistics = event_statistics(window, innovations, self._constants.interval, self._healthy)
             wide = self._scalars.prior(self._scale)
-            lag = lag_score(window, self._setting(), fit, cost, wide, self._scalars)
-            carried = carried_covariance(in_force, fit.prior, self._scalars.gate, self._active)
-            self._take_in(fit, self._temper(statistics))
+            lag = lag_score(event.window, self._setting(), event.fit, event.cost, wide, self._scalars)
+            carried = carried_covariance(in_force, event.fit.prior, self._scalars.gate, self._active)
+            self._take_in(event)
         except np.linalg.LinAlgError:
             return self._outcome(Adoption.FAILED, window, in_force)
-        self._colour = colour
-        self._events += 1
-        point = operating_point(window, self._constants.interval)
-        strange = unfamiliarity(point, self._learned_at)
-        self._learned_at = remembered(self._learned_at, point)
-        self._statistics = pooled(self._statistics, statistics)
-        doubts = []
-        is_clipped = self._outliers.is_clipped_after(window, fit.innovations, self._sigmas, cost.burn_in)
-        if self._lag_doubt.is_no_lag_after(lag):
-            doubts.append(Reason.TIME_BASE)
-        if fit.contradicts:
-            doubts.append(Reason.SUDDEN_CHANGE)
-            self._previous = None  # it belongs to another injector
-        better = self._is_better(window, in_force)
-        self._previous = window, self._constants
+        strange = self._strangeness(event.window)
+        is_clipped = self._outliers.is_clipped_after(
+            event.window, event.fit.innovations, self._sigmas, event.cost.burn_in
+        )
+        doubts = self._doubts(event, lag)
+        better = self._is_better(event.window, in_force)
+        self._previous = event.window, self._constants
         if self._freezer.is_frozen_after(self._statistics):
-            return self._frozen(window, in_force)
+            return self._frozen(event.window, in_force)
         adoption = Adoption.ADOPTED if better else Adoption.REJECTED
-        outcome = self._outcome(adoption, window, in_force, doubts)
+        outcome = self._outcome(adoption, event.window, in_force, doubts)
         if is_clipped and outcome.objections:  # that is why
             clipped = Objection(Reason.INPUT_CLIPPED)
             outcome = replace(outcome, objections=(clipped, *outcome.objections))
@@ -190,10 +176,53 @@ class Learner:
             nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
             reasons = outcome.objections or (because,)
             return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=reasons)
+        again = self._resimulated(event.window, carried, strange)
+        masked = int(event.window.masked.sum()) - int(window.masked.sum())
+        return replace(outcome, resimulated=again, outliers=masked)
+
+    def _explained(self, window: Window, prior: Belief, offset: float | None) -> _Explained | None:
+        """An event fitted without its outliers, in the colour of the noise; None if no fit is finite.
+
+        offset [p_0]: at rest before it. Raises numpy.linalg.LinAlgError when singular.
+        """
+        window, cost, fit = self._fitted(window, prior, offset)
+        if fit is None:
+            return None
+        mask = self._mask(window, fit.innovations)
+        if mask is not None:
+            window = window._replace(masked=mask)
+            cost = self._cost(window, offset)
+            fit = self._refit(cost, fit)
+        colour = self._colour_after(window, fit)
+        if self._colour is None and colour is not None:
+            self._colour, self._trend = colour, Trend()
+            window, cost, fit = self._fitted(window, prior, offset)
+            if fit is None:
+                return None
+        return _Explained(window, cost, fit, colour)
+
+    def _doubts(self, event: _Explained, lag: float | None) -> list[Reason]:
+        """What an event brings up beside its innovations; lag: how much it looks like one of the sensor."""
+        doubts = []
+        if self._lag_doubt.is_no_lag_after(lag):
+            doubts.append(Reason.TIME_BASE)
+        if event.fit.contradicts:
+            doubts.append(Reason.SUDDEN_CHANGE)
+            self._previous = None  # it belongs to another injector
+        return doubts
+
+    def _strangeness(self, window: Window) -> float:
+        """How far an event's operating point was from those learned at, of which it is one from now on."""
+        point = operating_point(window, self._constants.interval)
+        strange = unfamiliarity(point, self._learned_at)
+        self._learned_at = remembered(self._learned_at, point)
+        return strange
+
+    def _resimulated(self, window: Window, carried: NDArray[np.float64], strange: float) -> Resimulated:
+        """An event with what was learned from it; carried (m, m): covariance of the theta in force before."""
         now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried, self._scalars)
-        event = replace(event, systematic=math.hypot(self._healthy.mass_share, UNSEEN * strange))
-        return replace(outcome, resimulated=event, outliers=int(window.masked.sum()) - bridged)
+        return replace(event, systematic=math.hypot(self._healthy.mass_share, UNSEEN * strange))
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
@@ -288,11 +317,16 @@ class Learner:
         start = cost.linearised(fit.linearisation.theta)
         return replace(fitter.fit(start, fit.prior, ITERATIONS), contradicts=fit.contradicts)
 
-    def _take_in(self, fit: EventFit, temper: float) -> None:
-        """The fitted event into the belief, its information divided by `temper`."""
-        here = fit.linearisation
-        self._belief = fit.prior.updated(here.information / temper, here.vector / temper)
-        self._theta, self._active = here.theta, fit.active
+    def _take_in(self, event: _Explained) -> None:
+        """The fitted event into statistics and belief, there tempered where its innovations are coloured."""
+        innovations = Innovations(event.fit.innovations, event.cost.sigma)
+        statistics = event_statistics(event.window, innovations, self._constants.interval, self._healthy)
+        here, temper = event.fit.linearisation, self._temper(statistics)
+        self._belief = event.fit.prior.updated(here.information / temper, here.vector / temper)
+        self._theta, self._active = here.theta, event.fit.active
+        self._colour = event.colour
+        self._events += 1
+        self._statistics = pooled(self._statistics, statistics)
 
     def _is_better(self, window: Window, in_force: NDArray[np.float64]) -> bool:
         """Whether the new theta keeps the re-simulated output error of this and the previous event down.

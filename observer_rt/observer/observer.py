@@ -106,7 +106,7 @@ def constants_for(
             confirm=confirming_samples(interval),
             bounce=samples(BOUNCE),
             bridge=samples(durations.bridge),
-            filtered=interval <= SLOWEST_FILTER,
+            filtered=durations.bridge > 0.0 and interval <= SLOWEST_FILTER,
         ),
         events_required=events_required,
         rail_every=rail_every,

@@ -13,8 +13,9 @@ from observer_rt.observer.stream.state import LIFT, LINE, RAIL, RING, Observer
 
 SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are short for a line
 REACH = 3  # samples of the longest spike
-STEP = 4.5  # standard deviations from one sample to the next, by which a spike goes away and comes back
-RESTLESS = 4.0  # the same of a channel's mean change: of white noise as much
+STEP = 7.0  # standard deviations from one sample to the next, by which a spike goes away and comes back: with 4.5
+# noise does so three times a second at 100 kHz, with 7 once in a quarter of an hour
+RESTLESS = 6.2  # the same of a channel's mean change: of white noise as much
 MEMORY = 64.0  # samples, of that mean
 CLOSE = 0.7  # of these: it comes back so near to where it was, and the channel was so steady before
 UNLIKELY = math.log(1e-8)  # probability a sample of so many equal values by chance

@@ -17,6 +17,9 @@ from observer_rt.observer.stream.phi import advance_x_hat, read_phi
 from observer_rt.observer.stream.state import LINE, RING, Observer
 from observer_rt.observer.stream.surprise import end_contradiction, watch
 
+SHORT = (
+    2  # times what an opening takes to be one: leaps of the innovation that last longer contradict the model
+)
 _MASK = RING - 1
 
 
@@ -115,7 +118,7 @@ def step_pair(observer: Observer, position: int) -> bool:
     if _is_measured(observer, position):
         y = observer.ring[(position + constants.sensor.late) & _MASK].line_pressure
         innovation = y - memory.offset - shown
-        if accepted(memory, constants.timing.bridge, innovation):
+        if accepted(memory, min(constants.timing.bridge, SHORT * constants.timing.confirm), innovation):
             row.innovation = innovation
             was_contradicted = memory.contradicted
             watch(observer, innovation, row.doubt)

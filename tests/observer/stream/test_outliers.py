@@ -75,7 +75,7 @@ def test_what_is_replaced_is_what_the_plain_reference_finds() -> None:
     channels = signals(seed=3)
     rng = np.random.default_rng(5)
     for at in range(1000, COUNT - 100, 40):
-        height = rng.normal() * 8 * NOISE.line_pressure
+        height = rng.normal() * 14 * NOISE.line_pressure
         channels[LINE][at : at + rng.integers(1, 5)] += height
     _, rows = observed(channels)
     values, found, change = channels[LINE].copy(), [], 0.0

@@ -18,6 +18,7 @@ REMEMBERED = 0.85  # weight of the events before an event
 RAIL_MOTION = 0.66e-3  # s: what is slower is the rail's own motion
 RAIL_BLOCK = 0.16e-3  # s: what is faster the line does not hear
 MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
+QUIET = 0.7  # of the expected standard deviation
 # Of the BIC, within which the fastest high pass is taken: hum that keeps step with the events is steeper elsewhere
 # than at rest.
 ABOUT_AS_GOOD = 20.0
@@ -107,13 +108,16 @@ class RestingNoise:
                 self._products[choice] += lagged.T @ lagged
             self._count += len(values) - ORDERS
 
-    def colour(self, before: Colour | None) -> Colour | None:
+    def colour(self, before: Colour | None, expected: float = 0.0) -> Colour | None:
         """The filter that explains them best by the BIC, None where white noise does about as well.
 
-        before: what it was, and stays where too little was seen.
+        before: what it was, and stays where too little was seen; expected: standard deviation of innovations by the
+        noise levels [p_0]. What is much quieter is no noise but arithmetic, of a recording without noise.
         """
         if self._count <= 2 * ORDERS:
             return before
+        if self._products[0, 0, 0] < self._count * (QUIET * expected) ** 2:
+            return None
         variances = np.array([_residual_variances(each / self._count) for each in self._products])
         parameters = np.arange(ORDERS + 1) + np.array(
             [[forgetting is not None] for forgetting in self._choices]

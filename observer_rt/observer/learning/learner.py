@@ -263,12 +263,12 @@ class Learner:
     def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:
         """The colour of the noise, after what a fitted event leaves while the needle is shut."""
         if window.masked.any():  # it would tell the colour of gaps
-            return self._at_rest.colour(self._colour)
+            return self._at_rest.colour(self._colour, self._schedule.innovation_sigma)
         shortest = round(SEGMENT / self._constants.interval)
         rest = resting_segments(window, self._burn_in, shortest)
         self._at_rest.add([fit.unfiltered[part] for part in rest])
         self._slow_rail.add([window.inputs[part, 0] for part in rest])
-        return self._at_rest.colour(self._colour)
+        return self._at_rest.colour(self._colour, self._schedule.innovation_sigma)
 
     def _temper(self, statistics: PhaseStatistics) -> float:
         """Factor on the variance of an event's innovations.

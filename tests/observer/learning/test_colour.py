@@ -57,6 +57,15 @@ def test_nor_has_white_noise_of_another_level() -> None:
     assert found_in([2.0 * values for values in white(1)]) is None
 
 
+def test_what_is_quieter_than_the_noise_levels_is_none() -> None:
+    noise = RestingNoise(INTERVAL)
+    for values in first_order(white(3), 0.83):
+        noise.add([values])
+    loudness = 1.0 / math.sqrt(1.0 - 0.83**2)
+    assert noise.colour(None, expected=loudness) is not None
+    assert noise.colour(None, expected=2.0 * loudness) is None
+
+
 @pytest.mark.parametrize(("interval", "samples"), [(1e-5, 700), (5e-5, 140)])
 def test_hum_is_taken_away_by_a_high_pass(interval: float, samples: int) -> None:
     events = with_hum(white(2, samples=samples), 50.0, interval)

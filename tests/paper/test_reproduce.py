@@ -50,7 +50,7 @@ def test_model_is_wrong_as_wear_says_and_ours_is_not(folder: Path) -> None:
         assert abs(float(row["mass_error_pct_ours_1"])) < 0.5
         assert abs(float(row["mass_error_pct_ours_10"])) < 0.5
         if abs(wear) > 0.05:
-            # 28 at v_H = .1: recordings without noise are believed from the first event on, corners of 25 kHz included
+            # 28 at v_H = .1: without noise the first event is believed at once, its corners at 25 kHz included
             assert float(row["x3_mse_ratio_ours_1"]) > 25
 
 

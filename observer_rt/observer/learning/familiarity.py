@@ -13,7 +13,7 @@ REMEMBERED = 16  # points; the oldest is forgotten
 # needle is open, and of the widest seat area.
 REACH = (0.4, 0.7, 0.4)
 EVENT_SHARE = 0.3  # variance, of what one event tells of its own point, over that between distant points
-UNSEEN = 3e-3  # of a rate: standard deviation of what a learned model still gets wrong at a point far from all seen
+UNSEEN = 2e-3  # of a rate: standard deviation of what a learned model still gets wrong at a point far from all seen
 
 
 class OperatingPoint(NamedTuple):

@@ -48,7 +48,7 @@ def test_samples_and_reports_are_those_of_the_whole_recording() -> None:
     known = ~np.isnan(evaluation.trace.injection_rate)
     shut = np.ones(recording.samples, np.bool_)
     for opening, closing in outcome.openings:
-        assert known[opening - 100 : closing + 300].all()
+        assert known[opening - 99 : closing + 300].all()
         shut[opening - 250 : closing + 450] = False
     assert not known[shut].any()
     assert evaluation.counters.jumps == EVENTS - 1

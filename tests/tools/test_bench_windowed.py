@@ -37,7 +37,9 @@ def test_wear_is_learned_from_windows(score: CaseScore) -> None:
 def test_the_first_injection_is_known_behind_a_short_standstill(score: CaseScore) -> None:
     """As well as the model without anything learned knows it."""
     assert score.event_errors_pct()[0] == pytest.approx(score.event_errors_pct(NOMINAL)[0], abs=0.5)
-    assert score.event_errors_pct()[0] == pytest.approx(score_case(worn("healthy")).event_errors_pct()[0], abs=0.5)
+    assert score.event_errors_pct()[0] == pytest.approx(
+        score_case(worn("healthy")).event_errors_pct()[0], abs=0.5
+    )
 
 
 def test_samples_and_reports_are_those_of_the_whole_recording() -> None:

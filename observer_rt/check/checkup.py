@@ -7,6 +7,7 @@ from pathlib import Path
 from observer_rt.bus.database.lookup import database_hash
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.check.buses import buses_findings
+from observer_rt.check.channels import channel_findings
 from observer_rt.check.findings import Finding, Level, as_json_document, as_table, failed, graded
 from observer_rt.check.host import real_time_findings, this_host
 from observer_rt.check.interface import interface_findings, read_controller
@@ -41,6 +42,7 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
         findings += _each(bench, lambda fitted: time_findings(maps[fitted.name]))
     except UserError as error:
         findings.append(failed("mapping", error))
+    findings += _each(bench, channel_findings)
     findings += _each(bench, observer_findings)
     findings += real_time_findings(this_host())
     for link in bench.config.buses:

@@ -8,11 +8,14 @@ from observer_rt.bus.alignment.message_timing import MessageTiming
 from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.check.findings import Finding, Level, failed, graded
 from observer_rt.config.bench import Bench
+from observer_rt.config.signals import Role
 from observer_rt.evaluation.logged import LoggedSignals
+from observer_rt.evidence.slow_noise import SlowNoise
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.service.core.counters import Counters
+from observer_rt.service.core.noise import SIGNALS
 
 _TOPIC = "log"
 
@@ -29,6 +32,7 @@ def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) ->
         *(Finding(_TOPIC, Level.WARNING, note) for note in logged.notes),
         *(_regularity(timing) for timing in logged.timing),
         *_noise(bench, logged.standstill),
+        *(_slow_noise(role, noise) for role, noise in logged.slow_noise.items()),
     ]
 
 
@@ -39,7 +43,8 @@ def _samples(logged: LoggedSignals) -> Finding:
         f"{counters.lost_samples} lost, {counters.interpolated_samples} interpolated, "
         f"{counters.jumps} pauses of the source"
     )
-    return graded(_TOPIC, counters.lost_samples == 0, text)
+    outliers = f"; {counters.outliers}" if counters.outliers else ""
+    return graded(_TOPIC, counters.lost_samples == 0, text + outliers)
 
 
 def _frames(counters: Counters) -> list[Finding]:
@@ -75,3 +80,10 @@ def _noise(bench: Bench, standstill: Standstill) -> list[Finding]:
             f"({stated.needle_lift_um:g}) um",
         )
     ]
+
+
+def _slow_noise(role: Role, noise: SlowNoise) -> Finding:
+    """Beside the white noise of a signal."""
+    _, unit, size = SIGNALS[role]
+    name = role.value.replace("_", " ")
+    return Finding(_TOPIC, Level.OK, f"noise of the {name} is not white: {noise.as_text(unit, size)}")

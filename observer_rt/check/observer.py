@@ -5,6 +5,7 @@ import math
 from observer_rt.check.findings import Finding, Level, failed, graded
 from observer_rt.check.optional_inputs import fuel_findings
 from observer_rt.config.bench import BenchInjector
+from observer_rt.config.channels import effects_after_alignment
 from observer_rt.estimation.gain import gain_schedule
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
@@ -16,6 +17,7 @@ from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.paper_scheme.gain import doubts_about_gain
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.state import MAX_EVENT
+from observer_rt.observer.stream.undoing import louder
 from observer_rt.service.compiled.constants import bench_constants, configured_noise, rail_every
 from observer_rt.service.core.learners import doubt_about_fit, make_learner
 
@@ -76,13 +78,14 @@ def _fitted_model(fitted: BenchInjector) -> list[Finding]:
 def _observer(fitted: BenchInjector) -> list[Finding]:
     rate = fitted.config.sampling.rate_hz
     noise = configured_noise(fitted)
-    constants = constants_for(fitted.parameters, rate, Durations(), events_required=0)
-    sensor, lookahead = constants.sensor, constants.timing.lookahead
+    stated = effects_after_alignment(fitted.config.signals)
+    constants = constants_for(fitted.parameters, rate, Durations(), events_required=0, stated=stated)
+    sensor, lookahead = constants.sensor, constants.timing.lookahead + constants.undoing.ahead
     every = rail_every(fitted)
     schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction, every)
     c = constants.coefficients
     line_mode = c.line.mode / (2 * math.pi)
-    opens, shuts = dead_band(noise.needle_lift)
+    opens, shuts = dead_band(noise.needle_lift * louder(constants.undoing))
     return [
         graded(
             "line mode",

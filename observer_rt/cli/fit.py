@@ -46,6 +46,7 @@ def fit(
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.bench import load_bench
+    from observer_rt.config.channels import effects_on_one_raster
     from observer_rt.evaluation.sources import open_source, without_truths
     from observer_rt.fit.command import FitOptions, fit_files
 
@@ -53,4 +54,5 @@ def fit(
     messages = Console(stderr=True)
     read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
     options = FitOptions(model, output, mass, plot, as_json, force)
-    fit_files(without_truths(recordings, messages), options, messages, read)
+    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
+    fit_files(without_truths(recordings, messages), options, messages, read, stated)

@@ -58,6 +58,8 @@ def check_effects(place: str, effects: Sequence[EffectInForce]) -> None:
         if entry.id in seen:
             raise UserError(f"{here}.id", f"'{entry.id}' is given twice", "give each effect once")
         seen.add(entry.id)
+        if effect.remedy:
+            raise UserError(f"{here}.id", f"'{entry.id}' is of the bench, not of the injector", effect.remedy)
         if effect.parameters and not entry.parameters:
             first = effect.parameters[0]
             example = f'{{ {first.name} = {{ value = 0.0, unit = "{first.unit}" }} }}'

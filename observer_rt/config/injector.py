@@ -16,6 +16,7 @@ Identifier = Annotated[int, Field(ge=0, le=0x1FFF_FFFF)]
 class SamplingConfig(Section):
     rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] = 100e3
     meaning: Meaning = Meaning.INSTANT
+    bridge_ms: Annotated[float, Field(ge=0, le=5)] = 0.5  # of a signal that is frozen or drops out
 
 
 class ModelConfig(Section):

@@ -3,7 +3,7 @@
 from enum import StrEnum
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from observer_rt.config.links import Positive
 from observer_rt.config.toml_file import Section
@@ -56,6 +56,8 @@ class SignalConfig(SampledConfig):
     counter: str | None = None  # signal that counts the frames of a message without index
     rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
     max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
+    filter_delay_us: Annotated[float, Field(ge=0, le=500)] = 0.0  # by which all it shows comes late
+    lag_us: Annotated[float, Field(ge=0, le=150)] = 0.0  # time constant of a slow sensor, first order
 
 
 class EnergizingConfig(SampledConfig):
@@ -95,6 +97,16 @@ class SignalsConfig(Section):
     measured_mass: SlowQuantityConfig | None = None  # of an injection
     fuel_temperature: FuelTemperatureConfig | None = None  # in the feed line
     energizing: EnergizingConfig | None = None
+
+    @field_validator("rail_pressure")
+    @classmethod
+    def _no_lag(cls, rail: SignalConfig) -> SignalConfig:
+        if rail.lag_us != 0.0:
+            raise ValueError(
+                "'lag_us' is for needle lift and line pressure; state that of a rail pressure, which changes slowly, "
+                "as 'filter_delay_us'"
+            )
+        return rail
 
     def of(self, role: Role) -> SignalConfig:
         """The mapping of a role."""

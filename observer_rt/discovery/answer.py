@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from observer_rt.discovery.amend import amended_effects
-from observer_rt.discovery.caveats import is_level_measured, is_like_inertance
+from observer_rt.discovery.caveats import is_level_measured, is_like_inertance, remedies
 from observer_rt.discovery.comparison.disagreement import disagreements
 from observer_rt.discovery.comparison.gaps import gaps_of
 from observer_rt.discovery.comparison.overlays import typical_overlays
@@ -103,7 +103,7 @@ def answer(
     )
     amended = found.named.model(nominal)
     in_force: tuple[EffectInForce, ...] = ()
-    if found.verdict is not Verdict.AMBIGUOUS or question.chosen:
+    if (found.verdict is not Verdict.AMBIGUOUS or question.chosen) and not remedies(found):
         in_force = amended_effects(question.parameters, found, measured, question.hashes)
     return Findings(
         discovery=found,

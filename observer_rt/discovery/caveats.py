@@ -47,10 +47,16 @@ def caveats_of(found: Discovery, circumstances: Circumstances) -> tuple[Caveat, 
     """The reservations an answer is given with, the gravest first."""
     return (
         *_of_opponents(circumstances),
+        *_of_bench(found),
         *_of_coverage(found, circumstances),
         *_of_names(found),
         *_of_level(found, circumstances),
     )
+
+
+def remedies(found: Discovery) -> tuple[str, ...]:
+    """What to do about the effects found that no injector file can have in force."""
+    return tuple(remedy for effect in found.effects if (remedy := VOCABULARY[effect.id].remedy))
 
 
 def is_level_measured(nominal: EffectiveModel) -> bool:
@@ -78,6 +84,16 @@ def _of_opponents(circumstances: Circumstances) -> Iterator[Caveat]:
             "the learning observer does not agree",
             f"The learning observer does not agree: {'; '.join(circumstances.against)}. Do not act before this is "
             "understood.",
+        )
+
+
+def _of_bench(found: Discovery) -> Iterator[Caveat]:
+    for remedy in remedies(found):
+        yield Caveat(
+            "bench_file",
+            remedy,
+            f"What was found is of the bench, not of the injector: {remedy}, and give the command again with it. "
+            "Until then there is no amended model.",
         )
 
 

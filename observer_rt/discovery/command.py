@@ -26,6 +26,7 @@ from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.file_hash import file_hash
 from observer_rt.model.cells import refuse_unstable_cells
+from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.formats import open_recording
 from observer_rt.recording.signals.stream import SignalStream
@@ -58,10 +59,12 @@ def discover_files(
     ask_observer: AskObserver,
     console: Console,
     read: Callable[[Path], SignalStream] = open_recording,
+    stated: tuple[SizedEffect, ...] = (),
 ) -> None:
     """Find the missing effect in recordings; write everything into a folder, print the answer.
 
-    read: looks through a file the user named, and refuses one that is none.
+    read: looks through a file the user named, and refuses one that is none; stated: what the bench file says of the
+    channels.
 
     Raises `UserError` for files that will not do, before the work begins; `RunError` when it fails or is interrupted.
     """
@@ -70,7 +73,7 @@ def discover_files(
     chosen = _chosen(options.chosen)
     _refuse_replacing(options)
     source = InjectorText(options.model)
-    measured = read_measured([*paths, *options.healthy], read, console)
+    measured = read_measured([*paths, *options.healthy], read, console, stated=stated)
     refuse_rates_missing([one.recording for one in measured[: len(paths)]])
     coefficients = measured[0].coefficients_of(effective_model(parameters))
     refuse_unstable_cells(str(options.model), parameters, coefficients, measured[0].interval)
@@ -80,7 +83,7 @@ def discover_files(
         say(console, coverage(one))
     say_if_compiling(console)
     with file_errors(options.out):
-        store = FitStore(options.out / FITS, problem_key(parameters, list(question.hashes.values())))
+        store = FitStore(options.out / FITS, problem_key(parameters, list(question.hashes.values()), stated))
     if store.taken_over:
         say(console, f"going on with {store.taken_over} candidates fitted before")
     with store, progress_bar(console, "looking for what is missing", 1.0) as progress:

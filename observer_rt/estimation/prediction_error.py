@@ -15,8 +15,13 @@ from observer_rt.estimation.predictor import (
     innovations_with_sensitivity,
 )
 from observer_rt.estimation.scalars import SCALARS, Scalars
+from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.whitening import Whitening
+from observer_rt.foundation.units import MEGAPASCAL
 
 HUBER = 4.0  # sigma beyond which an innovation counts linearly
+OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
+_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
 @njit(cache=True, nogil=True)
@@ -96,38 +101,69 @@ class Linearisation:
 class EventCost:
     """J(theta) = robust sum of (e~/sigma)^2 / 2 over one event.
 
-    Innovations of the first `burn_in` samples do not count: x~ started from another theta.
+    Innovations of the first `burn_in` samples do not count: x~ started from another theta. Coloured ones and their
+    slopes go through a filter first; what a high pass in it hides, the sensor's offset, is then what it was at rest.
     """
 
     def __init__(
-        self, window: Window, setting: Setting, sigma: float, burn_in: int, scalars: Scalars = SCALARS
+        self,
+        window: Window,
+        setting: Setting,
+        sigma: float,
+        burn_in: int,
+        scalars: Scalars = SCALARS,
+        whitening: Whitening | None = None,
+        offset: float | None = None,
     ) -> None:
-        """sigma: standard deviation of the innovations, in units of p_0."""
+        """sigma: standard deviation of white innovations, in units of p_0; whitening: None if they are white.
+
+        offset: line over rail pressure at rest [p_0] on the mean, None where there was none.
+        """
         self._window = window
         self._setting = setting
         self._scalars = scalars
+        self._whitening = whitening
+        self._offset, self._offset_weight = 0.0, 0.0
+        if whitening is not None and whitening.forgetting is not None and offset is not None:
+            self._offset = offset
+            self._offset_weight = (setting.coefficients.pressure_scale / OFFSET_SIGMA) ** 2
         self.sigma = sigma
         self.burn_in = burn_in
         samples = window.output.shape[0]
         self.slopes = np.zeros((samples, scalars.width))
-        self.innovations = np.zeros(samples)
+        self.unfiltered = np.zeros(samples)
+        self.innovations = self.unfiltered
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
         learned = learned_of(theta, self._setting.coefficients, self._scalars)
-        innovations(self._window, self._setting, learned, self.innovations)
-        return self._cost()
+        innovations(self._window, self._setting, learned, self.unfiltered)
+        return self._cost(theta)
 
     def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
         """J round theta (m,); leaves the innovations and their slopes (n, m) behind."""
         innovations_with_sensitivity(
-            self._window, self._setting, theta, self.innovations, self.slopes, self._scalars
+            self._window, self._setting, theta, self.unfiltered, self.slopes, self._scalars
         )
+        value = self._cost(theta)
+        if self._whitening is not None:
+            self.slopes = self.whitened(self.slopes)
         gradient = np.zeros(theta.size)
         information = np.zeros((theta.size, theta.size))
         weigh(self.innovations, self.slopes, self.burn_in, self.sigma, gradient, information)
-        return Linearisation(theta, self._cost(), gradient, information)
+        gradient[_OFFSET] += self._offset_weight * (theta[_OFFSET] - self._offset)
+        information[_OFFSET, _OFFSET] += self._offset_weight
+        return Linearisation(theta, value, gradient, information)
 
-    def _cost(self) -> float:
+    def whitened(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Innovations (n,), or slopes of them (n, m), as they count in J."""
+        if self._whitening is None:
+            return values
+        return self._whitening.of(values)
+
+    def _cost(self, theta: NDArray[np.float64]) -> float:
+        if self._whitening is not None:
+            self.innovations = self._whitening.of(self.unfiltered)
         cost = robust_cost(self.innovations, self.burn_in, self.sigma)
+        cost += 0.5 * self._offset_weight * (theta[_OFFSET] - self._offset) ** 2
         return cost if math.isfinite(cost) else math.inf

@@ -31,7 +31,8 @@ class Window(NamedTuple):
     inputs: (n, 2) u = [p_R, A_S]; output: (n,) y, moved by the whole samples it is recorded late; resting:
     (n,) needle shut so long that p_S = p_C; start: (states + 1,) x~ and the indicated pressure at the first sample;
     opening: index of the first sample with an open needle; knots: (n, 2), where the area bends after each sample, as
-    in `integrator.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not.
+    in `integrator.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not. masked:
+    (n,) y is an outlier and does not count; (0,): none is.
     """
 
     inputs: NDArray[np.float64]
@@ -40,6 +41,7 @@ class Window(NamedTuple):
     start: NDArray[np.float64]
     opening: int
     knots: NDArray[np.float64] = np.empty((0, 2))
+    masked: NDArray[np.bool_] = np.empty(0, np.bool_)
 
 
 class Setting(NamedTuple):
@@ -64,6 +66,12 @@ def knot_before(window: Window, k: int) -> tuple[float, float]:
     if window.knots.shape[0] == 0:
         return 0.0, 0.0
     return window.knots[k - 1, 0], window.knots[k - 1, 1]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def is_masked(window: Window, k: int) -> bool:
+    """Whether y of sample k does not count."""
+    return bool(k < window.masked.shape[0] and window.masked[k])
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -243,10 +251,13 @@ def _follow(
         )
         if rate.shape[0] > 0:
             rate[k] = injection_rate(x, (interval.end[0], max(interval.end[1], 0.0)), c, network)
-        errors[k] = output[k] - offset - shown
+        is_measured = not is_masked(window, k)
+        errors[k] = output[k] - offset - shown if is_measured else 0.0
         if gradient is not None:
             slopes[k] = gradient.error
-        if k < corrected:
+            if not is_measured:
+                slopes[k] = 0.0
+        if k < corrected and is_measured:
             indicated = correct(x, indicated, errors[k], setting.gain, gradient)
         if window.resting[k]:
             empty_sac(x, None if gradient is None else gradient.tangent)

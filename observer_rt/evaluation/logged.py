@@ -12,6 +12,7 @@ from observer_rt.bus.alignment.message_timing import MessageTiming
 from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.config.channels import as_sent
 from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import Coefficients
@@ -118,7 +119,10 @@ class LoggedSignals(SignalStream):
         sampling = bench.injector.config.sampling
         self.meaning = sampling.meaning
         # samples as they were sent: what they mean is for whoever reads them
-        bench = bench.with_sections(sampling=sampling.model_copy(update={"meaning": Meaning.INSTANT}))
+        bench = bench.with_sections(
+            sampling=sampling.model_copy(update={"meaning": Meaning.INSTANT}),
+            signals=as_sent(bench.injector.config.signals),
+        )
         self._bench = bench
         self._bus = map_bus(bench)
         needed = {layout.bus for layout in self._bus.input_layouts}
@@ -155,13 +159,17 @@ class LoggedSignals(SignalStream):
             *_restarts(path, stretches),
         )
         self.counters, self.standstill, self.timing = core.counters, core.standstill, core.timing
+        self.slow_noise = core.slow_noise
+        """What is not white in the noise of the last samples at rest."""
         return tuple(stretches)
 
     def chunks(self) -> Iterator[Chunk]:
         """Decode it anew."""
         number, first = 0, 0
         held = np.empty(0, np.dtype([]))
-        core = Core(self._bench.injector, self._bus, learning=False)
+        # an outlier, too, is what was sent
+        sampling = self._bench.injector.config.sampling.model_copy(update={"bridge_ms": 0.0})
+        core = Core(self._bench.with_sections(sampling=sampling).injector, self._bus, learning=False)
         for rows in self._rows(core, _Stamps()):
             held = rows if not len(held) else np.concatenate((held, rows))
             back = np.flatnonzero(np.diff(held["index"].astype(np.int64)) <= 0)

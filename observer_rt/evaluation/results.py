@@ -17,6 +17,8 @@ from observer_rt.foundation.units import (
     MM3_PER_MS,
 )
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.observer.stream.lift_figures import LiftFigures
+from observer_rt.observer.stream.lift_zero import LIMIT
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.service.core.counters import Counters
 from observer_rt.service.reports.injection_record import energizing_record, injection_record, known
@@ -77,7 +79,7 @@ def injection_results(evaluation: Evaluated) -> list[InjectionResult]:
 
 
 def checks(evaluation: Evaluated, c: Coefficients) -> list[Check]:
-    """Standstill checks: offset between line and rail pressure, noise levels."""
+    """Standstill checks: offset between line and rail pressure, noise levels, and what the lift sensor shows."""
     standstill = evaluation.standstill
     offset = standstill.offset * c.pressure_scale
     result = [
@@ -90,6 +92,18 @@ def checks(evaluation: Evaluated, c: Coefficients) -> list[Check]:
             Check("line_pressure_noise", noise.line_pressure / MEGAPASCAL, "MPa", True),
             Check("needle_lift_noise", noise.needle_lift / MICROMETRE, "um", True),
         ]
+    return result + _lift_checks(standstill.lift)
+
+
+def _lift_checks(lift: LiftFigures) -> list[Check]:
+    result = [
+        Check("needle_lift_zero", lift.zero / MICROMETRE, "um", abs(lift.zero) < LIMIT),
+        Check(
+            "needle_lift_crosstalk", lift.crosstalk * MEGAPASCAL / MICROMETRE, "um/MPa", lift.crosstalk == 0.0
+        ),
+    ]
+    if not math.isnan(lift.at_stop):
+        result.append(Check("needle_lift_at_stop", lift.at_stop / MICROMETRE, "um", lift.is_to_scale))
     return result
 
 
@@ -107,6 +121,8 @@ def recording_json_without(evaluation: Evaluated, c: Coefficients) -> dict[str, 
         "samples": evaluation.samples,
         "sample_rate_hz": evaluation.sample_rate,
         "lost_samples": evaluation.counters.lost_samples,
+        "spikes": evaluation.counters.spikes,
+        "bridged_samples": evaluation.counters.bridged_samples,
         "checks": [vars(check) for check in checks(evaluation, c)],
         "injections": [],
         "summary": {

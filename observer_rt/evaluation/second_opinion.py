@@ -4,6 +4,8 @@ from collections import Counter
 from collections.abc import Sequence
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.config.channels import with_channels_of
+from observer_rt.config.signals import SignalsConfig
 from observer_rt.discovery.opinion import Indicator, Opinion
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.streamed import evaluate_stream
@@ -18,12 +20,17 @@ from observer_rt.recording.signals.stream import HeldSignals
 _OF_A_START = (Reason.STARTING, Reason.TOO_FEW_EVENTS, Reason.JUMPED)
 
 
-def second_opinion(parameters: InjectorParameters, recordings: Sequence[Recording]) -> Opinion | None:
+def second_opinion(
+    parameters: InjectorParameters, recordings: Sequence[Recording], signals: SignalsConfig | None = None
+) -> Opinion | None:
     """Let the observer learn from all recordings as one history; None when it saw no injection.
 
+    signals: of the bench file, which may state delays and lags of the channels.
     Raises `UserError` for recordings that do not fit on its bus, such as a pressure beyond its range.
     """
     bench = load_bench(EXAMPLE_BENCH).with_parameters(parameters)
+    if signals is not None:
+        bench = bench.with_sections(signals=with_channels_of(bench.injector.config.signals, signals))
     evaluations, _ = evaluate_stream(bench, [HeldSignals(recording) for recording in recordings])
     reports = [injection.report for one in evaluations for injection in one.injections]
     if not reports:

@@ -36,6 +36,8 @@ def print_evaluation(evaluation: Evaluated, c: Coefficients, console: Console) -
         f"{evaluation.path}: {evaluation.samples} samples at {evaluation.sample_rate:g} Hz, "
         f"{counters.lost_samples} lost; {counters.adoptions} phi adopted, {counters.rejected_adoptions} rejected",
     )
+    if counters.outliers:
+        say(console, counters.outliers)
     if count > MOST_ROWS:
         console.print(summary_table(evaluation.injections, evaluation.has_rate))
     elif count:

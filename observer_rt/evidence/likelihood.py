@@ -35,6 +35,7 @@ def predict(
     no_slopes: NDArray[np.float64],
 ) -> None:
     """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording."""
+    nothing_masked = np.empty(0, np.bool_)
     for i in range(batch.openings.shape[0]):
         first, end = batch.bounds[i], batch.bounds[i + 1]
         window = Window(
@@ -44,6 +45,7 @@ def predict(
             batch.starts[i],
             batch.openings[i],
             batch.knots[first:end],
+            nothing_masked,
         )
         follow(window, setting, learned, end - first, innovation[first:end], rate[first:end], None, no_slopes)
 
@@ -65,6 +67,7 @@ class Trial:
 
     def __init__(self, measurement: Measurement, nominal: EffectiveModel) -> None:
         self.measurement = measurement
+        nominal = measurement.as_recorded(nominal)
         self._rows = Rows(measurement)
         self._latest = latest(measurement)
         rate = measurement.recording.sample_rate
@@ -88,6 +91,7 @@ class Trial:
 
     def judge(self, model: EffectiveModel) -> Judged | None:
         """Compare with a model; None where its solution is not finite or cannot be had."""
+        model = self.measurement.as_recorded(model)
         late = math.floor(model.sensor.delay / self.measurement.interval)
         if abs(late) >= self._latest or self._substeps_of(model) > MAX_SUBSTEPS:
             return None
@@ -107,6 +111,7 @@ class Trial:
 
         at_line: (n,) at the counted innovations; else (m,) where a measured rate is judged.
         """
+        model = self.measurement.as_recorded(model)
         _, rate = self._predicted(model, self._inputs_of(model), 0, self._schedule(model))
         rows = np.flatnonzero(self._rows.counted) if at_line else self._rows.rate_rows
         return self.measurement.recording.needle_lift[self._rows.samples[rows]], rate[rows]

@@ -15,6 +15,7 @@ from observer_rt.evidence.openings import Opening, find_openings, ramp_samples
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.model.coefficients import Coefficients, averaged
+from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.recording.signals.recording import Recording, Sampled
 
@@ -78,7 +79,8 @@ class Measurement:
     """A recording, or what was kept of a long one, with what was found in it.
 
     noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
-    the events [Pa]; duration: mean time the needle is open in an event [s]; found: in the whole recording.
+    the events [Pa]; duration: mean time the needle is open in an event [s]; found: in the whole recording; stated:
+    what is known of its channels.
     """
 
     recording: Recording
@@ -88,6 +90,7 @@ class Measurement:
     rail_pressure: float
     duration: float
     found: Found
+    stated: tuple[SizedEffect, ...] = ()
 
     @property
     def interval(self) -> float:
@@ -98,6 +101,12 @@ class Measurement:
     def means(self) -> bool:
         """Whether samples are means over the sample period that ends at their time."""
         return self.recording.meaning is Meaning.MEAN
+
+    def as_recorded(self, model: EffectiveModel) -> EffectiveModel:
+        """A model with what is known of the channels."""
+        for each in self.stated:
+            model = each.effect.apply(model, each.values)
+        return model
 
     def coefficients_of(self, model: EffectiveModel) -> Coefficients:
         """A model whose line pressure is as this recording's."""

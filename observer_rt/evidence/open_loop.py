@@ -36,6 +36,7 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
 
     The state follows the measurement by x~ up to the opening and runs open loop from there.
     """
+    model = measurement.as_recorded(model)
     c, sensor, interval = measurement.coefficients_of(model), model.sensor, measurement.interval
     late = math.floor(sensor.delay / interval)
     share = sensor.delay / interval - late

@@ -57,6 +57,12 @@ def find_openings(lift: NDArray[np.float64], noise: float, ramp: int = RAMP) -> 
     return result
 
 
+def opening_between(lift: NDArray[np.float64], first: int, last: int, ramp: int) -> Opening:
+    """The opening of these samples in a lift [m] (n,). ramp: samples its straight lines are laid through."""
+    inside = lift[first : last + 1]
+    return Opening(first, last, _ramp(inside, ramp), _ramp(inside[::-1], ramp))
+
+
 def _runs(true: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Samples from which on CONFIRM samples are true."""
     run = true.copy()
@@ -77,8 +83,7 @@ def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float, ram
             first -= 1
         if last + 1 < lift.size and lift[last + 1] > FOOT * opens:
             last += 1
-    inside = lift[first : last + 1]
-    return Opening(first, last, _ramp(inside, ramp), _ramp(inside[::-1], ramp))
+    return opening_between(lift, first, last, ramp)
 
 
 def _ramp(lift: NDArray[np.float64], samples: int) -> Ramp:

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -11,17 +12,23 @@ from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.plausible import refuse_sample_rates
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_hash import file_hash
+from observer_rt.model.effect import SizedEffect
 from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.terminal.console import progress_bar
 
 
 def read_measured(
-    paths: Sequence[Path], read: Callable[[Path], SignalStream], console: Console, most: int = MOST_SAMPLES
+    paths: Sequence[Path],
+    read: Callable[[Path], SignalStream],
+    console: Console,
+    most: int = MOST_SAMPLES,
+    stated: tuple[SizedEffect, ...] = (),
 ) -> tuple[Measurement, ...]:
     """Recordings, read and looked through.
 
-    read: looks through a file the user named, and refuses one that is none; most: samples kept of a recording.
+    read: looks through a file the user named, and refuses one that is none; most: samples kept of a recording;
+    stated: what is known of its channels.
     Raises `UserError` for recordings that cannot serve, or not together.
     """
     for number, path in enumerate(paths):
@@ -34,7 +41,7 @@ def read_measured(
     found = []
     for path, source in zip(paths, sources, strict=True):
         with progress_bar(console, f"finding injections in {path.name}", source.grid_samples) as progress:
-            found.append(measured(source, progress, most))
+            found.append(replace(measured(source, progress, most), stated=stated))
     return tuple(found)
 
 

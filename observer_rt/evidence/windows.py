@@ -1,6 +1,7 @@
 """The judged stretches of a recording as inputs and output of the predictor, for given input terms."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import AFTERGLOW, EDGE, phases_of
 from observer_rt.estimation.predictor import Window
+from observer_rt.evidence.lift_lag import openings_without_lag, without_lag
 from observer_rt.evidence.measurement import (
     MARGIN,
     RESTING,
@@ -17,6 +19,8 @@ from observer_rt.evidence.measurement import (
     Measurement,
     shut_mask,
 )
+from observer_rt.evidence.openings import Opening
+from observer_rt.evidence.rail_delay import without_delay
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.line.interface import rest_line
@@ -112,28 +116,54 @@ class TrueInputs:
     """
 
     def __init__(self, measurement: Measurement, terms: InputTerms, c: Coefficients) -> None:
-        recording = measurement.recording
-        openings = [o for event in measurement.events for o in event.openings]
-        rail = terms.rail_factor * recording.rail_pressure + terms.rail_shift
+        rail = terms.rail_factor * without_delay(measurement, terms.rail_delay) + terms.rail_shift
         self.rail = (rail - c.chamber_pressure) / c.pressure_scale
-        self.area = np.zeros(recording.samples)
+        self.area = _areas(measurement, terms, c)
         self.knots = np.empty((0, 2))
-        _fill_areas(
-            recording.needle_lift,
-            np.array([(o.first, o.last) for o in openings]),
-            np.array([(o.rising.lift, o.rising.slope, o.falling.lift, o.falling.slope) for o in openings]),
-            terms.lift_factor,
-            terms.lift_shift,
-            FOOT_ROUNDING / measurement.interval,
-            dead_band(measurement.noise.needle_lift)[1] if measurement.means else math.nan,
-            c,
-            self.area,
-        )
         if measurement.means:
             later = np.append(self.area[1:], self.area[-1])
             self.knots = np.column_stack([np.full(later.size, 0.5), later])
             self.area = 0.5 * (self.area + later)
             self.rail = 0.5 * (self.rail + np.append(self.rail[1:], self.rail[-1]))
+
+
+def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> NDArray[np.float64]:
+    """Normalised seat areas (n,) of the true lift, at the times of its samples."""
+    lift, noise = measurement.recording.needle_lift, measurement.noise.needle_lift
+    openings = [o for event in measurement.events for o in event.openings]
+    if terms.lift_lag <= 0.0:
+        return _areas_of(measurement, lift, openings, terms, c)
+    rate = measurement.recording.sample_rate
+    restored = without_lag(lift, rate, terms.lift_lag)
+    area = np.zeros(lift.size)
+    for share, found in openings_without_lag(lift, noise, openings, rate, terms.lift_lag):
+        area += share * _areas_of(measurement, restored, found, terms, c)
+    return area
+
+
+def _areas_of(
+    measurement: Measurement,
+    lift: NDArray[np.float64],
+    openings: Sequence[Opening],
+    terms: InputTerms,
+    c: Coefficients,
+) -> NDArray[np.float64]:
+    """Normalised seat areas (n,) of a lift [m] (n,) without lag, with its openings."""
+    area = np.zeros(lift.size)
+    if not openings:
+        return area
+    _fill_areas(
+        lift,
+        np.array([(o.first, o.last) for o in openings]),
+        np.array([(o.rising.lift, o.rising.slope, o.falling.lift, o.falling.slope) for o in openings]),
+        terms.lift_factor,
+        terms.lift_shift,
+        FOOT_ROUNDING / measurement.interval,
+        dead_band(measurement.noise.needle_lift)[1] if measurement.means else math.nan,
+        c,
+        area,
+    )
+    return area
 
 
 @njit(cache=True, nogil=True)

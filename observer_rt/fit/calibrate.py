@@ -22,7 +22,9 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.model.parameters import InjectorParameters
 
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
-LEAST_MASS_SHARE = 2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
+LEAST_MASS_SHARE = (
+    2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
+)
 
 
 class Level(StrEnum):

@@ -21,6 +21,7 @@ from observer_rt.fit.suitability import refuse_clipped, warnings
 from observer_rt.fit.text import print_fit
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
+from observer_rt.model.effect import SizedEffect
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination, refuse_existing
@@ -39,18 +40,23 @@ class FitOptions:
 
 
 def fit_files(
-    paths: Sequence[Path], options: FitOptions, console: Console, read: Callable[[Path], SignalStream]
+    paths: Sequence[Path],
+    options: FitOptions,
+    console: Console,
+    read: Callable[[Path], SignalStream],
+    stated: tuple[SizedEffect, ...] = (),
 ) -> None:
     """Fit the model to recordings, write the fitted file, print what it is worth.
 
-    read: looks through a file the user named, and refuses one that is none. Raises `UserError` for files that will
-    not do, before the work begins; `RunError` when it fails or is interrupted.
+    read: looks through a file the user named, and refuses one that is none; stated: what the bench file says of the
+    channels. Raises `UserError` for files that will not do, before the work begins; `RunError` when it fails or is
+    interrupted.
     """
     file = load_injector(options.model)
     document = read_document(options.model)
     _check_destinations(options)
     most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: masses go by the injection's number
-    found = read_measured(paths, read, console, most)
+    found = read_measured(paths, read, console, most, stated)
     refuse_rates_missing([one.recording for one in found])
     refuse_clipped(found)
     weighed = {} if options.mass is None else read_masses(options.mass, found)

@@ -18,3 +18,5 @@ class Doubt(IntEnum):
 
     NONE = 0
     TIME_BASE = 16  # when it was taken is not known well enough
+    FROZEN = 24  # an input keeps its value for longer than can be bridged
+    CLIPPED = 25  # an input stays at the end of its range

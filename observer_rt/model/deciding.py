@@ -9,6 +9,7 @@ FUEL_OR_DRAWING = (
 FUEL_DENSITY = "the density of a fuel sample, or the injected mass on a balance"
 LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
 LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
+LIFT_STEP = "the lift channel's answer to a step at its amplifier's input"
 BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
 BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
 PRESSURE_GAUGE = (

@@ -115,7 +115,8 @@ class Effect:
 
     apply: leaves a model as it is at the `off` values; sentence: what it is, for a reader of reports; signature: what
     it looks like in the signals; relations: what it may be taken for; decided_by: a measurement that tells it from
-    all it has no relation to, empty when there is no such; apparent: None where its apparent size says nothing.
+    all it has no relation to, empty when there is no such; apparent: None where its apparent size says nothing;
+    remedy: what a user does about an effect of the bench that an injector file cannot have in force.
     """
 
     id: str
@@ -127,6 +128,7 @@ class Effect:
     relations: tuple[Relation, ...] = ()
     decided_by: str = ""
     apparent: Apparent | None = None
+    remedy: str = ""
 
     @property
     def equation(self) -> Equation:

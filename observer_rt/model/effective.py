@@ -10,12 +10,18 @@ from observer_rt.model.parameters import InjectorParameters
 
 
 class InputTerms(NamedTuple):
-    """From measured to true inputs: true = factor * measured + shift (the lift's only while the needle is open)."""
+    """From measured to true inputs: true = factor * measured + shift (the lift's only while the needle is open).
+
+    lift_lag: time constant of a first-order lift sensor, undone before; rail_delay: by which the rail pressure is
+    recorded later than the other two.
+    """
 
     rail_factor: float = 1.0
     rail_shift: float = 0.0  # Pa
     lift_factor: float = 1.0
     lift_shift: float = 0.0  # m
+    lift_lag: float = 0.0  # s
+    rail_delay: float = 0.0  # s, < 0: early
 
 
 class SensorTerms(NamedTuple):

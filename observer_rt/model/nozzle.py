@@ -8,6 +8,7 @@ from numba import njit
 from observer_rt.model.departures import Departures
 from observer_rt.model.orifice import TRANSITION_PRESSURE, jet_velocity, root, root_slope
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.seat import full_lift_area
 
 
 class Nozzle(NamedTuple):
@@ -18,6 +19,7 @@ class Nozzle(NamedTuple):
     critical_excess: float  # N_crit - 1, 0 without cavitation
     vapour_margin: float  # (p_C - p_v)/p_0
     chamber_rise: float  # of p_C while the needle is open, in units of p_0
+    chamber_rise_with_seat: float  # the same for every unit of u_2
 
 
 def nozzle_of(parameters: InjectorParameters, departures: Departures) -> Nozzle:
@@ -30,6 +32,10 @@ def nozzle_of(parameters: InjectorParameters, departures: Departures) -> Nozzle:
         critical_excess=departures.critical_excess,
         vapour_margin=(parameters.chamber.pressure - parameters.fluid.vapour_pressure) / p_0,
         chamber_rise=departures.chamber_rise / p_0,
+        chamber_rise_with_seat=departures.chamber_rise_with_seat
+        / p_0
+        * parameters.scaling.area
+        / full_lift_area(parameters),
     )
 
 
@@ -42,7 +48,7 @@ def nozzle_law(x_3: float, u_2: float, back_pressure: float, nozzle: Nozzle) -> 
     sqrt(N/N_crit): the flow then follows sqrt(p_S - p_v) (Nurick 1976, J. Fluids Eng. 98, 681).
     """
     difference, margin = x_3, nozzle.vapour_margin
-    rise = nozzle.chamber_rise + back_pressure
+    rise = nozzle.chamber_rise + nozzle.chamber_rise_with_seat * u_2 + back_pressure
     if rise != 0.0 and u_2 > 0.0:
         difference -= rise
         margin += rise
@@ -54,11 +60,15 @@ def nozzle_law(x_3: float, u_2: float, back_pressure: float, nozzle: Nozzle) -> 
 
 @njit(cache=True, nogil=True)
 def nozzle_law_slopes(x_3: float, u_2: float, back_pressure: float, nozzle: Nozzle) -> tuple[float, float]:
-    """Derivatives of `nozzle_law` with respect to x_3 and to the back-pressure."""
+    """Derivatives of `nozzle_law` with respect to x_3 and to the back-pressure.
+
+    That with respect to u_2 is `nozzle.chamber_rise_with_seat` times the latter.
+    """
     difference, margin = x_3, nozzle.vapour_margin
     if u_2 > 0.0:
-        difference -= nozzle.chamber_rise + back_pressure
-        margin += nozzle.chamber_rise + back_pressure
+        rise = nozzle.chamber_rise + nozzle.chamber_rise_with_seat * u_2 + back_pressure
+        difference -= rise
+        margin += rise
     slope: float = root_slope(difference, nozzle.transition)
     if nozzle.critical_excess != 0.0 and margin < nozzle.critical_excess * difference:
         critical = 1.0 + nozzle.critical_excess

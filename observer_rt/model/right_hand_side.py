@@ -129,7 +129,7 @@ def flow_slopes(
         seat_flow * (1.0 + seat_change),
         (h_1, h_2, h_3 + by_sac * (1.0 + nozzle_change)),
         (s_1 + by_difference, s_2, s_3 - by_difference),
-        h_area + by_chamber * network.back_pressure[1],
+        h_area + by_chamber * (c.nozzle.chamber_rise_with_seat + network.back_pressure[1]),
         s_area + by_area * (1.0 + seat_change),
         nozzle_flow,
         seat_flow,

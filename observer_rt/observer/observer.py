@@ -12,6 +12,7 @@ from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.coefficients import averaged
+from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model
 from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
@@ -20,11 +21,19 @@ from observer_rt.model.stability import substeps_needed
 from observer_rt.observer.learning.adequacy import Innovations, Objection
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
-from observer_rt.observer.stream.front_end import LOOKAHEAD, dead_band, ramp_samples, toe_samples
+from observer_rt.observer.stream.front_end import (
+    confirming_samples,
+    dead_band,
+    ramp_samples,
+    samples_ahead,
+    toe_samples,
+)
+from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
 from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
     INJECTIONS,
+    LINE,
     PENDING_EVENTS,
     RING,
     Constants,
@@ -34,12 +43,16 @@ from observer_rt.observer.stream.state import (
     observer_dtype,
     sample_dtype,
 )
+from observer_rt.observer.stream.undoing import louder, undoing_of
 
 SETTLE = 3 * MILLISECOND
 GOOD = 1 * MILLISECOND
+BOUNCE = 0.3 * MILLISECOND
 WINDOW_LEAD = 0.15 * MILLISECOND
 WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
+BRIDGE = 0.5 * MILLISECOND
+SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
 
 
 @dataclass(frozen=True)
@@ -48,6 +61,7 @@ class Durations:
 
     event_gap: float = 10 * MILLISECOND
     learning_delay: float = 20 * MILLISECOND
+    bridge: float = BRIDGE
 
 
 def constants_for(
@@ -57,12 +71,14 @@ def constants_for(
     events_required: int,
     rail_every: float = 1.0,
     means: bool = False,
+    stated: Sequence[SizedEffect] = (),
 ) -> Constants:
     """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
 
-    rail_every: samples to one of the rail pressure; means: samples are means over the sample period before.
+    rail_every: samples to one of the rail pressure; means: samples are means over the sample period before;
+    stated: what is to be undone of the channels.
     """
-    model = effective_model(parameters)
+    model = effective_model(parameters, stated)
     interval = 1.0 / sample_rate
     sensor = sensor_of(model.sensor, model.coefficients.pressure_scale, interval)
     toe = toe_samples(model.inputs, interval)
@@ -84,12 +100,17 @@ def constants_for(
             window_lead=samples(WINDOW_LEAD),
             window_tail=samples(WINDOW_TAIL),
             learning_lead=samples(LEARNING_LEAD),
-            lookahead=max(LOOKAHEAD + toe, sensor.late),
+            lookahead=max(samples_ahead(interval) + toe, sensor.late + REACH),
             toe=toe,
             ramp=ramp_samples(interval),
+            confirm=confirming_samples(interval),
+            bounce=samples(BOUNCE),
+            bridge=samples(durations.bridge),
+            filtered=durations.bridge > 0.0 and interval <= SLOWEST_FILTER,
         ),
         events_required=events_required,
         rail_every=rail_every,
+        undoing=undoing_of(model.inputs, interval),
     )
 
 
@@ -108,6 +129,10 @@ def make_observer(
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version
     memory["healthy_variance"] = healthy.variance.max()
+    scale = constants.coefficients.pressure_scale
+    noise = knowledge.noise
+    memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
+    memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift * louder(constants.undoing))
     _expect(memory, learner.schedule.innovation_sigma)
     _put_in_force(observer, knowledge)
     return observer
@@ -121,14 +146,15 @@ def event_window(observer: Observer, number: int) -> Window | None:
     start, end = _window_of(observer, event)
     late = observer.constants.sensor.late
     rows = observer.ring[np.arange(start, end) % RING]
-    output = observer.ring["line_pressure"][np.arange(start + late, end + late) % RING]
+    recorded = observer.ring[np.arange(start + late, end + late) % RING]
     return Window(
         inputs=np.column_stack([rows["rail_pressure"], rows["seat_area"]]),
-        output=output,
+        output=recorded["line_pressure"],
         resting=rows["resting"].copy(),
         start=np.append(rows["x_tilde"][0], rows["indicated"][0]),
         opening=int(event["opening"]) - start,
         knots=np.column_stack([rows["lift_after"], rows["lift_area"]]),
+        masked=(recorded["bridged"] >> LINE & 1).astype(np.bool_),
     )
 
 
@@ -153,7 +179,8 @@ def event_standstill(observer: Observer, number: int) -> Standstill:
     Not what is known when somebody asks: that depends on how many samples a frame carries.
     """
     event = observer.memory[0]["events"][number % PENDING_EVENTS]
-    return standstill_of(event, observer.constants.coefficients.pressure_scale)
+    stated = observer.memory[0]["stated_noise"]
+    return standstill_of(event, observer.constants.coefficients.pressure_scale, stated)
 
 
 def closed_injections(observer: Observer) -> int:
@@ -191,17 +218,25 @@ def in_force(observer: Observer) -> NDArray[np.float64]:
     return np.array(memory["theta"])
 
 
-def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome | None) -> None:
-    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if any."""
+def judge(
+    observer: Observer, objections: Sequence[Objection], outcome: Outcome | None, is_coloured: bool = False
+) -> None:
+    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if any.
+
+    is_coloured: whether the innovations are, by what is known of the noise.
+    """
     memory = observer.memory[0]
     event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS]
     memory["events_taken"] += 1
     memory["events_judged"] += 1
     memory["waiting"] = False
     _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
+    at_rest = _at_rest(observer) if is_coloured and not objections else None
     if outcome is None:
+        if at_rest is not None:
+            _expect(memory, float(memory["innovation_sigma"]), at_rest)
         return
-    _expect(memory, outcome.schedule.innovation_sigma)
+    _expect(memory, outcome.schedule.innovation_sigma, at_rest)
     observer.gains[:] = outcome.schedule.gains
     _put_in_force(observer, outcome.knowledge)
     put_into(observer.phi, outcome.phi)
@@ -209,9 +244,22 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
         memory["phi_version"] += 1
 
 
-def _expect(memory: np.void, innovation_sigma: float) -> None:
+def _expect(memory: np.void, innovation_sigma: float, at_rest: float | None = None) -> None:
+    """What innovations are to be like; at_rest: mean square of coloured ones with the needle shut.
+
+    What is slow does not average out in the watch's mean of squares: it may be SLOW_PEAK times its own mean.
+    """
+    white = innovation_sigma**2 * memory["healthy_variance"]
+    slow = 0.0 if at_rest is None else max(at_rest - white, 0.0)
     memory["innovation_sigma"] = innovation_sigma
-    memory["innovation_weight"] = 1.0 / (innovation_sigma**2 * memory["healthy_variance"])
+    memory["innovation_weight"] = 1.0 / (white + SLOW_PEAK * slow)
+
+
+def _at_rest(observer: Observer) -> float:
+    """Mean square of the innovations of the samples at rest that are remembered."""
+    processed = int(observer.memory["processed"][0])
+    rows = observer.ring[:processed]
+    return float(np.mean(rows["innovation"][rows["resting"]] ** 2))
 
 
 def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:
@@ -221,7 +269,7 @@ def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:
     row that could not be tested, though its samples were to be trusted, ends what was known.
     """
     is_untested = judgement is Reason.NOT_JUDGED
-    memory["doubtful_events"] += event["doubtful"] or is_untested
+    memory["doubtful_events"] += bool(event["doubtful"]) or is_untested
     if not is_untested:
         memory["untested"] = 0
         memory["judgement"] = judgement
@@ -244,4 +292,6 @@ def _put_in_force(observer: Observer, knowledge: Knowledge) -> None:
     memory["offset"] = sensor.offset + learned.offset
     memory["lag"] = sensor.lag + learned.lag
     memory["line"] = learned.coefficients.line
-    memory["lift_on"], memory["lift_off"] = dead_band(knowledge.noise.needle_lift)
+    noise = knowledge.noise
+    scale = observer.constants.coefficients.pressure_scale
+    memory["channels"]["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.observer.learning.colour import ORDERS, Colour
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 
 LARGEST_NOISE = NoiseLevels(  # beyond these the sensor is broken, or the needle would never count as open
@@ -47,6 +48,19 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
     for signal, sigma in asdict(knowledge.noise).items():
         if not (math.isfinite(sigma) and 0.0 < sigma <= getattr(LARGEST_NOISE, signal)):
             return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"
+    if not np.all(np.isfinite(knowledge.learned_at)):
+        return "the operating points learned at are not finite numbers"
+    return None if knowledge.colour is None else _problem_of_colour(knowledge.colour)
+
+
+def _problem_of_colour(colour: Colour) -> str | None:
+    whitening = colour.whitening
+    if whitening.taps.ndim != 1 or whitening.taps.size > ORDERS or not np.all(np.isfinite(whitening.taps)):
+        return f"the colour of the noise is no filter of at most {ORDERS} taps"
+    if not all(math.isfinite(value) and value > 0.0 for value in (colour.sigma, colour.interval)):
+        return "the colour of the noise has no level or no sample interval"
+    if whitening.forgetting is not None and not 0.0 < whitening.forgetting < 1.0:
+        return "the high pass of the noise is none"
     return None
 
 

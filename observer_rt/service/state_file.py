@@ -16,8 +16,11 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.phases import PhaseStatistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.scalars import SCALARS
+from observer_rt.estimation.whitening import Whitening
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.parameters import InjectorParameters, Scaling
+from observer_rt.observer.learning.colour import Colour
+from observer_rt.observer.learning.familiarity import OperatingPoint
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.plausible_knowledge import problem_of
 
@@ -50,6 +53,13 @@ class _Noise(BaseModel, extra="forbid", strict=True):
     needle_lift: float
 
 
+class _Colour(BaseModel, extra="forbid", strict=True):
+    interval: float
+    forgetting: float | None
+    taps: _Array
+    sigma: float
+
+
 class _Content(BaseModel, strict=True):
     """What is learned, as it lies in the file."""
 
@@ -64,6 +74,10 @@ class _Content(BaseModel, strict=True):
     covariance: _Array
     error_covariance: _Array
     noise: _Noise
+    colour: _Colour | None = None  # of files without it, the noise is taken for white until an event tells
+    learned_at: list[
+        OperatingPoint
+    ] = []  # of files without it, every operating point counts as new until learned at
 
 
 @dataclass(frozen=True)
@@ -118,6 +132,8 @@ def save_knowledge(
         in_force=knowledge.in_force,
         **vars(knowledge.belief),
         noise=_Noise(**asdict(knowledge.noise)),
+        colour=_saved(knowledge.colour),
+        learned_at=list(knowledge.learned_at),
     ).model_dump()
     document = {"version": VERSION, "sha256": _digest(content), "content": content}
     try:
@@ -168,6 +184,18 @@ def load_knowledge(
         f"learned state restored from {path}: phi version {knowledge.phi_version}, "
         f"learned from {knowledge.events} events",
     )
+
+
+def _saved(colour: Colour | None) -> _Colour | None:
+    if colour is None:
+        return None
+    return _Colour.model_construct(interval=colour.interval, sigma=colour.sigma, **vars(colour.whitening))
+
+
+def _restored(colour: _Colour | None) -> Colour | None:
+    if colour is None:
+        return None
+    return Colour(Whitening(colour.forgetting, colour.taps), colour.interval, colour.sigma)
 
 
 def _digest(content: object) -> str:
@@ -230,6 +258,8 @@ def _knowledge_in(data: bytes, model: str) -> Knowledge:
             events=content.events,
             active=frozenset(content.active),
             statistics=PhaseStatistics(**content.statistics),
+            colour=_restored(content.colour),
+            learned_at=tuple(content.learned_at),
         )
     except ValidationError as error:
         first = error.errors()[0]

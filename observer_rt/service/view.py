@@ -7,6 +7,7 @@ from rich.panel import Panel
 from rich.text import Text
 
 from observer_rt.config.bench import BenchInjector
+from observer_rt.service.core.noise import noise_text
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, News
@@ -20,6 +21,7 @@ WIDEST = 200  # columns
 FRAME = 4  # columns of the panel's border and padding
 BORDER = 3  # lines of the panel's border, and one to spare
 TABLE_SHARE = 0.3  # of the lines that curves and table have
+NOISE_EVERY = 5_000_000_000  # ns between two looks at the spectrum of the noise
 
 
 class View:
@@ -34,6 +36,7 @@ class View:
         self._references: References = references or nominal
         self._shown: deque[Shown] = deque(maxlen=REMEMBERED)
         self._daemon: Daemon | None = None
+        self._noise_text, self._noise_due = "", 0
 
     def watch(self, daemon: Daemon) -> None:
         """Show this daemon's state and curves."""
@@ -53,7 +56,7 @@ class View:
         inner = max(1, min(width, WIDEST) - FRAME)
         if self._daemon is None:
             return Panel(Text("starting", style="dim"), title=self._title, expand=False)
-        said = lines(self._daemon, now, height)
+        said = [*lines(self._daemon, now, height), *self._noise_line(now)]
         left = max(0, height - BORDER - len(said) - _heading_lines(self._daemon, now) - HEADING)
         parts: list[RenderableType] = [heading(self._daemon, now, inner), *said]
         shown = list(self._shown)
@@ -68,6 +71,19 @@ class View:
         else:
             parts.append(Text("no injection yet", style="dim"))
         return Panel(Group(*parts), title=self._title, expand=False)
+
+    def _noise_line(self, now: int) -> list[Text]:
+        """What the noise is like, looked at every few seconds."""
+        if self._daemon is None:
+            return []
+        core = self._daemon.core
+        white = core.standstill.noise
+        if white is None:
+            return []
+        if now >= self._noise_due:
+            self._noise_text = noise_text(white, core.slow_noise)
+            self._noise_due = now + NOISE_EVERY
+        return [Text(f" noise: {self._noise_text}", "dim", no_wrap=True, overflow="ellipsis")]
 
 
 def _heading_lines(daemon: Daemon, now: int) -> int:

@@ -119,6 +119,22 @@ REASONS: Mapping[Reason, Words] = {
         "another node sends what only this observer should",
         "stop the other daemon or replay, or give one of them other [outputs]",
     ),
+    Reason.NO_STANDSTILL: Words(
+        "the needle is not shut long enough between injections",
+        "leave 3 ms of shut needle between injections, now and then at least",
+    ),
+    Reason.LIFT_ZERO: Words(
+        "the lift of the shut needle is more than 40 um from zero",
+        "calibrate the needle-lift sensor; see to its mounting and temperature",
+    ),
+    Reason.INPUT_FROZEN: Words(
+        "an input kept its value for longer than can be bridged",
+        "check sensor, amplifier and the device that samples it; sampling.bridge_ms says how long is bridged",
+    ),
+    Reason.INPUT_CLIPPED: Words(
+        "an input stays at the end of its range",
+        "check the range of sensor and amplifier against the pressures and the lift of the bench",
+    ),
 }
 
 COUNTERS: Mapping[str, Words] = {
@@ -160,6 +176,13 @@ COUNTERS: Mapping[str, Words] = {
     ),
     "missing_injections": Words("commands after which the needle did not open", "injector, driver stage"),
     "uncommanded_injections": Words("injections without a command", "a command message that is lost; a leak"),
+    "spikes": Words(
+        "values that stood out among their neighbours and were replaced",
+        "shielding and earth of the sensor's cable, if many",
+    ),
+    "bridged_samples": Words(
+        "values of a frozen, clipped or missing input that did not count", "as INPUT_FROZEN, if many"
+    ),
 }
 
 
@@ -185,7 +208,7 @@ TOPICS: Mapping[Topic, TopicWords] = {
         logging.WARNING,
     ),
     Topic.VALUE: TopicWords(
-        "a signal says `not available`, is at the end of its range, or frozen",
+        "a signal says `not available`, is at the range's end, frozen or off",
         "the sensor, its cable and amplifier; unit and range in the database",
         logging.WARNING,
     ),

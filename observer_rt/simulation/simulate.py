@@ -27,6 +27,7 @@ from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Progress, Truth, run_plant
 from observer_rt.simulation.schedule import Schedule
+from observer_rt.simulation.slow_sensor import shown_slowly
 
 MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
 MAX_SAMPLE_RATE = 1e6  # Hz
@@ -96,10 +97,13 @@ def _measure(
     truth: Truth, model: EffectiveModel, noise: NoiseLevels | None, measured_rate: bool, seed: int
 ) -> Recording:
     terms = model.inputs
-    rail_pressure = (truth.rail_pressure - terms.rail_shift) / terms.rail_factor
+    shown = np.interp(truth.time - terms.rail_delay, truth.time, truth.rail_pressure)
+    rail_pressure = (shown - terms.rail_shift) / terms.rail_factor
     line_pressure = truth.recorded_line_pressure + model.sensor.offset
     open_lift = np.maximum((truth.needle_lift - terms.lift_shift) / terms.lift_factor, 0.0)
     needle_lift = np.where(truth.needle_lift > 0.0, open_lift, 0.0)
+    if terms.lift_lag > 0.0:
+        needle_lift = shown_slowly(needle_lift, float(truth.time[1] - truth.time[0]), terms.lift_lag)
     if noise is None:
         return Recording(
             time=truth.time,

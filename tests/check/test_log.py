@@ -1,6 +1,7 @@
 """What `check --log` says of a log."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from observer_rt.check.findings import Finding, Level
 from observer_rt.check.log import log_findings
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.canlog.can_log import LogFrame
-from tests.evaluation.test_logged import BENCH, frames
+from observer_rt.recording.replay.framing import whole
+from tests.evaluation.test_logged import BENCH, frames, log_of, worn
 from tests.recording.canlog.log_cases import write_log
 from tests.service.time_frames import END, Received, jitter, merged, send, write_time_bench
 from tests.service.time_scenarios import GRID, ONE_BASE, OTHER, RATE, TWO_BASES
@@ -43,6 +45,17 @@ def test_a_good_log(tmp_path: Path) -> None:
     assert regularity.text.startswith("SampleBlock: ")
     assert abs(number(r"line pressure ([\d.]+) \(0.15\) MPa", noise) - 0.15) < 0.01
     assert abs(number(r"needle lift ([\d.]+) \(0.4\) um", noise) - 0.4) < 0.03
+
+
+def test_hum_is_told(tmp_path: Path) -> None:
+    hum = 0.2e6 * np.sin(2.0 * np.pi * 50.0 * worn().time)
+    humming = replace(worn(), line_pressure=worn().line_pressure + hum)
+    findings = found(tmp_path, log_of(humming, whole(humming)))
+    assert {finding.level for finding in findings} == {Level.OK}
+    told = findings[-1]
+    assert told.text.startswith("noise of the line pressure is not white: hum ")
+    assert abs(number(r"hum (\d+) Hz", told) - 50.0) <= 2.0
+    assert abs(number(r"Hz ([\d.]+) MPa", told) - 0.2) < 0.03
 
 
 def test_jitter_is_told_in_microseconds_and_words(tmp_path: Path) -> None:

@@ -4,15 +4,18 @@ from dataclasses import replace
 
 import pytest
 
+from observer_rt.discovery.answer import Question, answer
 from observer_rt.discovery.caveats import Caveat, is_level_measured, is_like_inertance
 from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.text import as_text
-from observer_rt.discovery.search.result import Verdict
+from observer_rt.discovery.search.candidates import NoMemory
+from observer_rt.discovery.search.result import FittedParameter, Verdict
+from observer_rt.evidence.measurement import measurements
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.effects import effective_model, sized
-from tests.discovery.conftest import SOURCES, Worn
-from tests.discovery.hidden import NOMINAL
+from tests.discovery.conftest import SOURCES, Worn, agrees
+from tests.discovery.hidden import NOMINAL, recordings
 
 
 def _by_id(findings: Findings) -> dict[str, Caveat]:
@@ -33,9 +36,16 @@ def _at_one_pressure(findings: Findings) -> Findings:
     return replace(findings, discovery=replace(findings.discovery, before=before))
 
 
+def _slow_lift_sensor(findings: Findings) -> Findings:
+    lag = FittedParameter("tau", 16e-6, (15e-6, 17e-6))
+    effect = replace(findings.discovery.effects[0], id="needle_lift_sensor_lag", parameters=(lag,))
+    return replace(findings, discovery=replace(findings.discovery, effects=(effect,)), opinion=None)
+
+
 @pytest.mark.parametrize(
     ("caveat", "changed"),
     [
+        ("bench_file", _slow_lift_sensor),
         ("one_operating_point", lambda f: replace(f, held_out=f.fitted_on)),
         ("one_rail_pressure", _at_one_pressure),
         ("mass_not_measured", _without_rate),
@@ -112,3 +122,12 @@ def test_flow_and_stiffness_that_changed_together_look_like_another_inertance(
 ) -> None:
     amended = effective_model(NOMINAL, (sized("orifice_area", v_H=v_h), sized("bulk_modulus", r=r)))
     assert is_like_inertance(effective_model(NOMINAL), amended) is alike
+
+
+def test_what_is_of_the_bench_is_told_and_never_amended() -> None:
+    made = recordings((sized("needle_lift_sensor_lag", tau=16e-6),))
+    question = Question(NOMINAL, measurements(made), (), {"a.csv": "0" * 64, "b.csv": "1" * 64})
+    findings = answer(question, NoMemory(), agrees, lambda _: None, "amended.toml")
+    assert [effect.id for effect in findings.discovery.effects] == ["needle_lift_sensor_lag"]
+    assert "state the lag of the lift sensor in the bench file" in as_text(findings).splitlines()[0]
+    assert (findings.amended_model, findings.in_force) == (None, ())

@@ -58,7 +58,7 @@ def affected(request: pytest.FixtureRequest) -> Case:
             sized("pressure_dependent_bulk_modulus", n=6.0),
             sized("entrained_air", g=2e-3),
             sized("orifice_cavitation", n_crit_excess=0.15),
-            sized("chamber_pressure_rise", dp=6e6),
+            sized("chamber_pressure_rise", dp=6e6, s=0.5),
         ],
     )
     c = model.coefficients

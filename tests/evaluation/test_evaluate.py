@@ -133,6 +133,8 @@ def test_document_has_every_key_of_its_schema() -> None:
         "samples",
         "sample_rate_hz",
         "lost_samples",
+        "spikes",
+        "bridged_samples",
         "checks",
         "injections",
         "summary",

@@ -22,6 +22,7 @@ from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.recording.canlog.log_cases import sent_log, write_log
+from tests.service.stated_channels import bench_with
 from tests.service.time_frames import Clock, merged, plant, send, write_time_bench
 from tests.service.time_scenarios import LIFT_ALONE
 
@@ -119,6 +120,20 @@ def test_the_same_classic_frames_give_the_same_in_every_format(
 def test_a_classic_format_refuses_the_frames(write: Write) -> None:
     with pytest.raises(UserError, match=r"classic frames only"):
         write(frames(), ".trc")
+
+
+def test_delays_stay_in_what_was_sent(write: Write) -> None:
+    """Whoever reads the samples undoes them, once."""
+    path = write(frames(), ".blf")
+    late = bench_with(
+        rail_pressure={"filter_delay_us": 30.0},
+        needle_lift={"filter_delay_us": 23.0, "lag_us": 16.0},
+        line_pressure={"filter_delay_us": 7.0},
+    )
+    found, sent = (read_logged(bench, path).recording for bench in (late, BENCH))
+    for name in ("time", "rail_pressure", "needle_lift", "line_pressure"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(sent, name))
+    assert evaluate_logs(late, [read_logged(late, path)]).frames == evaluate(late, [worn()]).frames
 
 
 def test_what_the_observer_was_given(write: Write) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from observer_rt.evidence.likelihood import GAIN_ERROR, Evidence, evidence_of
 from observer_rt.evidence.measurement import measurements
+from observer_rt.evidence.open_loop import simulated
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model, sized
@@ -87,3 +88,24 @@ def test_the_statistic_is_smooth_across_whole_samples_of_skew() -> None:
         for d in np.linspace(9.96e-6, 10.04e-6, 9)
     ]
     assert np.abs(np.diff(values, 2)).max() < 1.0
+
+
+def test_what_is_stated_of_the_channels_is_known() -> None:
+    """Late and slow channels, of which the bench file says so, are explained by the model of the injector alone."""
+    channels = (
+        sized("rail_pressure_skew", d=8e-6),
+        sized("channel_skew", d=-17e-6),
+        sized("needle_lift_sensor_lag", tau=16e-6),
+        sized("line_pressure_sensor_lag", tau=9e-6),
+    )
+    found = [replace(one, stated=channels) for one in measurements(recordings(channels))]
+    by_effects = evidence_of([replace(one, stated=()) for one in found], effective_model(NOMINAL, channels))
+    known, alike = evidence_of(found, NOMINAL_MODEL), effective_model(NOMINAL, channels)
+    assert _statistic(known) == pytest.approx(_statistic(by_effects, alike), rel=1e-12)
+    assert _statistic(known) < _statistic(by_effects, NOMINAL_MODEL) - 1e3
+    judged = known.judge(NOMINAL_MODEL)
+    assert judged is not None
+    assert np.mean(np.concatenate([one.z for one in judged]) ** 2) == pytest.approx(1.0, abs=0.1)
+    shown = [one.line_pressure for m in found for one in simulated(m, NOMINAL_MODEL)]
+    alone = [one.line_pressure for m in found for one in simulated(replace(m, stated=()), alike)]
+    assert all(np.array_equal(a, b) for a, b in zip(shown, alone, strict=True))

@@ -1,5 +1,7 @@
 """TrueInputs and output of the predictor for given input terms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -74,6 +76,18 @@ def test_the_rail_pressure_is_corrected() -> None:
     rail = TrueInputs(HEALTHY, InputTerms(rail_factor=1.02, rail_shift=-1e6), C).rail
     expected = (1.02 * HEALTHY.recording.rail_pressure - 1e6 - C.chamber_pressure) / C.pressure_scale
     assert rail == pytest.approx(expected)
+
+
+def test_a_late_rail_pressure_is_brought_back() -> None:
+    ramp = replace(HEALTHY.recording, rail_pressure=1e8 + 1e10 * HEALTHY.recording.time)  # 10 MPa/ms
+    late = replace(HEALTHY, recording=ramp)
+    rail = TrueInputs(late, InputTerms(rail_delay=25e-6), C).rail
+    assert rail[:-3] == pytest.approx((1e8 + 1e10 * (ramp.time[:-3] + 25e-6) - C.chamber_pressure) / 1e8)
+
+
+def test_the_noise_of_a_rail_at_rest_is_not_moved() -> None:
+    still, late = (TrueInputs(NOISY, InputTerms(rail_delay=d), C).rail for d in (0.0, 25e-6))
+    assert np.array_equal(still, late)
 
 
 def test_a_late_line_pressure_moves_the_inputs_not_what_is_judged() -> None:

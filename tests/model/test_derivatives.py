@@ -43,7 +43,6 @@ def models(draw: st.DrawFn) -> Coefficients:
     form = draw(st.sampled_from(list(LineOutflow)))
     sizes = {
         "orifice_cavitation": ("n_crit_excess", st.floats(0.0, 0.6)),
-        "chamber_pressure_rise": ("dp", st.floats(0.0, 40e6)),
         "guide_leakage": ("c", st.floats(0.0, 5e-14)),
         "pressure_dependent_bulk_modulus": ("n", st.floats(-8.0, 12.0)),
         "entrained_air": ("g", st.floats(1e-5, 0.03)),
@@ -51,6 +50,10 @@ def models(draw: st.DrawFn) -> Coefficients:
     effects = [
         sized(name, **{key: draw(values)}) for name, (key, values) in sizes.items() if draw(st.booleans())
     ]
+    if draw(st.booleans()):
+        effects.append(
+            sized("chamber_pressure_rise", dp=draw(st.floats(0.0, 40e6)), s=draw(st.floats(0.0, 1.0)))
+        )
     return effective_model(load_injector().model_copy(update={"line_outflow": form}), effects).coefficients
 
 
@@ -77,7 +80,9 @@ def beside(values: Sequence[float], place: int, step: float) -> tuple[float, ...
 
 def away_from_kinks(x: State, u: tuple[float, float], c: Coefficients, back_pressure: float = 0.0) -> None:
     """Where a law has a corner it has no derivative: the start of cavitation, the limits of the stiffness."""
-    rise = c.nozzle.chamber_rise + back_pressure if u[1] > 0.0 else 0.0
+    rise = (
+        c.nozzle.chamber_rise + c.nozzle.chamber_rise_with_seat * u[1] + back_pressure if u[1] > 0.0 else 0.0
+    )
     assume(abs((c.nozzle.vapour_margin + rise) - c.nozzle.critical_excess * (x[2] - rise)) > 1e-4)
     assume(abs(x[0] + c.line.chamber_pressure - 0.01) > 1e-4)
     assume(abs(1.0 + c.line.stiffness_slope * (x[0] - c.line.stiffness_pressure) - 0.05) > 1e-4)

@@ -11,7 +11,7 @@ from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.line.lump import stiffness
 from observer_rt.model.nozzle import nozzle_law
-from observer_rt.model.seat import normalised_area
+from observer_rt.model.seat import full_lift_area, normalised_area
 
 NOMINAL = load_injector()
 P_0, P_C, P_V, K_L = 1e8, 5e6, 2e3, 1.6e9
@@ -60,6 +60,18 @@ def test_chamber_pressure_rises_while_the_needle_is_open_only(p_s: float, rise: 
         nozzle_law(x_of(p_s - rise), 0.3, 0.0, model().nozzle), abs=1e-12
     )
     assert nozzle_law(x_of(p_s), 0.0, 0.0, c.nozzle) == nozzle_law(x_of(p_s), 0.3, 0.0, model().nozzle)
+
+
+@given(pressures, st.floats(0.0, 40e6), st.floats(0.0, 1.0), st.floats(1e-3, 1.0))
+def test_a_share_of_the_rise_grows_with_the_area_of_the_seat(
+    p_s: float, rise: float, share: float, opened: float
+) -> None:
+    c = model(chamber_pressure_rise={"dp": rise, "s": share})
+    area = opened * full_lift_area(NOMINAL) / NOMINAL.scaling.area
+    expected = rise * (1.0 - share + share * opened)
+    assert nozzle_law(x_of(p_s), area, 0.0, c.nozzle) == pytest.approx(
+        nozzle_law(x_of(p_s - expected), area, 0.0, model().nozzle), abs=1e-12
+    )
 
 
 @given(pressures, st.floats(-8.0, 12.0), st.floats(0.0, 0.03))

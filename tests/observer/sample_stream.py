@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.continuity import Break
+from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.observer.learning.knowledge import Outcome, no_knowledge
 from observer_rt.observer.learning.learner import Learner
@@ -40,7 +41,10 @@ def _push_all(observer, index, rail, lift, line, broken, between):  # type: igno
 
 @dataclass
 class Stream:
-    """One observer; `rows` are the processed samples, `judged` the indices before which an event was judged."""
+    """One observer; `rows` are the processed samples, `judged` the indices before which an event was judged.
+
+    stated: what is to be undone of the channels.
+    """
 
     injector: InjectorParameters = NOMINAL
     sample_rate: float = 100e3
@@ -48,11 +52,14 @@ class Stream:
     events_required: int = 2
     learning: bool = False
     keep: bool = True
+    stated: tuple[SizedEffect, ...] = ()
     judged: list[int] = field(default_factory=list)
     outcomes: list[Outcome | None] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        constants = constants_for(self.injector, self.sample_rate, self.durations, self.events_required)
+        constants = constants_for(
+            self.injector, self.sample_rate, self.durations, self.events_required, stated=self.stated
+        )
         knowledge = no_knowledge(NOISE, constants.coefficients.pressure_scale)
         self.learner = Learner(constants, knowledge)
         self.observer: Observer = make_observer(constants, knowledge, self.learner)

@@ -10,6 +10,9 @@ from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.estimation.whitening import Whitening
+from observer_rt.observer.learning.colour import ORDERS, Colour
+from observer_rt.observer.learning.familiarity import OperatingPoint
 from observer_rt.observer.learning.knowledge import Knowledge
 
 PRESSURE_SCALE = 1e8  # Pa
@@ -31,6 +34,15 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         statistics=PhaseStatistics(
             *(random.uniform(0.0, 1e4, sums.shape) for sums in vars(no_statistics()).values())
         ),
+        colour=Colour(
+            Whitening(
+                forgetting=0.96 if random.random() < 0.5 else None,
+                taps=random.normal(size=random.integers(ORDERS)),
+            ),
+            interval=1e-5,
+            sigma=float(random.uniform(5e-4, 2e-3)),
+        ),
+        learned_at=tuple(OperatingPoint(*point) for point in random.uniform(-1.0, 1.0, (3, 3)).tolist()),
     )
 
 

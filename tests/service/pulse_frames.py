@@ -179,8 +179,10 @@ def watch(
 
 
 def misfired(recording: Recording, *spans: tuple[float, float]) -> Recording:
-    """The needle stays shut in spans of time [s]."""
+    """The needle stays shut in spans of time [s]; its sensor is as noisy as ever, or it would be a dropout."""
     lift = recording.needle_lift.copy()
+    shut = np.random.default_rng(1).normal(size=lift.size) * NoiseLevels().needle_lift
     for begin, end in spans:
-        lift[round(begin * SAMPLE_RATE) : round(end * SAMPLE_RATE)] = 0.0
+        span = slice(round(begin * SAMPLE_RATE), round(end * SAMPLE_RATE))
+        lift[span] = shut[span]
     return replace(recording, needle_lift=lift)

@@ -37,7 +37,10 @@ def same(left: Knowledge | None, right: Knowledge) -> bool:
 def bits(knowledge: Knowledge) -> tuple[object, ...]:
     """Every field of a piece of knowledge, arrays by their bytes."""
     fields = dict(vars(knowledge)) | vars(knowledge.belief) | vars(knowledge.statistics)
-    del fields["belief"], fields["statistics"]
+    if knowledge.colour is not None:
+        fields |= vars(knowledge.colour) | vars(knowledge.colour.whitening)
+        del fields["whitening"]
+    del fields["belief"], fields["statistics"], fields["colour"]
     return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in fields.values())
 
 
@@ -129,6 +132,9 @@ NOT_RESTORED = {
         put("content", "active", value=[float(Parameter.SENSOR_LAG)]),
         "not as expected (active",
     ),
+    "endless filter": (put("content", "colour", "taps", value=[0.1] * 30), "no filter"),
+    "high pass that grows": (put("content", "colour", "forgetting", value=1.5), "high pass"),
+    "noise of no level": (put("content", "colour", "sigma", value=0.0), "no level"),
     "short statistics": (put("content", "statistics", "squares", value=[1.0]), "shape"),
     "negative statistics": (put("content", "statistics", "blocks", 0, 0, value=-1.0), "sums of squares"),
     "offset beyond bounds": (
@@ -167,6 +173,13 @@ def test_a_rewritten_file_without_change_is_restored(tmp_path: Path) -> None:
     save_knowledge(tmp_path / "state.json", some_knowledge(), MODEL)
     rewritten(tmp_path / "state.json", put("content", "package_version", value="0.0.1"))
     assert same(load_knowledge(tmp_path / "state.json", MODEL).knowledge, some_knowledge())
+
+
+def test_a_file_from_before_colours_has_none(tmp_path: Path) -> None:
+    save_knowledge(tmp_path / "state.json", some_knowledge(), MODEL)
+    rewritten(tmp_path / "state.json", remove("colour"))
+    restored = load_knowledge(tmp_path / "state.json", MODEL).knowledge
+    assert same(restored, replace(some_knowledge(), colour=None))
 
 
 @pytest.mark.parametrize("content", [b"", b"[" * 200_000, b"\xff\xfe", b"null", b"9" * 5_000, bytes(2 << 20)])

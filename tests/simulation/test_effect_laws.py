@@ -32,11 +32,13 @@ SIZES: Mapping[str, Mapping[str, float]] = {
     "fuel_density": {"r": 0.1},
     "orifice_cavitation": {"n_crit_excess": 0.12},
     "lift_dependent_seat_coefficient": {"a": 0.5, "x_c": 80e-6},
-    "chamber_pressure_rise": {"dp": 10e6},
+    "chamber_pressure_rise": {"dp": 10e6, "s": 0.4},
 }
 SENSORS: Mapping[str, Mapping[str, float]] = {
     "lift_offset": {"x_0": 20e-6},
     "lift_gain": {"g": 0.1},
+    "needle_lift_sensor_lag": {"tau": 30e-6},
+    "rail_pressure_skew": {"d": 25e-6},
     "rail_pressure_sensor_gain": {"g": 0.02},
     "rail_pressure_sensor_offset": {"o": -3e6},
     "line_pressure_sensor_lag": {"tau": 40e-6},
@@ -69,9 +71,16 @@ def rates_of(rail: float, of: Effects):  # type: ignore[no-untyped-def]
     def orifice(coefficient: float, area: float, drop: float) -> float:
         return coefficient * area * drop / math.sqrt(math.hypot(drop, 0.5e6)) * math.sqrt(2 / density)
 
+    def seat_area(lift: float) -> float:
+        return math.pi * lift * math.sin(cone / 2) * (seat.diameter - lift / 2 * math.sin(cone))
+
     def chamber(time: float) -> float:
-        rise = of("chamber_pressure_rise", "dp") if lift_of_stroke(time, needle) > 0.0 else 0.0
-        return NOMINAL.chamber.pressure + rise
+        lift = lift_of_stroke(time, needle)
+        if lift <= 0.0:
+            return NOMINAL.chamber.pressure
+        opened = seat_area(lift) / seat_area(seat.max_lift)
+        share = 1 - of("chamber_pressure_rise", "s") * (1 - opened)
+        return NOMINAL.chamber.pressure + of("chamber_pressure_rise", "dp") * share
 
     def nozzle_flow(time: float, p_sac: float) -> float:
         coefficient = nozzle.flow_coefficient * (1 + of("orifice_area", "v_H"))
@@ -84,7 +93,7 @@ def rates_of(rail: float, of: Effects):  # type: ignore[no-untyped-def]
     def rates(time: float, state: Vector) -> list[float]:
         p_line, q_line, p_sac = state
         lift = lift_of_stroke(time, needle)
-        area = math.pi * lift * math.sin(cone / 2) * (seat.diameter - lift / 2 * math.sin(cone))
+        area = seat_area(lift)
         loss = of("lift_dependent_seat_coefficient", "a") * math.exp(-lift / scale)
         coefficient = seat.flow_coefficient * (1 + of("seat_area", "v_S")) * (1 - loss)
         q_seat = orifice(coefficient, area, p_line - p_sac)
@@ -189,11 +198,31 @@ def test_lift_gain() -> None:
     np.testing.assert_allclose(one.recording.needle_lift * 1.1, healthy.truth.needle_lift, atol=1e-12)
 
 
+def test_slow_lift_sensor() -> None:
+    """Its answer to an impulse, in steps of 1 us, folded with the lift of a fine simulation."""
+    slow = simulated("needle_lift_sensor_lag", 100e6).recording
+    fine = simulate(NOMINAL, make_schedule([100e6], 1, 0.05, [OPEN_FOR]), 1e6).truth
+    answer = np.exp(-np.arange(300) * 1e-6 / 30e-6)
+    expected = np.convolve(fine.needle_lift, answer / answer.sum())[: fine.time.size]
+    np.testing.assert_allclose(
+        slow.needle_lift, np.interp(slow.time, fine.time + 0.5e-6, expected), atol=0.3e-6
+    )
+    assert np.abs(slow.needle_lift - simulated("", 100e6).recording.needle_lift).max() > 20e-6
+
+
 def test_rail_pressure_sensor() -> None:
     one, healthy = recorded("rail_pressure_sensor_gain")
     np.testing.assert_allclose(one.recording.rail_pressure, 1.02 * healthy.truth.rail_pressure)
     one, healthy = recorded("rail_pressure_sensor_offset")
     np.testing.assert_allclose(one.recording.rail_pressure, healthy.truth.rail_pressure - 3e6)
+
+
+def test_rail_pressure_recorded_late() -> None:
+    schedule = make_schedule([60e6, 140e6], 2, 0.05, [OPEN_FOR])  # between them the rail is filled
+    late = simulate(NOMINAL, schedule, 100e3, (sized("rail_pressure_skew", d=25e-6),)).recording
+    expected = schedule.rail_pressure(late.time - 25e-6)
+    np.testing.assert_allclose(late.rail_pressure, expected, atol=2e3)
+    assert np.abs(late.rail_pressure - schedule.rail_pressure(late.time)).max() > 50e3
 
 
 def test_line_pressure_sensor_offset() -> None:

@@ -12,7 +12,6 @@ from tools.benchmarks.plant import (
     FIRST_EVENT,
     Bench,
     Event,
-    Measured,
     Needle,
     Outcome,
     Shot,
@@ -22,6 +21,7 @@ from tools.benchmarks.plant import (
 )
 from tools.benchmarks.plant_equations import lift_at
 from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.sampling import Measured
 
 ALONE = """
 from tools.benchmarks import cases, plant
@@ -183,6 +183,18 @@ def test_step_of_the_chamber_is_there_at_every_lift() -> None:
     np.testing.assert_allclose(open_rate, part.nozzle_area * np.sqrt(2.0 * head / part.density), rtol=1e-3)
 
 
+def test_a_step_that_grows_with_the_lift_by_its_whole_is_the_rise() -> None:
+    """At every lift; half of it lies between the two."""
+    whole, rise = (
+        once(Faults(chamber_pressure_step=8e6, chamber_pressure_share=1.0)),
+        once(Faults(chamber_pressure_rise=8e6)),
+    )
+    np.testing.assert_allclose(whole.truth.injection_rate, rise.truth.injection_rate, rtol=1e-9, atol=1e-12)
+    step, half = (once(Faults(chamber_pressure_step=8e6, chamber_pressure_share=s)) for s in (0.0, 0.5))
+    rates = [np.sum(one.truth.injection_rate) for one in (step, half, rise)]
+    assert rates == sorted(rates)
+
+
 def test_wave_line_drained_by_its_seat_injects_what_the_rail_delivers() -> None:
     outcome = once(injector=wave_injector(), duration=1.0e-3)
     injected = np.sum(outcome.truth.injection_rate) * 1e-5
@@ -214,7 +226,9 @@ def test_every_fault_of_a_sensor_changes_what_is_measured_only(name: str) -> Non
 
 
 def test_all_faults_are_tested() -> None:
-    assert set(SENSOR_FAULTS) | set(PLANT_FAULTS) | {"seat_lift_scale"} == set(Faults._fields)
+    assert set(SENSOR_FAULTS) | set(PLANT_FAULTS) | {"seat_lift_scale", "chamber_pressure_share"} == set(
+        Faults._fields
+    )
 
 
 @pytest.mark.parametrize("skew", [25e-6, -25e-6])

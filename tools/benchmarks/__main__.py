@@ -4,7 +4,6 @@ import json
 import os
 import sys
 from collections.abc import Collection
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -35,15 +34,18 @@ from tools.benchmarks.kills.campaign import Plan as KillPlan
 from tools.benchmarks.kills.campaign import run_campaign
 from tools.benchmarks.kills.tables import kills_document, kills_table
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
+from tools.benchmarks.realism import command as realism_command
 from tools.benchmarks.runs import Plan
 from tools.benchmarks.surgery import findings_table, operate, surgeries
 from tools.benchmarks.tables import json_document
+from tools.benchmarks.tier import Tier
 from tools.benchmarks.wave_accuracy import WavePlan, run_wave_accuracy
 from tools.benchmarks.wave_cases import WAVE_CLASSES
 from tools.benchmarks.wave_plant import Variant
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 app.command(epilog=wave_command.EXAMPLE)(wave_command.wave_recordings)
+app.command(epilog=realism_command.EXAMPLE)(realism_command.realism)
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
 WorkersOption = Annotated[int, typer.Option(min=1, help="Processes.")]
 OutOption = Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")]
@@ -55,13 +57,6 @@ CASES, ABLATION_CASES, WAVE_CASES = 60, 10, 20  # per class
 INTERRUPTED = 130  # exit code
 TABLE_WIDTH = 210  # where stdout is no terminal
 RATES = {"without": (False,), "with": (True,), "both": (False, True)}
-
-
-class Tier(StrEnum):
-    """Which plant is measured."""
-
-    A = "A"
-    B = "B"
 
 
 @app.callback()

@@ -41,12 +41,12 @@ class DifferencedCost:
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where it is not finite."""
-        self.innovations = self._predict(theta)
+        self.innovations = self.unfiltered = self._predict(theta)
         return self._cost()
 
     def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
         """J round theta (m,)."""
-        self.innovations = base = self._predict(theta)
+        self.innovations = self.unfiltered = base = self._predict(theta)
         slopes = np.empty((base.size, theta.size))
         for i, step in enumerate(self._steps):
             moved = theta.copy()

@@ -4,7 +4,9 @@ Imports nothing of `observer_rt`.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +14,15 @@ from numpy.typing import NDArray
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import Rail, State, run
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
+from tools.benchmarks.sampling import Measured, Step, sampled
 from tools.benchmarks.wave_plant import WaveLine, WavePlant
 
 SAMPLE_RATE = 100e3  # Hz of the plant; slower recordings are decimated
 FIRST_EVENT = 0.15  # s
 PERIOD = 0.06  # s between events
+LEAD = 0.005  # s before an event, at the most, from which its faults are in force
 RAIL_MOVES = (0.022, 0.050)  # s after an event starts: the rail goes to the next event's pressure
 REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
-PRESSURE_STEP, PRESSURE_FLOOR = 0.005e6, -10e6  # Pa, of the 16-bit code on the bus
-LIFT_STEP, LIFT_FLOOR = 0.01e-6, -50e-6  # m
-HIGHEST_CODE = 0xFFFD
-RAIL_NOISE, LINE_NOISE, LIFT_NOISE = 0.1e6, 0.15e6, 0.4e-6  # Pa, Pa, m: white, per sample
 WAVE_CELLS = 40
 WAVE_DAMPING = 1.0  # m2/s
 
@@ -52,6 +52,25 @@ class Event:
     faults: Faults
 
 
+Motion = Callable[[Event, float, Needle, float], Array]
+"""Strokes of an event from its start [s] on, as `strokes_of`."""
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a real bench is beside its events; left out: nothing of it.
+
+    starts: of the events [s], instead of every `PERIOD`; motion: of the needle; supply: what pump and regulator add
+    to the true rail pressure [Pa] at times [s]; before_noise, after_noise: steps in their order.
+    """
+
+    starts: tuple[float, ...] = ()
+    motion: Motion | None = None
+    supply: tuple[Callable[[Array], Array], ...] = ()
+    before_noise: tuple[Step, ...] = ()
+    after_noise: tuple[Step, ...] = ()
+
+
 @dataclass(frozen=True)
 class Bench:
     """What is recorded: injector, needle, events, sample rate [Hz], noise as a multiple of the usual, seed.
@@ -68,16 +87,15 @@ class Bench:
     seed: int = 0
     averaged: bool = False
     line: WaveLine | None = None
+    around: Surroundings = Surroundings()
 
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """What the observer gets; SI, all (n,)."""
-
-    time: Array
-    rail_pressure: Array
-    needle_lift: Array
-    line_pressure: Array
+    @property
+    def starts(self) -> tuple[float, ...]:
+        """Start of every event, and of the one that would follow the last [s]."""
+        stated = self.around.starts
+        if not stated:
+            return tuple(event_start(i) for i in range(len(self.events) + 1))
+        return (*stated, stated[-1] + (stated[-1] - stated[-2]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,17 +147,16 @@ def strokes_of(event: Event, start: float, needle: Needle, max_lift: float) -> A
 
 def record(bench: Bench) -> Outcome:
     """Run the plant through all events and measure it; the same bench gives the same recording."""
-    count = round((event_start(len(bench.events)) + 0.01) * SAMPLE_RATE)
+    count = round((bench.starts[-1] + 0.01) * SAMPLE_RATE)
     time = np.arange(count) / SAMPLE_RATE
-    rail = _rail(bench.events, time)
+    rail = _rail(bench, time)
     result, lateness = _integrate(bench, time, rail)
     truth = Truth(result[:, 0], result[:, 1], result[:, 2], result[:, 3], rail)
     every = round(SAMPLE_RATE / bench.sample_rate)
     measured = _measure(bench, time, rail, result, lateness)
     truth = Truth(*(v[::every] for v in vars(truth).values()))
     openings = _openings(truth.needle_lift)
-    starts = np.array([event_start(i) for i in range(len(bench.events))])
-    event_of = np.searchsorted(starts, measured.time[openings[:, 0]] + 1e-4, side="right") - 1
+    event_of = np.searchsorted(bench.starts[:-1], measured.time[openings[:, 0]] + 1e-4, side="right") - 1
     return Outcome(measured, truth, openings, event_of)
 
 
@@ -156,19 +173,23 @@ class _CellPlant:
         run(with_faults(self._part, faults), faults, strokes, drive, self._state, result)
 
 
-def _first_sample(number: int) -> int:
-    """First sample of event `number`'s period: a while before its start, when the rail is at rest."""
-    return 0 if number == 0 else round((event_start(number) - 0.005) * SAMPLE_RATE)
+def _first_samples(starts: tuple[float, ...]) -> tuple[int, ...]:
+    """First sample of every event's period: a while before its start, when the rail is at rest."""
+    leads = (min(LEAD, 0.5 * (after - before)) for before, after in pairwise(starts[:-1]))
+    return (0, *(round((t - lead) * SAMPLE_RATE) for t, lead in zip(starts[1:-1], leads, strict=True)))
 
 
-def _rail(events: tuple[Event, ...], time: Array) -> Array:
-    """True rail pressure (n,): constant round the events, smooth steps between."""
+def _rail(bench: Bench, time: Array) -> Array:
+    """True rail pressure (n,): constant round the events, smooth steps between, and what the supply adds."""
+    events, starts = bench.events, bench.starts
     rail = np.full(time.size, events[0].rail_pressure)
     for number in range(1, len(events)):
-        begin, end = (event_start(number - 1) + move for move in RAIL_MOVES)
+        begin, end = (starts[number - 1] + move for move in RAIL_MOVES)
         share = np.clip((time - begin) / (end - begin), 0.0, 1.0)
         change = events[number].rail_pressure - events[number - 1].rail_pressure
         rail += change * 0.5 * (1.0 - np.cos(math.pi * share))
+    for added in bench.around.supply:
+        rail += added(time)
     return rail
 
 
@@ -180,10 +201,11 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
     result = np.empty((time.size, 6))
     result[0] = (0.0, part.chamber_pressure, 0.0, rail[0], rail[0], 0.0)
     lateness = np.zeros(time.size, np.int64)
+    firsts = (*_first_samples(bench.starts), time.size - 1)
+    motion = bench.around.motion or strokes_of
     for number, event in enumerate(bench.events):
-        first = _first_sample(number)
-        end = time.size - 1 if number + 1 == len(bench.events) else _first_sample(number + 1)
-        strokes = strokes_of(event, event_start(number), bench.needle, part.max_lift)
+        first, end = firsts[number : number + 2]
+        strokes = motion(event, bench.starts[number], bench.needle, part.max_lift)
         drive = Rail(float(time[first]), 1.0 / SAMPLE_RATE, rail[first : end + 1])
         plant.advance(event.faults, strokes, drive, result[first + 1 : end + 1])
         lateness[first + 1 : end + 1] = math.floor(event.faults.channel_skew * SAMPLE_RATE)
@@ -192,9 +214,7 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
 
 def _measure(bench: Bench, time: Array, rail: Array, result: Array, lateness: NDArray[np.int64]) -> Measured:
     """Sensors, noise and the bus's 16-bit codes."""
-    number = np.searchsorted(
-        [_first_sample(i) for i in range(len(bench.events))], np.arange(time.size), "right"
-    )
+    number = np.searchsorted(_first_samples(bench.starts), np.arange(time.size), "right")
     each = [event.faults for event in bench.events]
 
     def fault(name: str) -> Array:
@@ -206,34 +226,11 @@ def _measure(bench: Bench, time: Array, rail: Array, result: Array, lateness: ND
     lift = result[:, 5] / (1.0 + fault("lift_gain"))
     lift = np.where(lift > 0.0, np.maximum(lift - fault("lift_offset"), 0.0), 0.0)
     noise = np.random.default_rng(bench.seed).normal(size=(3, time.size)) * bench.noise
+    seen = Measured(time, rail, lift, line)
+    for step in bench.around.before_noise:
+        seen = step(seen)
     every = round(SAMPLE_RATE / bench.sample_rate)
-
-    def slowed(values: Array, noise: Array) -> Array:
-        return _means(values, noise, every) if bench.averaged else (values + noise)[::every]
-
-    return Measured(
-        time[::every],
-        _coded(slowed(rail, RAIL_NOISE * noise[0]), PRESSURE_STEP, PRESSURE_FLOOR),
-        _coded(slowed(lift, LIFT_NOISE * noise[1]), LIFT_STEP, LIFT_FLOOR),
-        _coded(slowed(line, LINE_NOISE * noise[2]), PRESSURE_STEP, PRESSURE_FLOOR),
-    )
-
-
-def _means(values: Array, noise: Array, every: int) -> Array:
-    """Means over the `every` intervals that end at every `every`-th value: straight lines join the values."""
-    between = np.append(values[:1], 0.5 * (values[1:] + values[:-1]))
-    return _block_means(between, every) + _block_means(noise, every)
-
-
-def _block_means(values: Array, every: int) -> Array:
-    """Mean over the block that ends at every `every`-th value, the first block made up of the first value."""
-    whole = values[: (values.size - 1) // every * every + 1]
-    blocks = np.concatenate((np.full(every - 1, values[0]), whole)).reshape(-1, every)
-    return np.asarray(blocks.mean(axis=1), np.float64)
-
-
-def _coded(values: Array, step: float, floor: float) -> Array:
-    return np.clip(np.rint((values - floor) / step), 0, HIGHEST_CODE) * step + floor
+    return sampled(seen, noise, every, bench.averaged, bench.around.after_noise)
 
 
 def _openings(lift: Array) -> NDArray[np.int64]:

@@ -105,8 +105,11 @@ def seat_factor(lift: float, part: Injector, faults: Faults) -> float:
 @njit(cache=True, nogil=True)
 def chamber_pressure(lift: float, part: Injector, faults: Faults) -> float:
     """p_C [Pa], raised while the needle is open: with the lift, or at once."""
-    pressure = part.chamber_pressure + faults.chamber_pressure_rise * min(1.0, lift / CHAMBER_LIFT)
-    return pressure + faults.chamber_pressure_step if lift > 0.0 else pressure
+    lifted = min(1.0, lift / CHAMBER_LIFT)
+    pressure = part.chamber_pressure + faults.chamber_pressure_rise * lifted
+    if lift <= 0.0:
+        return pressure
+    return pressure + faults.chamber_pressure_step * (1.0 - faults.chamber_pressure_share * (1.0 - lifted))
 
 
 @njit(cache=True, nogil=True)

@@ -35,6 +35,7 @@ class Faults(NamedTuple):
     guide_leakage: float = 0.0  # m3/(s Pa)
     chamber_pressure_rise: float = 0.0  # Pa, growing with the lift
     chamber_pressure_step: float = 0.0  # Pa, while the needle is open
+    chamber_pressure_share: float = 0.0  # of the step, that grows with the lift instead
     orifice_cavitation: float = 0.0  # N_crit - 1
     line_friction: float = 0.0
     bulk_modulus: float = 0.0

@@ -29,6 +29,7 @@ from tools.benchmarks.windows import Windows, covered_samples, score_rate, windo
 
 WARM_UP_EVENTS = 3
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
+NO_REPORT = "NO_REPORT"  # in the place of a reason
 
 
 def score_case(case: Case, model: Path | None = None) -> CaseScore:
@@ -138,16 +139,24 @@ def _judged(
     An event is valid if a report belongs to each of its openings, all are valid and no rate is missing.
     """
     valid, reasons, intervals = [], [], []
-    for event, openings in enumerate(windows.of_event):
-        reports = [r for i in openings if (r := _report_of(evaluation, windows.ranges[i])) is not None]
+    for event in range(len(windows.of_event)):
+        reports = reports_of(evaluation, windows, event)
         missing = bool(np.isnan(evaluation.trace.injection_rate[windows.union(event)]).any())
-        found = len(reports) == len(openings)
-        valid.append(found and not missing and all(r.valid for r in reports))
-        reasons.append(
-            " ".join(sorted({r.reason.name for r in reports if not r.valid})) if found else "NO_REPORT"
-        )
-        intervals.append(_interval(reports) if found else None)
+        valid.append(bool(reports) and not missing and all(r.valid for r in reports))
+        reasons.append(" ".join(sorted({r.reason.name for r in reports if not r.valid})) or _unnamed(reports))
+        intervals.append(_interval(reports))
     return tuple(valid), tuple(reasons), tuple(intervals)
+
+
+def _unnamed(reports: Sequence[InjectionReport]) -> str:
+    return "" if reports else NO_REPORT
+
+
+def reports_of(evaluation: Evaluation, windows: Windows, event: int) -> tuple[InjectionReport, ...]:
+    """The reports of an event's openings, each once; empty when an opening has none."""
+    found = [_report_of(evaluation, windows.ranges[i]) for i in windows.of_event[event]]
+    reports = {report.number: report for report in found if report is not None}
+    return () if None in found else tuple(reports.values())
 
 
 def _report_of(evaluation: Evaluation, window: slice) -> InjectionReport | None:
@@ -161,10 +170,10 @@ def _report_of(evaluation: Evaluation, window: slice) -> InjectionReport | None:
     return best if best is not None and overlap(best) > 0 else None
 
 
-def _interval(reports: list[InjectionReport]) -> tuple[float, float] | None:
+def _interval(reports: Sequence[InjectionReport]) -> tuple[float, float] | None:
     """95 % interval of the summed mass [mg]: the openings of an event share what is uncertain, so widths add."""
     bounds = [report.mass_ci95 for report in reports if report.mass_ci95 is not None]
-    if len(bounds) < len(reports):
+    if not bounds or len(bounds) < len(reports):
         return None
     return sum(low for low, _ in bounds) / MILLIGRAM, sum(high for _, high in bounds) / MILLIGRAM
 

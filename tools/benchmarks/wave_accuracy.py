@@ -48,9 +48,7 @@ class WavePlan:
 def run_wave_accuracy(wave: WavePlan, console: Console) -> Results:
     """Record, fit, and score the cases not yet scored with this model; progress goes to `console`."""
     plan, variant = wave.plan, wave.variant
-    healthy = _recorded(wave, console) if plan.peers or wave.model is None else {}
-    model = wave.model or _fitted(wave, healthy, console)
-    load_injector(model)  # refused here, not in every process
+    model, healthy = fitted_model(wave, console)
     crashes: list[Crash[Task]] = []
     store = Store(plan.out / f"observer-{variant}.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS, model)))
     work, ready = partial(score_wave_task, variant, model), partial(warm_up_model, model)
@@ -64,6 +62,14 @@ def run_wave_accuracy(wave: WavePlan, console: Console) -> Results:
     found = tuple(scores[task] for task in plan.tasks if task in scores)
     took = measure_sample_time(model)
     return Results(found, tuple(crashes), took, (*wave_violations(found, variant), *slow_sample(took)))
+
+
+def fitted_model(wave: WavePlan, console: Console) -> tuple[Path, dict[str, Outcome]]:
+    """The injector file of a plan, fitted unless it is given, and the healthy recordings where they are wanted."""
+    healthy = _recorded(wave, console) if wave.plan.peers or wave.model is None else {}
+    model = wave.model or _fitted(wave, healthy, console)
+    load_injector(model)  # refused here, not in every process
+    return model, healthy
 
 
 def score_wave_task(variant: Variant, model: Path, task: Task) -> CaseScore:

@@ -81,6 +81,8 @@ class StatusValues(NamedTuple):
     # our layouts have no room for these; a status message of a user's own may have them
     missing_injections: int
     uncommanded_injections: int
+    spikes: int
+    bridged_samples: int
 
 
 def signals_of(values: type[SummaryValues] | type[StatusValues]) -> tuple[str, ...]:

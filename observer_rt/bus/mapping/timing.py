@@ -16,6 +16,7 @@ from observer_rt.bus.database.lookup import MessageLayout, find_signal
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.load import frame_time
 from observer_rt.config.bench import BenchInjector
+from observer_rt.config.channels import undone_in_alignment
 from observer_rt.config.links import LinkConfig
 from observer_rt.config.recording import Meaning
 from observer_rt.config.signals import Role
@@ -119,17 +120,18 @@ def following(
 ) -> list[Following | None]:
     """How each message follows the grid, None where all of it is on it; `roles` (bits) of each.
 
-    What is a mean lies half a sample period before its sample; the line pressure stays: the model's is averaged.
+    What is a mean lies half a sample period before its sample, what a filter delays by the stated time; the line
+    pressure stays: the model's is averaged and delayed.
     """
     is_mean = fitted.config.sampling.meaning is Meaning.MEAN
     result: list[Following | None] = []
     for row, bits in zip(timing, roles, strict=True):
         spacing = float(row["steps"])
-        early = 0.5 * spacing if is_mean else 0.0
+        early = (0.5 * spacing if is_mean else 0.0) + _delay(fitted, int(bits))
         reach = MAX_INTERPOLATED + 1.0
         if row["joining"] in (Joining.INDEX, Joining.NEAREST):
             others = int(bits) & ~(1 << ROLES.index(Role.LINE_PRESSURE))
-            follows = is_mean and others != 0
+            follows = early != 0.0 and others != 0
             result.append(Following(others, spacing, reach, False, early, True) if follows else None)
             continue
         is_slow = bool(row["steps"] > 1)
@@ -137,6 +139,17 @@ def following(
             reach = float(row["hold"]) * fitted.config.sampling.rate_hz
         result.append(Following(int(bits), spacing, reach, is_slow, early))
     return result
+
+
+def _delay(fitted: BenchInjector, roles: int) -> float:
+    """Samples of the grid by which those of a stream's roles (bits) are late, as stated of their message."""
+    config = fitted.config
+    delays = (
+        undone_in_alignment(config.signals, role)
+        for number, role in enumerate(ROLES)
+        if role is not Role.LINE_PRESSURE and (roles >> number) & 1
+    )
+    return max(delays, default=0.0) * config.sampling.rate_hz
 
 
 def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> Signal | None:

@@ -11,18 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compilation import source_digest
+from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import added_digests
 from observer_rt.model.parameters import InjectorParameters
 
 FORMAT = 1
 
 
-def problem_key(parameters: InjectorParameters, recording_hashes: Sequence[str]) -> str:
-    """What fits belong to: model, recordings (SHA-256 of each), effects added and this program, as one SHA-256."""
+def problem_key(
+    parameters: InjectorParameters, recording_hashes: Sequence[str], stated: Sequence[SizedEffect] = ()
+) -> str:
+    """What fits belong to: model, recordings (SHA-256 of each), effects added and this program, as one SHA-256.
+
+    stated: what is known of the recordings' channels.
+    """
     model = parameters.model_dump(
         mode="json", exclude={"format": True, "effects": {"__all__": {"origin", "evidence", "date"}}}
     )
-    content = json.dumps([source_digest(), added_digests(), model, list(recording_hashes)], sort_keys=True)
+    channels = [(each.effect.id, *each.values) for each in stated]
+    content = json.dumps(
+        [source_digest(), added_digests(), model, list(recording_hashes), channels], sort_keys=True
+    )
     return hashlib.sha256(content.encode()).hexdigest()
 
 

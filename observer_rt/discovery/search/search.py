@@ -110,17 +110,24 @@ class Search:
         return single.within_bounds and not single.plausible and self._ratio(single) <= 1.0
 
     def _pairs(self, singles: Sequence[Candidate], best: Candidate, ratio: float) -> list[Candidate]:
-        """Pairs worth fitting: with the best single, with more leaders when it does not explain the recordings."""
+        """Pairs worth fitting: with the best single, with more leaders when it does not explain the recordings.
+
+        Where a pair is worth having, its other member leads, too: the best single may stand in for two.
+        """
         if not best.hypothesis.effects and ratio <= 1.0:
             return []
-        leaders = singles[: 1 if ratio <= 1.0 else LEADERS]
-        pairs: dict[frozenset[str], Candidate] = {}
-        for leader in leaders:
-            for pair in self._fitter.seconds(leader, self._effects):
-                key = frozenset(pair.ids)
-                if key not in pairs or pair.statistic < pairs[key].statistic:
-                    pairs[key] = pair
-        return sorted(pairs.values(), key=price)
+        leaders = list(singles[: 1 if ratio <= 1.0 else LEADERS])
+        pairs = self._led_by(leaders)
+        partners = [
+            one for one in singles if pairs and set(one.ids) < set(pairs[0].ids) and one not in leaders
+        ]
+        if partners and pairs[0].statistic < leaders[0].statistic - ACCEPT:
+            pairs = _best_of_each([*pairs, *self._led_by(partners)])
+        return pairs
+
+    def _led_by(self, leaders: Sequence[Candidate]) -> list[Candidate]:
+        """Pairs of these singles and what promises something beside them, the best first."""
+        return _best_of_each([pair for one in leaders for pair in self._fitter.seconds(one, self._effects)])
 
     def _best(
         self,
@@ -175,6 +182,14 @@ class Search:
         if judged is None:
             return np.inf
         return worst(pool_of(self._fitter.evidence, judged), self._baseline).ratio
+
+
+def _best_of_each(pairs: Sequence[Candidate]) -> list[Candidate]:
+    """Pairs, the best first, each once."""
+    best: dict[frozenset[str], Candidate] = {}
+    for pair in sorted(pairs, key=price):
+        best.setdefault(frozenset(pair.ids), pair)
+    return list(best.values())
 
 
 def price(candidate: Candidate) -> float:

@@ -38,6 +38,7 @@ SET_ASIDE_AFTER = 2  # events
 RELEASE_AFTER = 3
 LEAST_SCALE = 0.03  # of the logarithm of 1 + r
 LARGEST_LAG = 0.2e-3  # s
+CLIP = 4.0  # standard deviations for which a single innovation counts at most: an outlier is no colour
 BURN_IN = 0.5e-3  # s of an event's window before innovations count
 
 
@@ -61,7 +62,12 @@ def event_statistics(
 ) -> PhaseStatistics:
     """What the innovations over a window say, phase by phase, against a healthy injector's; interval [s]."""
     phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
-    found = phase_statistics(innovations.values, innovations.sigma, phases, round(BURN_IN / interval))
+    counts = np.arange(len(phases)) >= round(BURN_IN / interval)
+    if len(window.masked):
+        counts &= ~window.masked
+    limit = CLIP * innovations.sigma
+    values = np.clip(innovations.values[counts], -limit, limit)
+    found = phase_statistics(values, innovations.sigma, phases[counts], 0)
     return healthy.relative(found)
 
 

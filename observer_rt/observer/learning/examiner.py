@@ -14,6 +14,7 @@ from observer_rt.observer.learning.adequacy import (
     objections,
     pooled,
 )
+from observer_rt.observer.learning.colour import Colour
 from observer_rt.observer.learning.healthy import Healthy
 from observer_rt.observer.stream.state import Constants, Reason
 
@@ -21,9 +22,11 @@ from observer_rt.observer.stream.state import Constants, Reason
 class Examiner:
     """What speaks against an event with the parameters in force. Pure: no clock, no thread."""
 
-    def __init__(self, statistics: PhaseStatistics, healthy: Healthy) -> None:
-        """statistics: over the events before the first."""
+    def __init__(self, statistics: PhaseStatistics, healthy: Healthy, colour: Colour | None = None) -> None:
+        """statistics: over the events before the first; colour: of the innovations then, None if they are white."""
         self._healthy = healthy
+        self.colour = colour
+        """Of the innovations; as the statistics, whoever learns from an event replaces it by what it found."""
         self.statistics = statistics
         """Over recent events; whoever learns from an event replaces them by what it found."""
 
@@ -36,6 +39,8 @@ class Examiner:
         """
         if window is None:
             return (Objection(Reason.NOT_JUDGED),)
+        if self.colour is not None:
+            innovations = Innovations(self.colour.whitening.of(innovations.values), self.colour.sigma)
         event = event_statistics(window, innovations, constants.interval, self._healthy)
         self.statistics = pooled(self.statistics, event)
         lag = float(in_force[Parameter.SENSOR_LAG]) * LAG_UNIT

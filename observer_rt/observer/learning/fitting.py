@@ -20,7 +20,9 @@ class Cost(Protocol):
     """J of one event, as `EventCost` has it; theta (m,)."""
 
     innovations: NDArray[np.float64]
-    """(n,) at the theta that was asked for last."""
+    """(n,) at the theta that was asked for last, white if the model is right."""
+    unfiltered: NDArray[np.float64]
+    """(n,) the same with the colour of the noise."""
     slopes: NDArray[np.float64]
     """(n, m) their derivatives where J was last linearised."""
 
@@ -49,12 +51,14 @@ def theta_limits(pressure_scale: float, scalars: Scalars = SCALARS) -> Limits:
 class EventFit:
     """One event fitted: the active columns, the cost round the estimate, its prior.
 
-    innovations: at the estimate (n,); slopes: where it was last linearised (n, m).
+    innovations: at the estimate (n,), unfiltered: with the colour of the noise; slopes: where it was last linearised
+    (n, m).
     """
 
     active: frozenset[int]
     linearisation: Linearisation
     innovations: NDArray[np.float64]
+    unfiltered: NDArray[np.float64]
     slopes: NDArray[np.float64]
     prior: Belief
     contradicts: bool = False  # what was believed before the event
@@ -103,7 +107,10 @@ class EventFitter:
             here, here_total = there, total(there.theta, there.value)
             if abs(before - here_total) < TOLERANCE:
                 break
-        return EventFit(active, here, self.cost.innovations.copy(), self.cost.slopes.copy(), prior)
+        cost = self.cost
+        return EventFit(
+            active, here, cost.innovations.copy(), cost.unfiltered.copy(), cost.slopes.copy(), prior
+        )
 
     def _within_reach(self, here: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """The target, or as far towards it as the slopes are good for; within bounds."""

@@ -1,5 +1,6 @@
 """What the observer knows: the belief about all parameters, what is in force, what an event adds."""
 
+import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
@@ -13,6 +14,9 @@ from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.observer.learning.adequacy import Objection
+from observer_rt.observer.learning.colour import Colour
+from observer_rt.observer.learning.familiarity import OperatingPoint
+from observer_rt.observer.learning.healthy import SAME_RATE
 from observer_rt.observer.learning.interval import Resimulated
 from observer_rt.observer.stream.phi import Phi, StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
@@ -34,7 +38,8 @@ class Knowledge:
     """All that was learned, as one value that can be saved and restored.
 
     belief: about all parameters jointly; active: the gated columns in use; in_force: theta (m,) the observer carries,
-    0 at start; noise: levels in use; scalars: the table theta goes by.
+    0 at start; noise: levels in use; colour: of the innovations, None while they are white; learned_at: the operating
+    points of the last events learned from; scalars: the table theta goes by.
     """
 
     belief: Belief
@@ -44,7 +49,16 @@ class Knowledge:
     phi_version: int = 0
     events: int = 0  # learned from
     statistics: PhaseStatistics = field(default_factory=no_statistics)
+    colour: Colour | None = None
+    learned_at: tuple[OperatingPoint, ...] = ()
     scalars: Scalars = field(default=SCALARS, repr=False, compare=False)
+
+    def colour_at(self, interval: float) -> Colour | None:
+        """The colour, if it was found at this sample interval [s]."""
+        colour = self.colour
+        if colour is None or not math.isclose(colour.interval, interval, rel_tol=SAME_RATE):
+            return None
+        return colour
 
 
 def no_knowledge(noise: NoiseLevels, pressure_scale: float, scalars: Scalars = SCALARS) -> Knowledge:
@@ -60,6 +74,7 @@ class Outcome:
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
     with the covariance (m, m) of its error, None where the training knows none. resimulated: the event with the
     estimate, None where nothing usable was learned from it. phi: what x^ is to carry.
+    outliers: samples of the line pressure that were left out, of those that the stream had not bridged.
     """
 
     adoption: Adoption
@@ -70,6 +85,7 @@ class Outcome:
     covariance: NDArray[np.float64] | None
     resimulated: Resimulated | None = None
     phi: Phi = field(default_factory=StructuredPhi)
+    outliers: int = 0
 
 
 class EventLearner(Protocol):

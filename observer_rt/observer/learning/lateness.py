@@ -47,13 +47,15 @@ def lag_score(
     late = math.floor(samples)
     early_enough = len(window.output) - late
     output = np.append(window.output[late:], np.full(late, window.output[-1]))
+    masked = np.append(window.masked[late:], np.full(min(late, window.masked.size), False))
     other = np.empty(len(output))
     innovations(
-        window._replace(output=output),
+        window._replace(output=output, masked=masked),
         setting._replace(late=samples - late),
         learned_of(delayed, setting.coefficients, scalars),
         other,
     )
+    other = cost.whitened(other)
     first = cost.burn_in + late
     direction = (other[first - late : early_enough] - fit.innovations[first:]) / cost.sigma
     slopes = fit.slopes[first:] / cost.sigma

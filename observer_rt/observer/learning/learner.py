@@ -1,20 +1,29 @@
 """Learning between events: everything jointly, by prediction error, as a Bayesian update."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.gating import carried_covariance, gated_covariance
-from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.learned import Learned, learned_of
 from observer_rt.estimation.phases import (
     Phase,
+    PhaseStatistics,
 )
 from observer_rt.estimation.posterior import Belief
-from observer_rt.estimation.prediction_error import EventCost
-from observer_rt.estimation.predictor import Setting, Window, open_loop_error
+from observer_rt.estimation.prediction_error import EventCost, Linearisation
+from observer_rt.estimation.predictor import (
+    NO_RATE,
+    NO_SLOPES,
+    Setting,
+    Window,
+    follow,
+    open_loop_error,
+)
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.sensor import LAG_UNIT
@@ -30,10 +39,19 @@ from observer_rt.observer.learning.adequacy import (
     pooled,
     tempering,
 )
+from observer_rt.observer.learning.colour import (
+    SEGMENT,
+    Colour,
+    OffsetSince,
+    RestingNoise,
+    SlowRail,
+    resting_segments,
+)
+from observer_rt.observer.learning.familiarity import UNSEEN, operating_point, remembered, unfamiliarity
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.indicators import nozzle_change
-from observer_rt.observer.learning.interval import resimulated
+from observer_rt.observer.learning.interval import Resimulated, resimulated
 from observer_rt.observer.learning.knowledge import (
     Adoption,
     Knowledge,
@@ -41,6 +59,7 @@ from observer_rt.observer.learning.knowledge import (
     no_knowledge,
 )
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
+from observer_rt.observer.learning.masks import OutlierSearch, Sigmas
 from observer_rt.observer.learning.trend import Trend
 from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
@@ -53,7 +72,19 @@ ADOPTION_TOLERANCE = 1.1  # by which a new theta may raise the re-simulated outp
 CHANGE_SCORE = 60.0  # of the score test; without change it is 13 +- 5
 QUICKER_SCORE = 35.0  # from which on wear is taken to move faster than its usual drift
 QUICKER = 30.0  # times the usual drift
+COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
+RAIL_TEMPER = 2.0
 CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
+
+
+@dataclass(frozen=True, eq=False)
+class _Explained:
+    """An event as far as it was understood: the samples that count, its fit, and the colour after it."""
+
+    window: Window
+    cost: EventCost
+    fit: EventFit
+    colour: Colour | None
 
 
 class Learner:
@@ -77,12 +108,18 @@ class Learner:
         self._noise = knowledge.noise
         self._events = knowledge.events
         self._statistics = knowledge.statistics
+        self._learned_at = knowledge.learned_at
+        self._colour = knowledge.colour_at(constants.interval)
+        self._at_rest = RestingNoise(constants.interval)
+        self._slow_rail = SlowRail(constants.interval)
+        self._offset_since = OffsetSince()
         self._schedule = self._gains()
         self._previous: tuple[Window, Constants] | None = None
         self._freezer = Freezer()
         self._mistrust = Mistrust()
         self._lag_doubt = LagDoubt()
         self._trend = Trend()
+        self._outliers = OutlierSearch()
 
     @property
     def schedule(self) -> GainSchedule:
@@ -111,41 +148,81 @@ class Learner:
             self._noise = standstill.noise
         self._schedule = self._gains()
         try:
-            cost = self._cost(window)
-            fit = self._fit(cost, self._prior(standstill))
-            if fit is None:
+            event = self._explained(window, self._prior(standstill), self._offset_since.after(standstill))
+            if event is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
-            innovations = Innovations(fit.innovations, self._schedule.innovation_sigma)
-            statistics = event_statistics(window, innovations, self._constants.interval, self._healthy)
             wide = self._scalars.prior(self._scale)
-            lag = lag_score(window, self._setting(), fit, cost, wide, self._scalars)
-            carried = carried_covariance(in_force, fit.prior, self._scalars.gate, self._active)
-            self._take_in(fit, tempering(statistics))
+            lag = lag_score(event.window, self._setting(), event.fit, event.cost, wide, self._scalars)
+            carried = carried_covariance(in_force, event.fit.prior, self._scalars.gate, self._active)
+            self._take_in(event)
         except np.linalg.LinAlgError:
             return self._outcome(Adoption.FAILED, window, in_force)
-        self._events += 1
-        self._statistics = pooled(self._statistics, statistics)
-        doubts = []
-        if self._lag_doubt.is_no_lag_after(lag):
-            doubts.append(Reason.TIME_BASE)
-        if fit.contradicts:
-            doubts.append(Reason.SUDDEN_CHANGE)
-            self._previous = None  # it belongs to another injector
-        better = self._is_better(window, in_force)
-        self._previous = window, self._constants
+        strange = self._strangeness(event.window)
+        is_clipped = self._outliers.is_clipped_after(
+            event.window, event.fit.innovations, self._sigmas, event.cost.burn_in
+        )
+        doubts = self._doubts(event, lag)
+        better = self._is_better(event.window, in_force)
+        self._previous = event.window, self._constants
         if self._freezer.is_frozen_after(self._statistics):
-            return self._frozen(window, in_force)
+            return self._frozen(event.window, in_force)
         adoption = Adoption.ADOPTED if better else Adoption.REJECTED
-        outcome = self._outcome(adoption, window, in_force, doubts)
+        outcome = self._outcome(adoption, event.window, in_force, doubts)
+        if is_clipped and outcome.objections:  # that is why
+            clipped = Objection(Reason.INPUT_CLIPPED)
+            outcome = replace(outcome, objections=(clipped, *outcome.objections))
         because = self._mistrust.after(outcome.objections)
         if because is not None:
             nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
-            found = outcome.objections or (because,)
-            return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=found)
+            reasons = outcome.objections or (because,)
+            return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=reasons)
+        again = self._resimulated(event.window, carried, strange)
+        masked = int(event.window.masked.sum()) - int(window.masked.sum())
+        return replace(outcome, resimulated=again, outliers=masked)
+
+    def _explained(self, window: Window, prior: Belief, offset: float | None) -> _Explained | None:
+        """An event fitted without its outliers, in the colour of the noise; None if no fit is finite.
+
+        offset [p_0]: at rest before it. Raises numpy.linalg.LinAlgError when singular.
+        """
+        window, cost, fit = self._fitted(window, prior, offset)
+        if fit is None:
+            return None
+        mask = self._mask(window, fit.innovations)
+        if mask is not None:
+            window = window._replace(masked=mask)
+            cost = self._cost(window, offset)
+            fit = self._refit(cost, fit)
+        colour = self._colour_after(window, fit)
+        if self._colour is None and colour is not None:
+            self._colour, self._trend = colour, Trend()
+            window, cost, fit = self._fitted(window, prior, offset)
+            if fit is None:
+                return None
+        return _Explained(window, cost, fit, colour)
+
+    def _doubts(self, event: _Explained, lag: float | None) -> list[Reason]:
+        """What an event brings up beside its innovations; lag: how much it looks like one of the sensor."""
+        doubts = []
+        if self._lag_doubt.is_no_lag_after(lag):
+            doubts.append(Reason.TIME_BASE)
+        if event.fit.contradicts:
+            doubts.append(Reason.SUDDEN_CHANGE)
+            self._previous = None  # it belongs to another injector
+        return doubts
+
+    def _strangeness(self, window: Window) -> float:
+        """How far an event's operating point was from those learned at, of which it is one from now on."""
+        point = operating_point(window, self._constants.interval)
+        strange = unfamiliarity(point, self._learned_at)
+        self._learned_at = remembered(self._learned_at, point)
+        return strange
+
+    def _resimulated(self, window: Window, carried: NDArray[np.float64], strange: float) -> Resimulated:
+        """An event with what was learned from it; carried (m, m): covariance of the theta in force before."""
         now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried, self._scalars)
-        event = replace(event, systematic=self._healthy.mass_share)
-        return replace(outcome, resimulated=event)
+        return replace(event, systematic=math.hypot(self._healthy.mass_share, UNSEEN * strange))
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
@@ -159,9 +236,52 @@ class Learner:
         self._theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
         return replace(self._belief, mean=mean)
 
-    def _fit(self, cost: EventCost, prior: Belief) -> EventFit | None:
-        """Fit the event; after a sudden change from a wide prior, if that explains it much better."""
+    def _fitted(
+        self, window: Window, prior: Belief, offset: float | None
+    ) -> tuple[Window, EventCost, EventFit | None]:
+        """An event without what stands out by what is believed before it, its cost, and its fit.
+
+        offset [p_0]: at rest before it.
+        """
+        cost = self._cost(window, offset)
         first = cost.linearised(self._theta)
+        is_told = self._events > 0 and np.isfinite(first.value)
+        mask = self._mask(window, cost.innovations) if is_told else None
+        if mask is not None:
+            window = window._replace(masked=mask)
+            cost = self._cost(window, offset)
+            first = cost.linearised(self._theta)
+        return window, cost, self._fit(cost, first, prior)
+
+    def _cost(self, window: Window, offset: float | None) -> EventCost:
+        """An event's cost with the colour in use."""
+        colour = self._colour
+        sigma = self._schedule.innovation_sigma if colour is None else colour.sigma
+        whitening = None if colour is None else colour.whitening
+        return EventCost(window, self._setting(), sigma, self._burn_in, self._scalars, whitening, offset)
+
+    def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:
+        """The colour of the noise, after what a fitted event leaves while the needle is shut."""
+        if window.masked.any():  # it would tell the colour of gaps
+            return self._at_rest.colour(self._colour, self._schedule.innovation_sigma)
+        shortest = round(SEGMENT / self._constants.interval)
+        rest = resting_segments(window, self._burn_in, shortest)
+        self._at_rest.add([fit.unfiltered[part] for part in rest])
+        self._slow_rail.add([window.inputs[part, 0] for part in rest])
+        return self._at_rest.colour(self._colour, self._schedule.innovation_sigma)
+
+    def _temper(self, statistics: PhaseStatistics) -> float:
+        """Factor on the variance of an event's innovations.
+
+        Coloured noise of the rail pressure drives the model, too: it does not stay an error of its output. A rail
+        that really moves is no noise, but then the innovations are white.
+        """
+        rail_sigma = self._slow_rail.sigma * self._scale
+        is_rail = self._colour is not None and rail_sigma > COLOURED_RAIL * self._noise.rail_pressure
+        return max(tempering(statistics), RAIL_TEMPER if is_rail else 1.0)
+
+    def _fit(self, cost: EventCost, first: Linearisation, prior: Belief) -> EventFit | None:
+        """Fit the event; after a sudden change from a wide prior, if that explains it much better."""
         if not np.isfinite(first.value):
             return None
         fitter = EventFitter(cost, self._scalars.gate, self._active, theta_limits(self._scale, self._scalars))
@@ -182,11 +302,31 @@ class Learner:
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         return replace(other if much_better else fit, contradicts=True)
 
-    def _take_in(self, fit: EventFit, temper: float) -> None:
-        """The fitted event into the belief, its information divided by `temper`."""
-        here = fit.linearisation
-        self._belief = fit.prior.updated(here.information / temper, here.vector / temper)
-        self._theta, self._active = here.theta, fit.active
+    def _mask(self, window: Window, innovations: NDArray[np.float64]) -> NDArray[np.bool_] | None:
+        return self._outliers.masked(window, innovations, self._sigmas, self._burn_in)
+
+    @property
+    def _sigmas(self) -> Sigmas:
+        colour = self._colour
+        sigma = self._schedule.innovation_sigma if colour is None else colour.sigma
+        return Sigmas(sigma, self._noise.line_pressure / self._scale)
+
+    def _refit(self, cost: EventCost, fit: EventFit) -> EventFit:
+        """The fit of an event of which less counts than before."""
+        fitter = EventFitter(cost, self._scalars.gate, fit.active, theta_limits(self._scale, self._scalars))
+        start = cost.linearised(fit.linearisation.theta)
+        return replace(fitter.fit(start, fit.prior, ITERATIONS), contradicts=fit.contradicts)
+
+    def _take_in(self, event: _Explained) -> None:
+        """The fitted event into statistics and belief, there tempered where its innovations are coloured."""
+        innovations = Innovations(event.fit.innovations, event.cost.sigma)
+        statistics = event_statistics(event.window, innovations, self._constants.interval, self._healthy)
+        here, temper = event.fit.linearisation, self._temper(statistics)
+        self._belief = event.fit.prior.updated(here.information / temper, here.vector / temper)
+        self._theta, self._active = here.theta, event.fit.active
+        self._colour = event.colour
+        self._events += 1
+        self._statistics = pooled(self._statistics, statistics)
 
     def _is_better(self, window: Window, in_force: NDArray[np.float64]) -> bool:
         """Whether the new theta keeps the re-simulated output error of this and the previous event down.
@@ -200,12 +340,20 @@ class Learner:
             events.insert(0, (previous, self._setting(constants)))
         errors = [
             sum(
-                open_loop_error(*event, learned_of(theta, event[1].coefficients, self._scalars))
+                self._open_loop_error(*event, learned_of(theta, event[1].coefficients, self._scalars))
                 for event in events
             )
             for theta in (self._theta, in_force)
         ]
         return bool(errors[0] < ADOPTION_TOLERANCE * errors[1])
+
+    def _open_loop_error(self, window: Window, setting: Setting, learned: Learned) -> float:
+        """`open_loop_error` without the colour of the noise: hum may be larger than what an adoption changes."""
+        if self._colour is None:
+            return open_loop_error(window, setting, learned)
+        errors = np.empty(window.output.size)
+        follow(window, setting, learned, window.opening, errors, NO_RATE, None, NO_SLOPES)
+        return float(np.sum(self._colour.whitening.of(errors)[window.opening :] ** 2))
 
     def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         """Fall back to phi = 0 and forget: what was learned belongs to another line. No event is valid meanwhile."""
@@ -214,8 +362,11 @@ class Learner:
         fresh = no_knowledge(self._noise, self._scale, self._scalars)
         self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
         self._events = 0
+        self._learned_at = ()
         self._previous = None
-        knowledge = replace(fresh, events=outcome.knowledge.events, statistics=self._statistics)
+        knowledge = replace(
+            fresh, events=outcome.knowledge.events, statistics=self._statistics, colour=self._colour
+        )
         return replace(outcome, knowledge=knowledge, objections=found)
 
     def _outcome(
@@ -235,6 +386,8 @@ class Learner:
                 active=self._active,
                 events=self._events,
                 statistics=self._statistics,
+                colour=self._colour,
+                learned_at=self._learned_at,
                 scalars=self._scalars,
             ),
             schedule=self._schedule,
@@ -263,9 +416,9 @@ class Learner:
         state = (rail_pressure, 0.0, 0.9 * rail_pressure)
         return nozzle_change(self._theta, state, (rail_pressure, area))[0]
 
-    def _cost(self, window: Window) -> EventCost:
-        burn_in = round(BURN_IN / self._constants.interval)
-        return EventCost(window, self._setting(), self._schedule.innovation_sigma, burn_in, self._scalars)
+    @property
+    def _burn_in(self) -> int:
+        return round(BURN_IN / self._constants.interval)
 
     def _gains(self) -> GainSchedule:
         learned = learned_of(self._theta, self._constants.coefficients, self._scalars)

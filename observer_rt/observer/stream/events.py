@@ -4,6 +4,7 @@ import math
 
 from numba import njit
 
+from observer_rt.observer.stream.standstill import forget_other_noise
 from observer_rt.observer.stream.state import (
     INJECTIONS,
     MAX_EVENT,
@@ -21,12 +22,13 @@ def begin_injection(observer: Observer, position: int) -> None:
     memory = observer.memory[0]
     timing = observer.constants.timing
     row = observer.ring[position & _MASK]
+    memory.opening = position
     if not memory.in_event:
         memory.in_event = True
         memory.event_number += 1
         memory.event_opening = position
         memory.event_learnable = memory.synchronised
-        memory.event_doubtful = False
+        memory.event_doubtful = 0
     if memory.injections_begun - memory.injections_reported == INJECTIONS:
         memory.injections_reported += 1
     injection = memory.injections[memory.injections_begun % INJECTIONS]
@@ -39,6 +41,31 @@ def begin_injection(observer: Observer, position: int) -> None:
     injection.opening_index = row.index
     injection.opening_seen = position > memory.segment_start
     injection.rail_pressure = row.rail_pressure
+
+
+@njit(cache=True, nogil=True)
+def part_events(observer: Observer, position: int) -> None:
+    """The shut needle is about to open at `position`: an event that has lasted its gap ends here.
+
+    Not while the sac may still be filled: only after a needle that was shut long enough for x^ to follow x~. One that
+    goes on without such a pause ends when it is too long to be learned from.
+    """
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    lasted = position - memory.event_opening
+    is_at_rest = observer.ring[position & _MASK].index - memory.shut_since > timing.settle
+    if memory.in_event and (lasted > MAX_EVENT or (is_at_rest and lasted >= timing.event_gap)):
+        close_event(observer, position - 1)
+
+
+@njit(cache=True, nogil=True)
+def forget_opening(observer: Observer) -> None:
+    """The opening under way, its event's only one, was none."""
+    memory = observer.memory[0]
+    memory.injections_begun -= 1
+    memory.event_number -= 1
+    memory.in_event = False
+    memory.needle_open = False
 
 
 @njit(cache=True, nogil=True)
@@ -64,11 +91,13 @@ def close_event(observer: Observer, position: int) -> None:
     memory = observer.memory[0]
     timing = observer.constants.timing
     _end_window(observer, memory.injections_begun - 1, position)
+    forget_other_noise(observer)
     memory.in_event = False
     event = memory.events[memory.events_closed % PENDING_EVENTS]
     memory.events_closed += 1
     event.number = memory.event_number
-    event.due_index = memory.shut_since + timing.event_gap + timing.learning_delay
+    shut_at = min(memory.shut_since + timing.event_gap, observer.ring[position & _MASK].index)
+    event.due_index = shut_at + timing.learning_delay
     event.opening = memory.event_opening
     event.window_start = max(memory.event_opening - timing.learning_lead, memory.segment_start)
     event.window_end = position
@@ -85,7 +114,8 @@ def close_event(observer: Observer, position: int) -> None:
     event.difference_count = memory.difference_count
     event.rail_squares = memory.rail_squares
     event.line_squares = memory.line_squares
-    event.lift_squares = memory.lift_squares
+    event.lift_count = memory.lift_count
+    event.lift_variance = memory.lift_variance
 
 
 @njit(cache=True, nogil=True)
@@ -111,9 +141,14 @@ def make_all_due(observer: Observer) -> None:
 
 @njit(cache=True, nogil=True)
 def judgement_due(observer: Observer, index: int) -> bool:
-    """Whether the oldest closed event must be judged before the sample `index`, which is outside every event."""
+    """Whether the oldest closed event must be judged before the sample `index`, at which the needle does not
+    open.
+
+    Outside every event, or where x^ follows x~ or is not available: nothing that is being integrated changes.
+    """
     memory = observer.memory[0]
-    if memory.events_taken == memory.events_closed:
+    is_at_rest = not memory.needle_open and index - memory.shut_since > observer.constants.timing.settle
+    if memory.in_event and memory.synchronised and not is_at_rest:
         return False
     return bool(memory.events[memory.events_taken % PENDING_EVENTS].due_index <= index)
 

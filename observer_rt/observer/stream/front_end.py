@@ -17,15 +17,17 @@ from observer_rt.observer.stream.state import RING, Observer
 LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts
 DEAD_BAND_SIGMAS = 5.0
 DEAD_BAND_FLOOR = 2.0e-6  # m
-CONFIRM = 2  # consecutive samples that decide
+CONFIRM = 2  # consecutive samples that shut the needle
+OPENING = 40e-6  # s above the dead band that open it: less is a spike
+FEWEST_OPENING, MOST_OPENING = 2, 8  # samples of that
 FOOT = 0.3  # of the dead band, above which these samples are the foot of a ramp
-LOOKAHEAD = LOOK_BACK + CONFIRM - 1  # samples the front end must know beyond the first recorded as open
 RAMP = 30e-6  # s of a ramp from which its slope is taken, behind its first sample
-LONGEST_RAMP = LOOKAHEAD - 1  # samples; so many are known when the slope is needed
+LONGEST_RAMP = LOOK_BACK + FEWEST_OPENING - 2  # samples; so many are known when the slope is needed
 SLOWEST_OPENING = 0.3  # m/s
 _MASK = RING - 1
 
 
+@njit(cache=True, nogil=True)
 def dead_band(lift_noise: float) -> tuple[float, float]:
     """Lift [m] above which the needle is open and below which it is shut again, from the lift noise [m]."""
     opens = max(DEAD_BAND_FLOOR, DEAD_BAND_SIGMAS * lift_noise)
@@ -37,6 +39,16 @@ def toe_samples(inputs: InputTerms, interval: float) -> int:
     return math.ceil(max(inputs.lift_shift, 0.0) / (SLOWEST_OPENING * interval))
 
 
+def confirming_samples(interval: float) -> int:
+    """Samples in a row above the dead band that open the needle; sample interval [s]."""
+    return min(max(round(OPENING / interval), FEWEST_OPENING), MOST_OPENING)
+
+
+def samples_ahead(interval: float) -> int:
+    """Samples the front end must know beyond the first recorded as open; sample interval [s]."""
+    return LOOK_BACK + confirming_samples(interval) - 1
+
+
 def ramp_samples(interval: float) -> int:
     """Samples behind the first of a ramp from which its slope is taken; sample interval [s]."""
     return min(max(round(RAMP / interval), 1), LONGEST_RAMP)
@@ -45,15 +57,14 @@ def ramp_samples(interval: float) -> int:
 @njit(cache=True, nogil=True)
 def known(observer: Observer, position: int) -> int:
     """How many samples after `position` are received and follow it without a break (at most the look-ahead)."""
-    count = 0
-    received = observer.memory[0].received
-    while (
-        count < observer.constants.timing.lookahead
-        and position + count + 1 < received
-        and observer.ring[(position + count + 1) & _MASK].broken == 0
-    ):
-        count += 1
-    return count
+    memory = observer.memory[0]
+    count = min(memory.received - 1 - position, observer.constants.timing.lookahead)
+    if memory.newest_break <= position:
+        return int(count)
+    for ahead in range(count):
+        if observer.ring[(position + ahead + 1) & _MASK].broken != 0:
+            return ahead
+    return int(count)
 
 
 @njit(cache=True, nogil=True)
@@ -84,7 +95,7 @@ def _foot_ahead(observer: Observer, position: int, nearest: int) -> int:
     """
     ahead = known(observer, position)
     for distance in range(nearest, min(nearest + observer.constants.timing.toe, ahead) + 1):
-        if _opens_within(observer, position + distance, min(ahead - distance, LOOKAHEAD)):
+        if _opens_within(observer, position + distance, min(ahead - distance, _reach(observer))):
             return int(distance + _is_partial(observer, position + distance))
     return -1
 
@@ -95,7 +106,13 @@ def _is_partial(observer: Observer, position: int) -> int:
     if not is_averaged(observer.constants.coefficients.line):
         return 0
     is_first = position <= observer.memory[0].segment_start
-    return int(is_first or not _opens_within(observer, position - 1, LOOKAHEAD))
+    return int(is_first or not _opens_within(observer, position - 1, _reach(observer)))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _reach(observer: Observer) -> int:
+    """`samples_ahead`."""
+    return int(LOOK_BACK + observer.constants.timing.confirm - 1)
 
 
 @njit(cache=True, nogil=True)
@@ -107,10 +124,10 @@ def _opens_within(observer: Observer, position: int, samples: int) -> bool:
     threshold = observer.memory[0].lift_on
     run = 0
     for ahead in range(samples + 1):
-        lift = observer.ring[(position + ahead) & _MASK].needle_lift
+        lift = observer.ring[(position + ahead) & _MASK].lift
         if lift > threshold:
             run += 1
-            if run == CONFIRM:
+            if run == observer.constants.timing.confirm:
                 return True
         elif run > 0 or lift < FOOT * threshold:
             return False
@@ -121,7 +138,7 @@ def _opens_within(observer: Observer, position: int, samples: int) -> bool:
 def _recorded_lift(observer: Observer, position: int) -> float:
     """True lift [m] of an open needle, from the recorded one."""
     inputs = observer.constants.inputs
-    return float(inputs.lift_factor * observer.ring[position & _MASK].needle_lift + inputs.lift_shift)
+    return float(inputs.lift_factor * observer.ring[position & _MASK].lift + inputs.lift_shift)
 
 
 @njit(cache=True, nogil=True)
@@ -145,8 +162,8 @@ def slope_of_means(partial: float, full: float, slope: float, tolerance: float) 
 def _slope_of_means(observer: Observer, outermost: int, inwards: int, slope: float) -> float:
     """The same of the ramp whose outermost sample is `outermost`, the next one `inwards` (1 or -1) of it."""
     factor = observer.constants.inputs.lift_factor
-    partial = factor * observer.ring[outermost & _MASK].needle_lift
-    full = factor * observer.ring[(outermost + inwards) & _MASK].needle_lift
+    partial = factor * observer.ring[outermost & _MASK].lift
+    full = factor * observer.ring[(outermost + inwards) & _MASK].lift
     return float(slope_of_means(partial, full, slope, observer.memory[0].lift_off))
 
 
@@ -204,9 +221,9 @@ def _no_lift_from(observer: Observer, position: int) -> bool:
     threshold = memory.lift_on if observer.constants.timing.toe > 0 else memory.lift_off
     ahead = known(observer, position)
     for distance in range(min(ahead + 1, CONFIRM)):
-        if observer.ring[(position + distance) & _MASK].needle_lift > threshold:
+        if observer.ring[(position + distance) & _MASK].lift > threshold:
             return False
-    return not _opens_within(observer, position, min(ahead, LOOKAHEAD))
+    return not _opens_within(observer, position, min(ahead, _reach(observer)))
 
 
 @njit(cache=True, nogil=True)

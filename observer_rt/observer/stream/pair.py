@@ -12,10 +12,14 @@ from observer_rt.model.integrator import Interval
 from observer_rt.model.line.interface import line_from, rest_line
 from observer_rt.model.network import Network
 from observer_rt.observer.stream.front_end import known
+from observer_rt.observer.stream.outliers import accepted
 from observer_rt.observer.stream.phi import advance_x_hat, read_phi
-from observer_rt.observer.stream.state import RING, Observer
-from observer_rt.observer.stream.surprise import watch
+from observer_rt.observer.stream.state import LINE, RING, Observer
+from observer_rt.observer.stream.surprise import end_contradiction, watch
 
+SHORT = (
+    2  # times what an opening takes to be one: leaps of the innovation that last longer contradict the model
+)
 _MASK = RING - 1
 
 
@@ -62,6 +66,7 @@ def start_pair(observer: Observer, position: int) -> None:
     row.x_tilde[2] = 0.0
     row.indicated = pressure
     row.innovation = 0.0
+    memory.accepted_innovation = 0.0
     memory.surprise = 0.0
     _copy(row.x_tilde, row.x_hat)
     memory.since_start = 0
@@ -70,8 +75,13 @@ def start_pair(observer: Observer, position: int) -> None:
 
 @njit(cache=True, nogil=True)
 def _is_measured(observer: Observer, position: int) -> bool:
-    """Whether the line pressure that belongs to a sample is in the ring, for it may be recorded late or early."""
+    """Whether the line pressure that belongs to a sample is in the ring, for it may be recorded late or early.
+
+    And is one: an outlier is none.
+    """
     late = observer.constants.sensor.late
+    if (observer.ring[(position + late) & _MASK].bridged >> LINE) & 1:
+        return False
     if late == 0:
         return True
     if late > 0:
@@ -107,8 +117,13 @@ def step_pair(observer: Observer, position: int) -> bool:
     row.innovation = 0.0
     if _is_measured(observer, position):
         y = observer.ring[(position + constants.sensor.late) & _MASK].line_pressure
-        row.innovation = y - memory.offset - shown
-        watch(observer, row.innovation, row.doubt)
+        innovation = y - memory.offset - shown
+        if accepted(memory, min(constants.timing.bridge, SHORT * constants.timing.confirm), innovation):
+            row.innovation = innovation
+            was_contradicted = memory.contradicted
+            watch(observer, innovation, row.doubt)
+            if memory.contradicted:
+                end_contradiction(observer, row.resting, not was_contradicted)
     gain = observer.gains[min(memory.since_start, observer.gains.shape[0] - 1)]
     row.indicated = correct(row.x_tilde, indicated, row.innovation, gain, None)
     memory.since_start += 1

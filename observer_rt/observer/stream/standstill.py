@@ -1,18 +1,26 @@
 """What the closed needle tells: noise levels and the offset between line and rail pressure."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.observer.stream.lift_figures import LiftFigures
 from observer_rt.observer.stream.state import RING, Observer, Reason
 
-ENOUGH_SAMPLES = 10_000  # of standstill, before measured noise replaces the configured
+ENOUGH_SAMPLES = 256  # of standstill, before measured noise may replace the stated
+MEMORY = 16_384  # squares of which the mean is formed at least; beyond twice as many the older count half
+LIFT_MEMORY = 4_096  # squares the running mean of the lift remembers
+CONTRADICTED = (
+    5.0  # standard deviations of a measured level's logarithm, from which on it replaces the stated
+)
+_SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
 FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 _ORDER = 4  # differences: order 4 leaves the ringing of the line below the noise even at 20 kHz
-_GAIN = 70.0  # sum of squares of 1 4 6 4 1
+DIFFERENCE_GAIN = 70.0  # sum of squares of 1 4 6 4 1
 _NEXT = -56.0  # sum of products of neighbours in 1 -4 6 -4 1
 _TRUSTED = 200  # squares, from which on their mean tells a spike
 _SPIKE = 36.0  # times the mean square: six sigma
@@ -25,7 +33,7 @@ def gather(observer: Observer, position: int) -> None:
     """Take the sample at `position` into the statistics of the standstill."""
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
-    if not row.resting or row.interpolated or memory.unsynchronised_by == _NUMERICAL:
+    if not row.resting or row.interpolated or row.bridged != 0 or memory.unsynchronised_by == _NUMERICAL:
         memory.rest_run = 0
         return
     memory.rest_run += 1
@@ -37,7 +45,7 @@ def gather(observer: Observer, position: int) -> None:
         c = observer.ring[(position - 2) & _MASK]
         d = observer.ring[(position - 1) & _MASK]
         count = memory.difference_count
-        memory.rail_squares += _square(
+        memory.rail_squares += square_of_difference(
             a.rail_pressure,
             b.rail_pressure,
             c.rail_pressure,
@@ -47,7 +55,7 @@ def gather(observer: Observer, position: int) -> None:
             count,
             smoothing(row.rail_share),
         )
-        memory.line_squares += _square(
+        memory.line_squares += square_of_difference(
             a.line_pressure,
             b.line_pressure,
             c.line_pressure,
@@ -56,16 +64,47 @@ def gather(observer: Observer, position: int) -> None:
             memory.line_squares,
             count,
         )
-        memory.lift_squares += _square(
-            a.needle_lift,
-            b.needle_lift,
-            c.needle_lift,
-            d.needle_lift,
-            row.needle_lift,
-            memory.lift_squares,
-            count,
-        )
         memory.difference_count += 1
+        if memory.difference_count == 2 * MEMORY:
+            _halve(observer)
+
+
+@njit(cache=True, nogil=True)
+def _halve(observer: Observer) -> None:
+    """What is long past counts for less."""
+    memory = observer.memory[0]
+    memory.difference_count = MEMORY
+    memory.differences_before //= 2
+    memory.rail_squares *= 0.5
+    memory.line_squares *= 0.5
+    memory.rail_squares_before *= 0.5
+    memory.line_squares_before *= 0.5
+
+
+@njit(cache=True, nogil=True)
+def _differ(one: float, other: float, factor: float) -> bool:
+    """Whether one exceeds the other by more than a factor."""
+    return bool(one > factor * other or other > factor * one)
+
+
+@njit(cache=True, nogil=True)
+def forget_other_noise(observer: Observer) -> None:
+    """An event closes: what was known before it goes where the noise has become another since."""
+    memory = observer.memory[0]
+    before, since = memory.differences_before, memory.difference_count - memory.differences_before
+    if min(before, since) >= ENOUGH_SAMPLES:
+        rail, line = memory.rail_squares_before, memory.line_squares_before
+        within = math.exp(CONTRADICTED * math.sqrt(4.0 * _SPREAD * (1.0 / before + 1.0 / since)))
+        share = since / before
+        if _differ(memory.rail_squares - rail, share * rail, within) or _differ(
+            memory.line_squares - line, share * line, within
+        ):
+            memory.difference_count = since
+            memory.rail_squares -= rail
+            memory.line_squares -= line
+    memory.differences_before = memory.difference_count
+    memory.rail_squares_before = memory.rail_squares
+    memory.line_squares_before = memory.line_squares
 
 
 @njit(cache=True, nogil=True)
@@ -75,11 +114,11 @@ def smoothing(share: float) -> float:
     To the line, which follows slowly, an interpolated pressure is as noisy as its neighbours are.
     """
     kept = 1.0 - share
-    return kept * kept + share * share + 2.0 * kept * share * _NEXT / _GAIN
+    return kept * kept + share * share + 2.0 * kept * share * _NEXT / DIFFERENCE_GAIN
 
 
 @njit(cache=True, nogil=True)
-def _square(
+def square_of_difference(
     a: float, b: float, c: float, d: float, e: float, total: float, count: int, smoothed: float = 1.0
 ) -> float:
     """Square of the fourth difference, a spike's limited to what the `count` squares before make plausible.
@@ -102,22 +141,37 @@ class Standstill:
     samples: int
     offset: float
     noise: NoiseLevels | None  # None until ENOUGH_SAMPLES
+    lift: LiftFigures = field(default_factory=LiftFigures)
 
 
-def standstill_of(record: np.void, pressure_scale: float) -> Standstill:
-    """Read the statistics out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa]."""
+def standstill_of(
+    record: np.void, pressure_scale: float, stated: NDArray[np.float64] | None = None
+) -> Standstill:
+    """Read the statistics out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa].
+
+    stated: levels (3,) of rail and line pressure [p_0] and lift [m] that hold where what was measured does not
+    contradict them: a short standstill tells a level within some percent only.
+    """
     samples = int(record["rest_count"])
     offset = float(record["offset_sum"]) / samples if samples else 0.0
-    count = int(record["difference_count"])
-    if count < ENOUGH_SAMPLES:
+    count, lifts = int(record["difference_count"]), int(record["lift_count"])
+    if count < ENOUGH_SAMPLES or lifts < ENOUGH_SAMPLES:
         return Standstill(samples, offset, None)
+    squares = float(record["rail_squares"]) / count, float(record["line_squares"]) / count
+    measured = [math.sqrt(square / DIFFERENCE_GAIN) for square in squares]
+    measured.append(math.sqrt(float(record["lift_variance"])))
+    if stated is not None:
+        known = zip(measured, stated, (count, count, min(lifts, 2 * LIFT_MEMORY)), strict=True)
+        measured = [_level(level, float(before), squares) for level, before, squares in known]
     noise = NoiseLevels(
-        rail_pressure=max(
-            FLOOR.rail_pressure, pressure_scale * math.sqrt(float(record["rail_squares"]) / count / _GAIN)
-        ),
-        line_pressure=max(
-            FLOOR.line_pressure, pressure_scale * math.sqrt(float(record["line_squares"]) / count / _GAIN)
-        ),
-        needle_lift=max(FLOOR.needle_lift, math.sqrt(float(record["lift_squares"]) / count / _GAIN)),
+        rail_pressure=max(FLOOR.rail_pressure, pressure_scale * measured[0]),
+        line_pressure=max(FLOOR.line_pressure, pressure_scale * measured[1]),
+        needle_lift=max(FLOOR.needle_lift, measured[2]),
     )
     return Standstill(samples, offset, noise)
+
+
+def _level(measured: float, stated: float, squares: int) -> float:
+    """The stated level of a noise, unless the one measured from so many squares contradicts it."""
+    within = math.exp(CONTRADICTED * math.sqrt(_SPREAD / squares))
+    return stated if stated / within <= measured <= stated * within else measured

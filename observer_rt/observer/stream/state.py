@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
@@ -15,6 +15,8 @@ from observer_rt.observer.stream.phi import Phi
 
 RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
+RAIL, LIFT, LINE = range(3)  # numbers of the channels
+WAITING = 1 << 11  # samples, with those before them, while the delay of a channel is undone
 PENDING_EVENTS = 512  # closed, not yet judged: the longest learning delay over the shortest event gap
 INJECTIONS = 1024  # finished, not yet reported; of more, the oldest are forgotten
 
@@ -54,6 +56,10 @@ class Reason(IntEnum):
     NOT_JUDGED = 19  # the event could not be tested; after two in a row nothing is known of what follows
     CONTRADICTED = 20  # the innovations have left the model: an input is wrong, or the injector changed
     SECOND_SENDER = 21  # another node sends what only this service should
+    NO_STANDSTILL = 22  # the needle is not shut long enough between injections
+    LIFT_ZERO = 23  # the lift of the shut needle is too far from zero
+    INPUT_FROZEN = Doubt.FROZEN  # an input keeps its value for longer than can be bridged
+    INPUT_CLIPPED = Doubt.CLIPPED  # an input stays at the end of its range
 
 
 _SAMPLE = [
@@ -64,9 +70,11 @@ _SAMPLE = [
     ("line_pressure", np.float64),
     ("lift_after", np.float64),  # share of an interval by which the lift was taken later than the rest
     ("rail_share", np.float64),  # in the rail pressure, of the later one of two neighbours
+    ("lift", np.float64),  # m, the recorded one without what `lift_zero` takes for no motion
     ("interpolated", np.bool_),
     ("broken", np.int8),  # Break
     ("doubt", np.int8),  # Doubt
+    ("bridged", np.int8),  # a bit for every channel whose value does not count
     # as computed
     ("lift_area", np.float64),  # normalised seat area when the lift was taken
     ("seat_area", np.float64),  # u2
@@ -87,7 +95,8 @@ _STANDSTILL = [
     ("difference_count", np.int64),
     ("rail_squares", np.float64),
     ("line_squares", np.float64),
-    ("lift_squares", np.float64),
+    ("lift_count", np.int64),
+    ("lift_variance", np.float64),  # m2, of the noise: a running mean
 ]
 
 EVENT = np.dtype(
@@ -98,8 +107,27 @@ EVENT = np.dtype(
         ("window_end", np.int64),
         ("opening", np.int64),
         ("learnable", np.bool_),
-        ("doubtful", np.bool_),  # it has samples that are not to be trusted
+        ("doubtful", np.int8),  # Reason its samples are not to be trusted, 0 when they are
         *_STANDSTILL,  # up to the event's end
+    ],
+    align=True,
+)
+
+CHANNEL = np.dtype(
+    [
+        ("noise", np.float64),  # standard deviation of a sample, as normalised as it is
+        ("last", np.float64),  # value as it came
+        ("change", np.float64),  # running mean from sample to sample
+        ("until", np.int64),  # position before which every sample is looked at
+        ("run", np.int64),  # samples in a row with the value of the one before
+        ("needed", np.int64),  # of them, until it is frozen
+        ("is_dropout", np.bool_),  # it leapt there
+        ("instead", np.float64),  # value before it did
+        ("repeats", np.int64),  # of all samples, those that only by chance have the value of the one before
+        ("held", np.float64),  # value at which it was frozen last
+        ("is_held", np.bool_),  # it has not moved since
+        ("is_clipped", np.bool_),  # it was the time before as well
+        ("bridged", np.int64),  # lately: samples that do not count less others since
     ],
     align=True,
 )
@@ -127,10 +155,32 @@ INJECTION = np.dtype(
     align=True,
 )
 
+RECORDED = np.dtype(
+    [
+        ("index", np.int64),
+        ("rail_pressure", np.float64),  # Pa, m, Pa
+        ("needle_lift", np.float64),
+        ("line_pressure", np.float64),
+        ("lift_after", np.float64),  # see `_SAMPLE`
+        ("rail_share", np.float64),
+        ("interpolated", np.bool_),
+        ("broken", np.int64),
+        ("doubt", np.int64),
+    ],
+    align=True,
+)
+
 _OBSERVER = [
+    # samples as recorded, where something of the channels is undone: recorded >= given_on
+    ("waiting_samples", RECORDED, (WAITING,)),
+    ("recorded", np.int64),
+    ("given_on", np.int64),
+    ("unbroken_since", np.int64),  # number of the first sample since the last break
     # positions in the stream of samples: received >= processed
     ("received", np.int64),
     ("processed", np.int64),
+    ("lifted", np.int64),  # as far as `lift` is known
+    ("newest_break", np.int64),  # position of the newest sample that does not follow the one before
     ("segment_start", np.int64),  # position of the first sample since the last break
     ("draining", np.bool_),  # no more samples will come: do without look-ahead
     # parameters in force
@@ -152,6 +202,8 @@ _OBSERVER = [
     ("innovation_weight", np.float64),  # 1 / their product
     ("surprise", np.float64),  # running mean of e~^2 by this weight
     ("contradicted", np.bool_),  # it has left what noise can do, and no event passed since
+    ("contradicted_at_rest", np.bool_),  # by a channel, for the injector did nothing
+    ("calm", np.int64),  # samples since it was
     ("contradicted_in", np.int64),  # number of the first event that can tell otherwise
     ("lift_on", np.float64),  # m
     ("lift_off", np.float64),
@@ -166,9 +218,11 @@ _OBSERVER = [
     ("shut_since", np.int64),  # index of the first closed sample
     ("in_event", np.bool_),
     ("event_learnable", np.bool_),
-    ("event_doubtful", np.bool_),
+    ("event_doubtful", np.int8),  # Reason
     ("event_number", np.int64),
     ("event_opening", np.int64),
+    ("opening", np.int64),  # position of the last one
+    ("rested", np.int64),  # position of the last sample with the needle long shut
     # the part of a ramp that a lift recorded too low does not show
     ("foot", np.int64),  # position of the first sample whose recorded lift counts
     ("foot_lift", np.float64),  # m, lift at the sample before
@@ -183,10 +237,35 @@ _OBSERVER = [
     ("injections", INJECTION, (INJECTIONS,)),
     ("injections_begun", np.int64),
     ("injections_reported", np.int64),
+    # what the lift shows of a shut needle
+    ("zero", np.float64),  # m, running mean
+    ("zero_count", np.int64),
+    ("spread", np.float64),  # m2, mean square of the lift about it: noise of any colour
+    ("line_mean", np.float64),  # of the line pressure, running as `zero` does
+    ("crosstalk", np.float64),  # m of lift by the line pressure's p_0, as it is taken out; 0: none was found
+    ("crosstalk_count", np.int64),
+    ("swing_squares", np.float64),  # fading sums: of the line pressure about its mean,
+    ("swing_lifts", np.float64),  # and of its products with the lift about its zero
+    # where the lift of an open needle stays
+    ("level", np.float64),  # m, mean of the samples that differ little, and
+    ("level_count", np.int64),  # .. how many they are
+    ("highest", np.float64),  # m, of this opening, 0 where it stayed nowhere
+    ("stop", np.float64),  # m, running mean of the openings that went furthest
+    ("stop_openings", np.int64),
     # statistics of the standstill
+    ("stated_noise", np.float64, (3,)),  # of rail and line pressure [p_0] and lift [m], until it is measured
     ("rest_run", np.int64),
+    ("differences_before", np.int64),  # what was known when the event before closed
+    ("rail_squares_before", np.float64),
+    ("line_squares_before", np.float64),
     *_STANDSTILL,
+    # outliers
+    ("channels", CHANNEL, (3,)),
+    ("accepted_innovation", np.float64),  # the last of x~ that did not leap
+    ("leaping", np.int64),  # samples since
     # counters
+    ("spikes", np.int64),
+    ("bridged", np.int64),
     ("interpolated", np.int64),
     ("lost", np.int64),
     ("breaks", np.int64),
@@ -223,6 +302,22 @@ class Timing(NamedTuple):
     lookahead: int  # samples the observer must know beyond the one in hand
     toe: int  # most samples of an opening ramp that a lift recorded too low does not show
     ramp: int  # samples beyond the first of a ramp from which its slope is taken
+    confirm: int  # samples in a row above the dead band that open the needle
+    bounce: int  # closed needle after which its lift is its zero
+    bridge: int  # most samples of a channel that may be missing
+    filtered: bool  # samples come fast enough for a spike to be told from the line
+
+
+class Undoing(NamedTuple):
+    """What is undone of channels before the observer sees a sample; of the line pressure the model knows it."""
+
+    stated: bool  # whether there is anything
+    rail_late: (
+        int  # samples; sample k + rail_late of the rail pressure is of the time `rail_fraction` (0..1) of a
+    )
+    rail_fraction: float  # .. sample before k
+    lift_lag: float  # samples: time constant of the lift's sensor
+    ahead: int  # samples that must be known beyond one
 
 
 class Constants(NamedTuple):
@@ -236,6 +331,7 @@ class Constants(NamedTuple):
     timing: Timing
     events_required: int  # judged events before a sample can be valid
     rail_every: float  # samples to one of the rail pressure
+    undoing: Undoing
 
 
 class Observer(NamedTuple):

@@ -10,6 +10,7 @@ from observer_rt.observer.stream.events import (
     follow_injection,
     judgement_due,
     make_all_due,
+    part_events,
 )
 from observer_rt.observer.stream.front_end import (
     area_at,
@@ -21,11 +22,16 @@ from observer_rt.observer.stream.front_end import (
     opens_at,
     shut_area,
 )
+from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, take_out_zero
+from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
-from observer_rt.observer.stream.state import MAX_EVENT, RING, Observer, Reason, State
+from observer_rt.observer.stream.state import MAX_EVENT, RING, WAITING, Observer, Reason, State
+from observer_rt.observer.stream.undoing import keep_waiting, true_lift, true_rail_pressure
 
 _MASK = RING - 1
+_WAITING_MASK = WAITING - 1
+_RESTLESS = MAX_EVENT + RING // 8  # samples without standstill; a needle that is open as long is stuck
 _NONE = int(Break.NONE)
 _JUMP = int(Break.JUMP)
 _RESTART = int(Break.RESTART)
@@ -36,6 +42,8 @@ _JUMPED = int(Reason.JUMPED)
 _NUMERICAL = int(Reason.NUMERICAL)
 _CONTRADICTED = int(Reason.CONTRADICTED)
 _NEEDLE_STUCK = int(Reason.NEEDLE_STUCK)
+_NO_STANDSTILL = int(Reason.NO_STANDSTILL)
+_LIFT_ZERO = int(Reason.LIFT_ZERO)
 _TOO_FEW_EVENTS = int(Reason.TOO_FEW_EVENTS)
 _STARTING = int(State.STARTING)
 _NOMINAL = int(State.RUNNING_NOMINAL)
@@ -62,23 +70,97 @@ def push(
     `lift_after` by which share of an interval (0..1) its lift was taken later than the rest of it, `rail_share` that
     its rail pressure lies between two neighbours and which share (0..1) the later one has in it.
     """
+    if not observer.constants.undoing.stated:
+        _append(
+            observer,
+            index,
+            rail_pressure,
+            needle_lift,
+            line_pressure,
+            interpolated,
+            broken,
+            doubt,
+            lift_after,
+            rail_share,
+        )
+        return
+    if broken != _NONE:
+        _give_on(observer, observer.memory[0].recorded)  # nothing follows what waits
+    keep_waiting(
+        observer,
+        index,
+        rail_pressure,
+        needle_lift,
+        line_pressure,
+        interpolated,
+        broken,
+        doubt,
+        lift_after,
+        rail_share,
+    )
+    _give_on(observer, observer.memory[0].recorded - observer.constants.undoing.ahead)
+
+
+@njit(cache=True, nogil=True)
+def _give_on(observer: Observer, end: int) -> None:
+    """Append the samples that wait, up to the number `end`, with what is stated of their channels undone."""
+    memory = observer.memory[0]
+    undoing = observer.constants.undoing
+    for number in range(memory.given_on, end):
+        row = memory.waiting_samples[number & _WAITING_MASK]
+        share = row.rail_share
+        if share == 0.0 and observer.constants.rail_every <= 1.0:
+            share = undoing.rail_fraction
+        _append(
+            observer,
+            row.index,
+            true_rail_pressure(observer, number),
+            true_lift(observer, number),
+            row.line_pressure,
+            row.interpolated,
+            row.broken,
+            row.doubt,
+            row.lift_after,
+            share,
+        )
+    memory.given_on = max(memory.given_on, end)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _append(
+    observer: Observer,
+    index: int,
+    rail_pressure: float,
+    needle_lift: float,
+    line_pressure: float,
+    interpolated: bool,
+    broken: int,
+    doubt: int,
+    lift_after: float,
+    rail_share: float,
+) -> None:
+    """Into the ring, normalised; arguments as of `push`."""
     c = observer.constants.coefficients
     inputs = observer.constants.inputs
     memory = observer.memory[0]
     row = observer.ring[memory.received & _MASK]
     row.index = index
-    true_rail_pressure = inputs.rail_factor * rail_pressure + inputs.rail_shift
-    row.rail_pressure = (true_rail_pressure - c.chamber_pressure) / c.pressure_scale
+    at_rail = inputs.rail_factor * rail_pressure + inputs.rail_shift
+    row.rail_pressure = (at_rail - c.chamber_pressure) / c.pressure_scale
     row.needle_lift = needle_lift
     row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
     row.lift_after = lift_after
     row.rail_share = rail_share
     row.interpolated = interpolated
     row.broken = broken
-    row.doubt = doubt
+    row.bridged = 0
+    outlier = inspect(observer, memory.received)
+    row.doubt = outlier if doubt == _NO_DOUBT else doubt
     if doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
         for position in range(memory.processed, memory.received):
             observer.ring[position & _MASK].doubt = doubt
+    if broken != _NONE:
+        memory.newest_break = memory.received
     memory.received += 1
     if interpolated:
         memory.interpolated += 1
@@ -91,6 +173,8 @@ def advance_stream(observer: Observer) -> bool:
     Returns True when it stopped because an event must be judged first (`memory.waiting`).
     """
     memory = observer.memory[0]
+    if memory.draining:
+        _give_on(observer, memory.recorded)
     while memory.processed < memory.received:
         position = memory.processed
         if (
@@ -130,13 +214,17 @@ def _process(observer: Observer, position: int) -> bool:
     row = observer.ring[position & _MASK]
     if row.broken != _NONE:
         _end_segment(observer, position)
+    take_out_zero(observer, position)
     opens = not memory.needle_open and opens_at(observer, position)
-    if not memory.in_event and not opens and judgement_due(observer, row.index):
+    is_closed = memory.events_taken < memory.events_closed
+    if not opens and is_closed and judgement_due(observer, row.index):
         memory.waiting = True
         return False
     if row.broken != _NONE:
         _begin_segment(observer, position)
     _move_needle(observer, position, opens)
+    if position == memory.segment_start + observer.constants.timing.good:
+        look_at_start(observer, position)
     row.resting = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.settle
     if row.broken != _NONE:
         start_pair(observer, position)
@@ -146,6 +234,7 @@ def _process(observer: Observer, position: int) -> bool:
     read_out(observer, position)
     _mark(observer, position)
     gather(observer, position)
+    follow_lift(observer, position)
     follow_injection(observer, position)
     return True
 
@@ -169,6 +258,7 @@ def _begin_segment(observer: Observer, position: int) -> None:
         memory.shut_since = row.index
         memory.needle_open = False
     memory.segment_start = position
+    memory.rested = position
     memory.synchronised = False
     memory.unsynchronised_by = row.broken
     memory.breaks += 1
@@ -180,6 +270,7 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
     if opens:
+        part_events(observer, position)
         memory.needle_open = True
         open_from(observer, position)
         begin_injection(observer, position)
@@ -218,9 +309,12 @@ def _settle(observer: Observer, position: int) -> None:
     ):
         memory.synchronised = True
         memory.unsynchronised_by = _NO_REASON
-    if memory.needle_open and position - memory.event_opening > MAX_EVENT:
+    if observer.ring[position & _MASK].resting:
+        memory.rested = position
+    is_stuck = memory.needle_open and position - memory.opening > MAX_EVENT
+    if is_stuck or position - memory.rested > _RESTLESS:
         memory.synchronised = False
-        memory.unsynchronised_by = _NEEDLE_STUCK
+        memory.unsynchronised_by = _NEEDLE_STUCK if is_stuck else _NO_STANDSTILL
         memory.event_learnable = False
 
 
@@ -235,11 +329,14 @@ def _mark(observer: Observer, position: int) -> None:
     elif row.doubt != _NO_DOUBT:
         row.reason = row.doubt
         memory.event_learnable = False
-        memory.event_doubtful = True
+        memory.event_doubtful = row.reason
     elif memory.doubted != _NO_REASON:
         row.reason = memory.doubted
         memory.event_learnable = False
-        memory.event_doubtful = True
+        memory.event_doubtful = row.reason
+    elif is_beyond_limit(observer):
+        row.reason = _LIFT_ZERO
+        memory.event_doubtful = row.reason
     elif memory.events_judged - memory.doubtful_events < observer.constants.events_required:
         row.reason = _TOO_FEW_EVENTS
     elif memory.judgement != _NO_REASON:
@@ -254,7 +351,7 @@ def _mark(observer: Observer, position: int) -> None:
         or row.doubt != _NO_DOUBT
         or memory.doubted != _NO_REASON
         or memory.judgement != _NO_REASON
-        or row.reason == _CONTRADICTED
+        or row.reason in (_CONTRADICTED, _LIFT_ZERO)
     ):
         row.state = _DEGRADED
     elif memory.phi_version > 0:

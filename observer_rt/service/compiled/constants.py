@@ -1,6 +1,7 @@
 """The observer's constants for an injector of a bench: parameters, sample rate, temperature of the fuel."""
 
 from observer_rt.config.bench import BenchInjector
+from observer_rt.config.channels import effects_after_alignment
 from observer_rt.config.recording import Meaning
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
@@ -59,11 +60,16 @@ def injector_at(fitted: BenchInjector, fuel_temperature: float | None) -> Inject
 
 def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bool) -> Constants:
     learning = fitted.config.learning
-    durations = Durations(learning.event_gap_ms * MILLISECOND, learning.learning_delay_ms * MILLISECOND)
+    durations = Durations(
+        learning.event_gap_ms * MILLISECOND,
+        learning.learning_delay_ms * MILLISECOND,
+        fitted.config.sampling.bridge_ms * MILLISECOND,
+    )
     events_required = EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
     rate = fitted.config.sampling.rate_hz
     means = fitted.config.sampling.meaning is Meaning.MEAN
-    return constants_for(injector, rate, durations, events_required, rail_every(fitted), means)
+    stated = effects_after_alignment(fitted.config.signals)
+    return constants_for(injector, rate, durations, events_required, rail_every(fitted), means, stated)
 
 
 def rail_every(fitted: BenchInjector) -> float:

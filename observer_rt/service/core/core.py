@@ -1,7 +1,8 @@
 """The service without its surroundings: frames in, frames out. No socket, no clock, no file."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,11 @@ from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of, stream_of
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
+from observer_rt.evidence.slow_noise import SlowNoise
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.observer import make_observer
 from observer_rt.observer.stream.front_end import dead_band
+from observer_rt.observer.stream.lift_figures import LiftFigures, lift_figures
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import RING, Reason, State
 from observer_rt.service.compiled.by_reference import CompiledPipeline
@@ -26,6 +29,7 @@ from observer_rt.service.compiled.publisher import flush, make_publisher
 from observer_rt.service.core.counters import Counters, counted
 from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner
 from observer_rt.service.core.messages import OutputFrame, ResultFrames
+from observer_rt.service.core.noise import slow_noise_of
 from observer_rt.service.inputs.energizing import EnergizingFigures
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
@@ -63,6 +67,7 @@ class Core:
         start = knowledge or no_knowledge(noise, constants.coefficients.pressure_scale)
         learner = learner_of(fitted, constants, start)
         self._bus = bus
+        self._max_lift = fitted.parameters.seat.max_lift
         healthy = healthy_injector(fitted)
         self._learning = healthy.adequate and (config.learning.enabled if learning is None else learning)
         self.compiled = CompiledPipeline(
@@ -187,7 +192,21 @@ class Core:
     @property
     def standstill(self) -> Standstill:
         """Statistics of the closed needle since the start."""
-        return standstill_of(self.compiled.observer.memory[0], self._pressure_scale)
+        found = standstill_of(self.compiled.observer.memory[0], self._pressure_scale)
+        return replace(found, lift=self.lift)
+
+    @property
+    def lift(self) -> LiftFigures:
+        """What was found of the needle-lift sensor."""
+        return lift_figures(self.compiled.observer, self._max_lift)
+
+    @property
+    def slow_noise(self) -> Mapping[Role, SlowNoise]:
+        """What is not white in line pressure [Pa] and needle lift [m], of the samples at rest that are remembered."""
+        white = self.standstill.noise
+        if white is None:
+            return {}
+        return slow_noise_of(self.compiled.observer, self.rows(0, self.processed), white)
 
     @property
     def timing(self) -> tuple[MessageTiming, ...]:

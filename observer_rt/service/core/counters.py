@@ -14,6 +14,8 @@ class Counters:
     samples: int
     lost_samples: int
     interpolated_samples: int
+    spikes: int
+    bridged_samples: int
     frames: int
     crc_errors: int
     length_errors: int
@@ -32,6 +34,13 @@ class Counters:
     missing_injections: int
     uncommanded_injections: int
 
+    @property
+    def outliers(self) -> str:
+        """Spikes and bridged values, in words; empty: there were none."""
+        if not self.spikes and not self.bridged_samples:
+            return ""
+        return f"{self.spikes} spikes replaced, {self.bridged_samples} values of frozen or missing inputs bridged"
+
     def since(self, earlier: "Counters") -> "Counters":
         """What was counted since an earlier look."""
         return Counters(**{name: count - getattr(earlier, name) for name, count in vars(self).items()})
@@ -47,6 +56,8 @@ def counted(pipeline: Pipeline, inputs: OptionalInputs, judging: Judging) -> Cou
         samples=int(memory["processed"]),
         lost_samples=int(alignment["lost"]),
         interpolated_samples=int(memory["interpolated"]),
+        spikes=int(memory["spikes"]),
+        bridged_samples=int(memory["bridged"]),
         frames=int(receiver["frames"]),
         crc_errors=int(receiver["crc_errors"]) + inputs.crc_errors,
         length_errors=int(receiver["length_errors"]) + inputs.length_errors,

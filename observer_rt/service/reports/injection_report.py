@@ -74,7 +74,11 @@ def report_of(injection: np.void, judged: Judged, commanded: CommandedOpening | 
     judgement = judged.objections[0].reason if judged.objections else Reason.NONE
     reason = Reason(int(injection["reason"]))
     if reason in (Reason.NONE, Reason.CONTRADICTED):  # the judgement may know why
-        reason = judgement or reason
+        was_outlier = outcome is not None and outcome.outliers > 0 and not judged.objections
+        reason = Reason.NONE if was_outlier else judgement or reason
+    doubt = Reason(int(event["doubtful"]))
+    if doubt and reason in (Reason.NOT_JUDGED, Reason.TOO_FEW_EVENTS):  # it is why
+        reason = doubt
     middle = injection["middle_x"], injection["middle_u"]
     estimate = (judged.in_force, None) if outcome is None else (outcome.estimate, outcome.covariance)
     scalars = SCALARS if outcome is None else outcome.knowledge.scalars

@@ -76,7 +76,8 @@ class Judging:
         self._first_version = start.phi_version
         self._submitted = 0
         self._waiting: deque[_Closed] = deque()
-        self._examiner = Examiner(start.statistics, healthy)
+        interval = compiled.observer.constants.interval
+        self._examiner = Examiner(start.statistics, healthy, start.colour_at(interval))
 
     @property
     def adoptions(self) -> int:
@@ -109,9 +110,11 @@ class Judging:
         event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS].copy()
         closed = self._waiting.popleft()
         objections = self._examined(closed) if outcome is None else outcome.objections
-        judge(observer, objections, outcome)
         if outcome is not None:
             self._examiner.statistics = outcome.knowledge.statistics
+            self._examiner.colour = outcome.knowledge.colour
+        judge(observer, objections, outcome, is_coloured=self._examiner.colour is not None)
+        if outcome is not None:
             self.rejected += outcome.adoption is not Adoption.ADOPTED
             self.known = replace(outcome.knowledge, phi_version=int(memory["phi_version"]))
         return Judged(event, objections, outcome, in_force(observer), observer.phi, closed.fuel)

@@ -102,6 +102,8 @@ def _figures(daemon: Daemon) -> list[Text]:
             f"{counters.sequence_errors} out of order, {counters.old_frames} too late"
         )
     ]
+    if counters.outliers:
+        told.append(_line(f" {counters.outliers}"))
     refused = f"{counters.rejected_adoptions} refused, {counters.late_adoptions} too late"
     learned = f" learned {counters.adoptions} times in {counters.events} events ({refused})"
     told.append(_line(learned if core.learning else f"{learned}; learning is off"))

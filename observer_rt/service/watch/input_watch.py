@@ -11,6 +11,7 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notice
 from observer_rt.service.watch.arrivals import Arrivals
 from observer_rt.service.watch.finding import Finding
+from observer_rt.service.watch.lift_watch import LiftWatch
 from observer_rt.service.watch.senders import SenderWatch
 from observer_rt.service.watch.silence import SilenceWatch
 from observer_rt.service.watch.values import ValueWatch
@@ -28,6 +29,7 @@ class InputWatch:
         self._core = core
         self._silence = SilenceWatch(self.arrivals)
         self._values = ValueWatch(bus, configured_noise(fitted))
+        self._lift = LiftWatch()
         self._senders = SenderWatch(bus, self.arrivals)
         self._seen = 0
         self._frames = 0
@@ -44,6 +46,7 @@ class InputWatch:
         return [
             *_notices(Topic.INPUT, found),
             *_notices(Topic.VALUE, values),
+            *_notices(Topic.VALUE, self._lift.look(core.lift)),
             *_notices(Topic.SENDER, self._senders.look(now)),
         ]
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus, stream_of
+from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import Role
@@ -103,3 +104,24 @@ def test_signals_of_one_message_agree(tmp_path: Path) -> None:
     error = refused(tmp_path, 'message = "Rail"', LINE_LIFT, LINE_LIFT + '\ntime_base = "other"')
     assert error.place.endswith("time_base")
     assert "LineLift" in error.problem
+
+
+@pytest.mark.parametrize(
+    ("rail", "moved"),
+    [
+        ('message = "RailSlow"\nfilter_delay_us = 120', 2.4),
+        ('message = "RailSlow"\nrate_hz = 1e3\nfilter_delay_us = 120', 2.4),
+        ('message = "Rail"\nfilter_delay_us = 120', 2.4),
+        ('message = "RailSlow"\ntime_base = "ecu"', 0.0),
+    ],
+)
+def test_a_stated_delay_moves_the_samples(tmp_path: Path, rail: str, moved: float) -> None:
+    """At 20 kHz; the line pressure, which is the grid, stays."""
+    bus = timed(tmp_path, rail, line=LINE_LIFT, lift=f"{LINE_LIFT}\nfilter_delay_us = 30")
+    follows, beside = (bus.following[stream_of(bus, r)] for r in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT))
+    assert follows is not None
+    assert follows.early == pytest.approx(moved)
+    assert beside is not None
+    assert beside.early == pytest.approx(0.6)
+    assert beside.on_grid
+    assert beside.roles == 1 << ROLES.index(Role.NEEDLE_LIFT)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from observer_rt.discovery.search.fit_store import FitStore, problem_key
+from observer_rt.model.effects import sized
 from tests.discovery.hidden import NOMINAL
 from tests.discovery.test_amend import LEAK
 
@@ -63,6 +64,7 @@ def test_anything_else_under_that_name_is_begun_anew(tmp_path: Path) -> None:
 def test_the_key_follows_model_and_recordings_but_not_why_an_effect_is_believed() -> None:
     key = problem_key(NOMINAL, ["a", "b"])
     assert problem_key(NOMINAL, ["a", "c"]) != key
+    assert problem_key(NOMINAL, ["a", "b"], [sized("channel_skew", d=1e-6)]) != key
     leaking = NOMINAL.model_copy(update={"effects": (LEAK,)})
     assert problem_key(leaking, ["a", "b"]) != key
     other_reason = LEAK.model_copy(update={"evidence": "a puddle"})

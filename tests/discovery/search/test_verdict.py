@@ -62,6 +62,8 @@ def test_nothing_is_named_on_a_healthy_injector(measured_rate: bool) -> None:
         (sized("seat_outflow"), False),
         (sized("orifice_cavitation", n_crit_excess=0.12), True),
         (sized("lift_dependent_seat_coefficient", a=0.4, x_c=40e-6), True),
+        (sized("chamber_pressure_rise", dp=4e6, s=1.0), False),
+        (sized("needle_lift_sensor_lag", tau=16e-6), False),
     ],
     ids=lambda value: str(value.effect.id) if isinstance(value, SizedEffect) else "",
 )
@@ -112,6 +114,17 @@ def test_two_effects_are_named_together() -> None:
     assert sizes["orifice_area"].value == pytest.approx(0.1, abs=0.01)
     assert sizes["line_friction"].value == pytest.approx(0.5, abs=0.03)
     assert all(one.gain > found.threshold for one in found.effects)
+
+
+def test_a_pair_without_the_best_single_is_found() -> None:
+    """A nozzle that passes less stands in for both, and explains the recordings well enough alone."""
+    points = tuple((pressure, opened) for pressure in (60e6, 100e6, 140e6) for opened in (0.6e-3, 1.9e-3))
+    hidden = sized("chamber_pressure_rise", dp=4e6, s=1.0), sized("orifice_cavitation", n_crit_excess=0.1)
+    found = name_effects(MODEL, measurements(recordings(hidden, points=points)), SearchOptions(workers=2))
+    singles = [one for one in found.ranking if len(one.ids) == 1]
+    assert singles[0].ids == ("orifice_area",)
+    assert {effect.id for effect in found.effects} == {effect.effect.id for effect in hidden}
+    assert found.verdict is Verdict.NAMED
 
 
 @pytest.mark.slow

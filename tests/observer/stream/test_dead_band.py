@@ -40,7 +40,7 @@ def test_noise_never_opens_the_needle() -> None:
     assert stream.count("rest_count") > 999_000 - 1000
 
 
-def test_two_samples_above_the_band_open_and_the_look_back_has_its_raw_lift() -> None:
+def test_samples_above_the_band_open_and_the_look_back_has_its_raw_lift() -> None:
     """Three samples before the crossing count with what they measured, those before them do not."""
     lift = np.array([0.3, 0.6, 0.9, 1.2, 1.5, 2.5, 6.0, 14.0, 22.0, 30.0, *[30.0] * 50, 15.0, 1.5]) * UM
     stream = Stream().rest(5e-3)
@@ -52,7 +52,7 @@ def test_two_samples_above_the_band_open_and_the_look_back_has_its_raw_lift() ->
     half_cone = math.radians(NOMINAL.seat.cone_angle / 2)
     for k in range(crossing - LOOK_BACK, crossing + 5):
         expected = seat_area(lift[k], NOMINAL.seat.diameter, half_cone) / NOMINAL.scaling.area
-        assert area[k] == pytest.approx(expected, rel=1e-12)
+        assert area[k] == pytest.approx(expected, rel=1e-2 if k < crossing else 1e-3)  # the zero is followed
 
 
 def test_foot_of_the_ramp_does_not_close_the_needle_again() -> None:
@@ -104,10 +104,19 @@ def test_hysteresis() -> None:
     assert open_samples(opened) == list(range(80))
 
 
-def test_one_sample_is_not_enough_to_open_or_close() -> None:
+@pytest.mark.parametrize(
+    ("samples", "rate", "opens"), [(3, 100e3, 0), (4, 100e3, 1), (7, 200e3, 0), (1, 20e3, 0)]
+)
+def test_what_lasts_less_than_forty_microseconds_is_no_opening(samples: int, rate: float, opens: int) -> None:
+    stream = Stream(sample_rate=rate).rest(5e-3)
     spike = np.zeros(50)
-    spike[20] = 50 * UM
-    assert open_samples(spike) == []
+    spike[20 : 20 + samples] = 50 * UM
+    pressure = np.full(50, RAIL)
+    stream.feed(pressure, spike, pressure).rest(1e-3)
+    assert stream.count("injections_begun") == opens
+
+
+def test_one_sample_is_not_enough_to_close() -> None:
     dip = np.full(50, 100 * UM)
     dip[20] = 0.0
     assert open_samples(dip) == [k for k in range(-0, 50) if k != 20]

@@ -53,11 +53,42 @@ def test_window_of_a_slow_opening_begins_at_the_foot_of_its_ramp() -> None:
     assert int(stream.injections[0]["start_index"]) == 998 - 15
 
 
-@pytest.mark.parametrize(("apart", "events"), [(GAP - 1, 1), (GAP + 4, 2)])
-def test_event_gap_parts_events(apart: int, events: int) -> None:
-    """Shut for less than the gap is the same event."""
-    stream = run({1000: 50, 1050 + apart: 50}, 8000)
+@pytest.mark.parametrize(("later", "events"), [(GAP - 1, 1), (GAP + 4, 2)])
+def test_event_gap_parts_events(later: int, events: int) -> None:
+    """An opening within the gap since the first one belongs to the same event."""
+    stream = run({1000: 50, 1000 + later: 50}, 8000)
     assert stream.count("event_number") == events
+
+
+@pytest.mark.parametrize(("shut", "events"), [(3 * MS - 5, 1), (3 * MS + 5, 2)])
+def test_event_that_has_lasted_its_gap_ends_where_the_needle_was_shut_long_enough(
+    shut: int, events: int
+) -> None:
+    """Only then x^ begins the next one anew, from x~."""
+    stream = run({1000: GAP, 1000 + GAP + shut: 50}, 8000)
+    assert stream.count("event_number") == events
+
+
+@pytest.mark.parametrize("period", [6 * MS, 8 * MS, round(10.5 * MS)])
+def test_openings_without_end_are_judged_and_valid(period: int) -> None:
+    """At any rhythm that leaves 3 ms of shut needle; every injection is reported once."""
+    openings = dict.fromkeys(range(1000, 60_000, period), 110)
+    stream = run(openings, 62_000)
+    assert len(stream.injections) == len(openings)
+    assert stream.rows["valid"][6000 + 4 * GAP : 59_000].all()
+    assert stream.count("events_judged") >= (59_000 - DELAY - GAP) // (GAP + period)
+
+
+def test_openings_that_leave_no_standstill_say_so() -> None:
+    """2.5 ms are not enough: the sac may still be filled; the injections are over and reported all the same."""
+    openings = dict.fromkeys(range(1000, 99_000, round(3.6 * MS)), 110)
+    stream = run(openings, 99_000)
+    rows = stream.rows[60_000:]
+    assert (rows["reason"] == Reason.NO_STANDSTILL).all()
+    assert (rows["state"] == State.DEGRADED).all()
+    assert stream.count("events_judged") > 1
+    assert Reason(int(stream.injections[-5]["reason"])) is Reason.NO_STANDSTILL
+    assert stream.rest(40e-3).rows["reason"][-1] != Reason.NO_STANDSTILL
 
 
 @pytest.mark.parametrize("gap_ms", [2.0, 10.0, 50.0])
@@ -68,12 +99,12 @@ def test_event_is_judged_a_fixed_time_after_it_closed(gap_ms: float, delay_ms: f
     assert stream.judged == [max(closed + round(delay_ms * MS), closed + 1)]
 
 
-def test_judgement_waits_for_an_event_under_way() -> None:
-    """Due in the middle of the second event: judged at the first sample after that has closed."""
+def test_judgement_waits_for_an_injection_under_way() -> None:
+    """Due in the middle of the second event: judged at the first sample with the needle long shut."""
     due = 1050 + GAP + DELAY
     stream = run({1000: 50, due - 20: 50}, 12_000)
-    second_closed = due - 20 + 50 + GAP
-    assert stream.judged == [second_closed + 1, second_closed + DELAY]
+    second_shut = due - 20 + 50
+    assert stream.judged == [second_shut + 3 * MS + 1, second_shut + GAP + DELAY]
 
 
 def test_judgement_comes_before_the_opening_that_would_delay_it() -> None:

@@ -5,11 +5,12 @@ import pytest
 
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.effects import sized
+from observer_rt.observer.observer import event_standstill
 from observer_rt.observer.stream.standstill import ENOUGH_SAMPLES
 from observer_rt.simulation import measurement
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
-from tests.observer.sample_stream import NOMINAL, RAIL, Stream
+from tests.observer.sample_stream import NOISE, NOMINAL, RAIL, Stream, stroke
 
 
 @pytest.mark.parametrize(
@@ -91,3 +92,41 @@ def test_open_needle_is_no_standstill() -> None:
     stream.feed(pressure, np.full(5000, 0.3e-3), pressure + 30e6)
     assert stream.standstill.samples == pytest.approx(before, abs=10)
     assert abs(stream.standstill.offset) < 1e-12
+
+
+def test_measured_noise_replaces_the_stated_only_where_it_contradicts_it() -> None:
+    """From a few milliseconds on a level three times too low is seen, one that is right stays to the last digit."""
+    random = np.random.default_rng(3)
+    stream = Stream(learning=True)
+    for _ in range(2):
+        lift = random.normal(0.0, NOISE.needle_lift, 4000)
+        lift[800:910] += stroke(110)
+        stream.feed(
+            RAIL + random.normal(0.0, 3 * NOISE.rail_pressure, 4000),
+            lift,
+            RAIL + random.normal(0.0, NOISE.line_pressure, 4000),
+        )
+    noise = event_standstill(stream.observer, 0).noise
+    assert noise is not None
+    assert noise.line_pressure == pytest.approx(NOISE.line_pressure, rel=1e-12)
+    assert noise.needle_lift == pytest.approx(NOISE.needle_lift, rel=1e-12)
+    assert noise.rail_pressure == pytest.approx(3 * NOISE.rail_pressure, rel=0.15)
+
+
+@pytest.mark.parametrize("factor", [2.0, 0.5])
+def test_noise_that_changes_is_followed_from_event_to_event(factor: float) -> None:
+    random = np.random.default_rng(3)
+    stream = Stream(learning=False)
+    for k in range(10):
+        lift = random.normal(0.0, NOISE.needle_lift, 6000)
+        lift[500:610] += stroke(110)
+        times = factor if k >= 5 else 1.0
+        stream.feed(
+            RAIL + random.normal(0.0, times * NOISE.rail_pressure, 6000),
+            lift,
+            RAIL + random.normal(0.0, NOISE.line_pressure, 6000),
+        )
+    levels = [event_standstill(stream.observer, k).noise for k in range(10)]
+    found = [level.rail_pressure / NOISE.rail_pressure for level in levels if level is not None]
+    assert found[:5] == pytest.approx([1.0] * 5, rel=0.02)
+    assert found[6:] == pytest.approx([factor] * 4, rel=0.08)

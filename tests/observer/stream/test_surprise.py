@@ -12,7 +12,7 @@ from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.observer import Durations, constants_for, make_observer
-from observer_rt.observer.stream.surprise import watch
+from observer_rt.observer.stream.surprise import end_contradiction, watch
 from tests.observer.sample_stream import NOISE, NOMINAL
 
 SIGMA = 0.002  # of p_0
@@ -91,3 +91,18 @@ def test_what_a_fitted_model_leaves_of_a_healthy_injector_is_no_contradiction(
     record.synchronised = True
     swing = 3.0 * scale * np.cos(2.0 * np.pi * np.arange(100) / 10_000)
     assert (contradicted_at(swing, record) is not None) == contradicts
+
+
+@pytest.mark.parametrize(("resting", "ends"), [(True, True), (False, False)])
+def test_a_contradiction_at_rest_is_over_when_the_channel_is_well_again(resting: bool, ends: bool) -> None:
+    constants = constants_for(NOMINAL, 100e3, Durations(), 2)
+    of = memory()
+    of.contradicted, of.contradicted_at_rest, of.calm = True, False, 0
+    observer = SimpleNamespace(memory=[of], constants=constants)
+    end_contradiction.py_func(observer, resting, True)
+    assert of.contradicted
+    for score in np.random.default_rng(1).normal(size=2 * constants.timing.good):
+        if of.contradicted:
+            watch.py_func(observer, SIGMA * score, 0)
+            end_contradiction.py_func(observer, resting, False)
+    assert of.contradicted is not ends

@@ -8,6 +8,7 @@ import pytest
 
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.observer.stream.state import Reason, State
+from observer_rt.simulation.measurement import NoiseLevels
 from tests.service.core_frames import (
     DATABASE,
     ONE_MESSAGE,
@@ -215,7 +216,8 @@ def test_needle_signal_that_chatters_is_survived(bench: Path) -> None:
     """A lift sensor gone mad: thousands of openings in one event, each reported once or forgotten, in order."""
     good = recording()
     lift = good.needle_lift.copy()
-    lift[1000:11_000] = np.where(np.arange(10_000) % 8 < 2, 50e-6, 0.0)
+    shut = np.random.default_rng(1).normal(size=10_000) * NoiseLevels().needle_lift
+    lift[1000:11_000] = shut + np.where(np.arange(10_000) % 8 < 2, 50e-6, 0.0)
     mad = type(good)(good.time, good.rail_pressure, lift, good.line_pressure)
     result = run(bench, Device(ONE_MESSAGE).send(mad))
     numbers = [report.number for report in result.reports]

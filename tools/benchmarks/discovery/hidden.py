@@ -76,8 +76,15 @@ _EFFECTS = (
             HiddenParameter("x_c", "seat_lift_scale", 20 * MICROMETRE, 80 * MICROMETRE),
         ),
     ),
-    _single("chamber_pressure_rise", "dp", "chamber_pressure_step", 0.25e6, 12e6),  # Pa
+    HiddenEffect(
+        "chamber_pressure_rise",
+        (
+            HiddenParameter("dp", "chamber_pressure_step", 0.25e6, 12e6),  # Pa
+            HiddenParameter("s", "chamber_pressure_share", 0.05, 1.0),
+        ),
+    ),
     _single("lift_offset", "x_0", "lift_offset", 0.15 * MICROMETRE, 25 * MICROMETRE, -25 * MICROMETRE),
+    _single("needle_lift_sensor_lag", "tau", "lift_sensor_lag", 0.5 * MICROSECOND, 60 * MICROSECOND),
     _single("lift_gain", "g", "lift_gain", 7e-3, 0.2, -0.2),
     _single("rail_pressure_sensor_gain", "g", "rail_pressure_sensor_gain", 2.5e-5, 0.03, -0.03),
     _single("rail_pressure_sensor_offset", "o", "rail_pressure_sensor_offset", 5e3, 5e6, -5e6),  # Pa

@@ -15,9 +15,6 @@ from tools.benchmarks.discovery.cases import RATE_GAIN, RATE_NOISE, measured_rat
 from tools.benchmarks.discovery.oracle_equations import Sampled, follow
 from tools.benchmarks.line_gain import line_gain
 from tools.benchmarks.plant import (
-    LIFT_NOISE,
-    LINE_NOISE,
-    RAIL_NOISE,
     SAMPLE_RATE,
     Bench,
     Outcome,
@@ -27,6 +24,7 @@ from tools.benchmarks.plant import (
 )
 from tools.benchmarks.plant_equations import line_stiffness, seat_factor
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
+from tools.benchmarks.sampling import LIFT_NOISE, LINE_NOISE, RAIL_NOISE
 
 INTERVAL = 1.0 / SAMPLE_RATE  # s
 LEAD, TAIL = 1e-3, 12e-3  # s before an opening and after its end that are judged
@@ -88,9 +86,10 @@ def record_all(benches: Sequence[Bench], with_rate: bool) -> tuple[tuple[Recorde
 def true_lift(r: Recorded, faults: Faults) -> NDArray[np.float64]:
     """Lift [m] (n,) if the sensor has these faults; what an offset cut off is extended with the needle's speeds."""
     lift = np.zeros(r.lift.size)
+    recorded_lift = r.lift + faults.lift_sensor_lag / INTERVAL * np.gradient(r.lift)
     for (first, last), (up, down) in zip(r.openings, r.speeds, strict=True):
         part = slice(int(first), int(last) + 1)
-        seen = r.lift[part]
+        seen = recorded_lift[part]
         corrected = (np.maximum(seen, 0.0) + faults.lift_offset) * (1.0 + faults.lift_gain)
         if faults.lift_offset > 0.0:
             _extend(corrected, seen, up * INTERVAL)

@@ -47,10 +47,15 @@ def score_case(case: HiddenCase, answer: Answer) -> CaseResult:
     )
     if result.named_right:
         result = replace(result, intervals=intervals(case, answer.claims[0]))
-    if result.above_noise:
+    if result.above_noise and not _is_of_the_bench(case):
         line_pressure, injected_mass = gaps(case, answer.amended_model)
         result = replace(result, line_pressure=line_pressure, injected_mass=injected_mass)
     return result
+
+
+def _is_of_the_bench(case: HiddenCase) -> bool:
+    """Whether no amended model can have what is hidden in force."""
+    return case.effect != HEALTHY and bool(VOCABULARY[case.effect].remedy)
 
 
 def visibility(case: HiddenCase) -> Visibility:

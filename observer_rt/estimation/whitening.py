@@ -1,0 +1,69 @@
+"""What makes coloured innovations white: a high pass that takes the slow part away, an autoregressive filter."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+LEVEL_SAMPLES = 20  # from whose mean the high pass starts: a start from 0 would ring for many samples
+NO_HIGH_PASS = -1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """(1 - z)/(1 - theta z) (1 + a_1 z + .. + a_p z^p), z the delay of one sample.
+
+    forgetting: theta, None without high pass; taps: a (p,).
+    """
+
+    forgetting: float | None
+    taps: NDArray[np.float64]
+
+    def of(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Innovations (n,) or their slopes (n, m), whitened: linear, and alike for both.
+
+        The first value does not count, as that of innovations does not, and becomes 0.
+        """
+        columns = values.reshape(values.shape[0], -1)
+        result = np.empty_like(columns)
+        forgetting = NO_HIGH_PASS if self.forgetting is None else self.forgetting
+        _whiten(columns, forgetting, self.taps, result)
+        return result.reshape(values.shape)
+
+
+@njit(cache=True, nogil=True)
+def _whiten(
+    values: NDArray[np.float64],
+    forgetting: float,
+    taps: NDArray[np.float64],
+    result: NDArray[np.float64],
+) -> None:
+    """Values (n, m) down the columns."""
+    n, m = values.shape
+    passed = np.zeros((n, m))
+    if forgetting == NO_HIGH_PASS:
+        passed[1:] = values[1:]
+    else:
+        count = min(LEVEL_SAMPLES, n - 1)
+        before = np.zeros(m)
+        for k in range(1, 1 + count):
+            for j in range(m):
+                before[j] += values[k, j] / count
+        for k in range(1, n):
+            for j in range(m):
+                passed[k, j] = values[k, j] - before[j] + forgetting * passed[k - 1, j]
+                before[j] = values[k, j]
+    result[0] = 0.0
+    for k in range(1, n):
+        for j in range(m):
+            result[k, j] = passed[k, j]
+        for i in range(min(taps.shape[0], k - 1)):
+            for j in range(m):
+                result[k, j] += taps[i] * passed[k - 1 - i, j]
+
+
+def forgetting_of(time_constant: float, interval: float) -> float:
+    """theta of a high pass with a time constant [s] at a sample interval [s]."""
+    return math.exp(-interval / time_constant)

@@ -1,0 +1,154 @@
+"""The colour of a bench's noise: found in the innovations while the needle is shut, taken out of all of them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.whitening import Whitening, forgetting_of
+from observer_rt.observer.stream.standstill import Standstill
+
+TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to choose from
+ORDERS = 20  # highest order of the autoregressive part
+SEGMENT = 3e-3  # s, of rest without break from which on it tells a colour
+REMEMBERED = 0.85  # weight of the events before an event
+RAIL_MOTION = 0.66e-3  # s: what is slower is the rail's own motion
+RAIL_BLOCK = 0.16e-3  # s: what is faster the line does not hear
+MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
+QUIET = 0.7  # of the expected standard deviation
+# Of the BIC, within which the fastest high pass is taken: hum that keeps step with the events is steeper elsewhere
+# than at rest.
+ABOUT_AS_GOOD = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class Colour:
+    """Of the innovations of a bench: the filter that makes them white, at a sample interval [s].
+
+    sigma: standard deviation of what it leaves of them, in units of p_0.
+    """
+
+    whitening: Whitening
+    interval: float
+    sigma: float
+
+
+class SlowRail:
+    """How strong the noise of the rail pressure is where the line hears it, older events counting less."""
+
+    def __init__(self, interval: float) -> None:
+        """interval: of samples [s]."""
+        self._high_pass = Whitening(forgetting_of(RAIL_MOTION, interval), np.empty(0))
+        self._length = max(1, round(RAIL_BLOCK / interval))
+        self._squares, self._count = 0.0, 0.0
+
+    def add(self, segments: Sequence[NDArray[np.float64]]) -> None:
+        """Take in an event's rail pressure, a stretch of rest each."""
+        self._squares *= REMEMBERED
+        self._count *= REMEMBERED
+        for values in segments:
+            passed = self._high_pass.of(values)
+            blocks = passed[: passed.size // self._length * self._length].reshape(-1, self._length)
+            self._squares += float(np.sum(blocks.mean(axis=1) ** 2)) * self._length
+            self._count += len(blocks)
+
+    @property
+    def sigma(self) -> float:
+        """Of the white noise that is as strong, a sample's; 0 without any rest."""
+        return math.sqrt(self._squares / self._count) if self._count > 0.0 else 0.0
+
+
+class OffsetSince:
+    """Line over rail pressure at rest from one event to the next."""
+
+    def __init__(self) -> None:
+        self._samples, self._sum = 0, 0.0
+
+    def after(self, standstill: Standstill) -> float | None:
+        """Its mean since the event before [p_0], None without a sample; standstill: when an event ended."""
+        total = standstill.samples * standstill.offset
+        samples, offset = standstill.samples - self._samples, total - self._sum
+        self._samples, self._sum = standstill.samples, total
+        return offset / samples if samples > 0 else None
+
+
+def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
+    """Runs of samples of a window with the needle long shut, from sample `first` on, none shorter than `shortest`."""
+    resting = np.concatenate(([False], window.resting, [False]))
+    resting[: first + 1] = False
+    changes = np.flatnonzero(resting[1:] != resting[:-1])
+    return [
+        slice(int(begin), int(end))
+        for begin, end in zip(changes[::2], changes[1::2], strict=True)
+        if end - begin >= shortest
+    ]
+
+
+class RestingNoise:
+    """What innovations at rest are like, older events counting less; from it the filter that makes them white."""
+
+    def __init__(self, interval: float) -> None:
+        """interval: of samples [s]."""
+        self._interval = interval
+        self._choices = (None, *(forgetting_of(constant, interval) for constant in TIME_CONSTANTS))
+        self._products = np.zeros((len(self._choices), ORDERS + 1, ORDERS + 1))
+        self._count = 0.0
+
+    def add(self, segments: Sequence[NDArray[np.float64]]) -> None:
+        """Take in an event's innovations [p_0], a stretch of rest each."""
+        self._products *= REMEMBERED
+        self._count *= REMEMBERED
+        for values in segments:
+            for choice, forgetting in enumerate(self._choices):
+                passed = _passed(values, forgetting)
+                lagged = np.lib.stride_tricks.sliding_window_view(passed, ORDERS + 1)[:, ::-1]
+                self._products[choice] += lagged.T @ lagged
+            self._count += len(values) - ORDERS
+
+    def colour(self, before: Colour | None, expected: float = 0.0) -> Colour | None:
+        """The filter that explains them best by the BIC, None where white noise does about as well.
+
+        before: what it was, and stays where too little was seen; expected: standard deviation of innovations by the
+        noise levels [p_0]. What is much quieter is no noise but arithmetic, of a recording without noise.
+        """
+        if self._count <= 2 * ORDERS:
+            return before
+        if self._products[0, 0, 0] < self._count * (QUIET * expected) ** 2:
+            return None
+        variances = np.array([_residual_variances(each / self._count) for each in self._products])
+        parameters = np.arange(ORDERS + 1) + np.array(
+            [[forgetting is not None] for forgetting in self._choices]
+        )
+        criteria = self._count * np.log(variances) + math.log(self._count) * parameters
+        orders = np.argmin(criteria, axis=1)
+        least = np.min(criteria, axis=1)
+        choice = int(np.argmin(least))
+        if least[choice] > criteria[0, 0] - MARGIN:
+            return None
+        if choice > 0:
+            choice = int(np.flatnonzero(least < least[choice] + ABOUT_AS_GOOD)[-1])
+        order = orders[choice]
+        whitening = Whitening(self._choices[choice], self._taps(choice, order))
+        return Colour(whitening, self._interval, math.sqrt(variances[choice, order]))
+
+    def _taps(self, choice: int, order: int) -> NDArray[np.float64]:
+        products = self._products[choice]
+        return -np.linalg.solve(products[1 : order + 1, 1 : order + 1], products[1 : order + 1, 0])
+
+
+def _passed(values: NDArray[np.float64], forgetting: float | None) -> NDArray[np.float64]:
+    if forgetting is None:
+        return values
+    return Whitening(forgetting, np.empty(0)).of(np.append(0.0, values))[1:]
+
+
+def _residual_variances(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of the newest value, given none of those before it, one, .. all; covariance: the newest first."""
+    order = len(covariance) - 1
+    last_first = [*range(1, order + 1), 0]
+    factor = np.linalg.cholesky(covariance[np.ix_(last_first, last_first)])
+    explained = np.append(0.0, np.cumsum(factor[-1, :-1] ** 2))
+    return np.asarray(covariance[0, 0] - explained, np.float64)

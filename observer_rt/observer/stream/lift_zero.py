@@ -1,0 +1,181 @@
+"""The lift a shut needle shows: its zero, followed, and what the line pressure adds to it; both are no motion."""
+
+import math
+
+from numba import njit
+
+from observer_rt.foundation.continuity import Break
+from observer_rt.observer.stream.events import forget_opening
+from observer_rt.observer.stream.front_end import dead_band, known
+from observer_rt.observer.stream.lift_stop import follow_opening, take_opening
+from observer_rt.observer.stream.standstill import (
+    DIFFERENCE_GAIN,
+    ENOUGH_SAMPLES,
+    LIFT_MEMORY,
+    square_of_difference,
+)
+from observer_rt.observer.stream.state import RING, Observer
+
+ZERO_RATE = 800.0  # 1/s: share of a sample in the running zero over the sample interval
+CLIP = 0.6  # of the dead band, three sigma: by more a sample does not count
+LIMIT = 40e-6  # m, of a zero that is followed
+START_LIMIT = 15e-6  # m, of a lift that is taken for the zero of a shut needle when the samples begin
+CALM = 0.7e6  # Pa, rms of a line pressure in which no injection rings
+# of the line pressure in the lift:
+LEAST_SWING = 0.5e6  # Pa about its mean, from which on a sample counts: hum is less
+FADE = 2e-5  # a sample
+CROSSTALK_SAMPLES = 2000
+FOUND, LOST = 8.0, 5.0  # standard deviations from which on it is taken out, and below which no more
+LEAST_NOISE = 0.1e-6  # m
+MOST_CROSSTALK = 0.5e-12  # m/Pa
+_WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
+_BEGINNING = 1000  # samples; afterwards every second one is looked at
+_LOOK = 32  # of these after which dead band and crosstalk are worked out
+_MASK = RING - 1
+_START = int(Break.START)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def take_out_zero(observer: Observer, position: int) -> None:
+    """Work out the lift of all samples known at `position`: the recorded one without what a shut needle shows.
+
+    Not when they are received: how many come at once must not matter.
+    """
+    memory = observer.memory[0]
+    end = position + known(observer, position) + 1
+    for k in range(memory.lifted, end):
+        row = observer.ring[k & _MASK]
+        row.lift = row.needle_lift - memory.zero
+        if memory.crosstalk != 0.0:
+            pressed = memory.crosstalk * (row.line_pressure - memory.line_mean)
+            if abs(pressed) < LIMIT:  # a line pressure that is a number
+                row.lift -= pressed
+    memory.lifted = end
+
+
+@njit(cache=True, nogil=True, inline="always")
+def is_beyond_limit(observer: Observer) -> bool:
+    """Whether the zero has gone further than drift does: the needle may not be shut at all."""
+    return bool(abs(observer.memory[0].zero) >= LIMIT)
+
+
+@njit(cache=True, nogil=True)
+def follow_lift(observer: Observer, position: int) -> None:
+    """Take the lift at `position` into its zero, its noise and its crosstalk, if the needle is shut and at rest.
+
+    Else into what is known of its stop.
+    """
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    shut_for = row.index - memory.shut_since
+    if memory.needle_open:
+        follow_opening(observer, position)
+        return
+    if memory.highest > 0.0:
+        take_opening(observer)
+    has_begun = memory.zero_count >= _BEGINNING
+    if shut_for <= observer.constants.timing.bounce or row.interpolated or (has_begun and position % 2):
+        return
+    lift = row.needle_lift - memory.zero
+    if not math.isfinite(lift):
+        return
+    swing = _swing(observer, row.line_pressure)
+    memory.zero_count += 1
+    share = 2.0 * ZERO_RATE * observer.constants.interval
+    if not has_begun:
+        share = max(1.0 / memory.zero_count, 0.5 * share)
+    memory.line_mean += share * swing
+    clip = CLIP * memory.lift_on
+    left = min(max(lift - memory.crosstalk * swing, -clip), clip)
+    memory.zero = min(max(memory.zero + share * left, -LIMIT), LIMIT)
+    if abs(swing) * observer.constants.coefficients.pressure_scale > LEAST_SWING:
+        memory.swing_squares += swing * swing - FADE * memory.swing_squares
+        memory.swing_lifts += swing * lift - FADE * memory.swing_lifts
+        memory.crosstalk_count += 1
+    if shut_for > observer.constants.timing.bounce + 4 and (memory.zero_count % 2 == 0 or not has_begun):
+        _gather_noise(observer, position, left)
+    if memory.zero_count % _LOOK == 0:
+        opens, shuts = dead_band(math.sqrt(max(memory.lift_variance, memory.spread)))
+        if memory.lift_count >= ENOUGH_SAMPLES or opens > memory.lift_on:
+            memory.lift_on, memory.lift_off = opens, shuts
+        _find_crosstalk(observer)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _swing(observer: Observer, line_pressure: float) -> float:
+    """Line pressure about its running mean, which begins anew after a jump."""
+    memory = observer.memory[0]
+    swing = line_pressure - memory.line_mean
+    if abs(swing) * observer.constants.coefficients.pressure_scale <= _WRONG_SWING:
+        return float(swing)
+    if math.isfinite(line_pressure):
+        memory.line_mean = line_pressure
+    return 0.0
+
+
+@njit(cache=True, nogil=True)
+def _gather_noise(observer: Observer, position: int, left: float) -> None:
+    """From a sample whose lift is `left` [m] about the zero."""
+    memory = observer.memory[0]
+    ring = observer.ring
+    square = square_of_difference(
+        ring[(position - 4) & _MASK].needle_lift,
+        ring[(position - 3) & _MASK].needle_lift,
+        ring[(position - 2) & _MASK].needle_lift,
+        ring[(position - 1) & _MASK].needle_lift,
+        ring[position & _MASK].needle_lift,
+        DIFFERENCE_GAIN * memory.lift_variance * memory.lift_count,
+        memory.lift_count,
+    )
+    memory.lift_count += 1
+    share = 1.0 / min(memory.lift_count, LIFT_MEMORY)
+    memory.lift_variance += share * (square / DIFFERENCE_GAIN - memory.lift_variance)
+    memory.spread += share * (left * left - memory.spread)
+
+
+@njit(cache=True, nogil=True)
+def _find_crosstalk(observer: Observer) -> None:
+    """Whether the ringing line pressure shows in the lift of the shut needle: a regression."""
+    memory = observer.memory[0]
+    if memory.crosstalk_count < CROSSTALK_SAMPLES:
+        return
+    slope = memory.swing_lifts / memory.swing_squares
+    needed = FOUND if memory.crosstalk == 0.0 else LOST
+    is_there = slope**2 * memory.swing_squares > needed**2 * max(memory.spread, LEAST_NOISE**2)
+    most = MOST_CROSSTALK * observer.constants.coefficients.pressure_scale
+    memory.crosstalk = slope if is_there and abs(slope) < most else 0.0
+
+
+@njit(cache=True, nogil=True)
+def look_at_start(observer: Observer, position: int) -> None:
+    """A moment after the samples began: in a line at rest the needle was shut before, whatever lift it showed."""
+    memory = observer.memory[0]
+    start = memory.segment_start
+    if observer.ring[start & _MASK].broken != _START:
+        return
+    has_opened = memory.event_number > 0
+    if has_opened and not (memory.needle_open and memory.opening == start and memory.event_number == 1):
+        return
+    lifts, lift_squares, lines, line_squares = 0.0, 0.0, 0.0, 0.0
+    count = position - start
+    for k in range(start, position):
+        row = observer.ring[k & _MASK]
+        lifts += row.lift
+        lift_squares += row.lift * row.lift
+        line = row.line_pressure - observer.ring[start & _MASK].line_pressure
+        lines += line
+        line_squares += line * line
+    scale = observer.constants.coefficients.pressure_scale
+    if not (line_squares / count - (lines / count) ** 2) * scale**2 < CALM**2:
+        return
+    if has_opened:
+        steady = lift_squares / count - (lifts / count) ** 2
+        if not (steady < memory.lift_on**2 and abs(lifts / count) < START_LIMIT):
+            return
+        forget_opening(observer)
+        memory.zero = lifts / count
+        for k in range(start, memory.lifted):
+            observer.ring[k & _MASK].lift -= memory.zero
+        observer.ring[position & _MASK].lift_area = 0.0
+        observer.ring[position & _MASK].seat_area = 0.0
+    memory.shut_since = observer.ring[start & _MASK].index - observer.constants.timing.settle

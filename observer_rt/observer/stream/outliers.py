@@ -1,0 +1,243 @@
+"""Samples that no sensor means: spikes, frozen and clipped stretches, dropouts. Recognised as they come, one by one.
+
+A value that must not be used is marked in `bridged` of its sample. For a line pressure x~ then goes on by the model,
+without correction, and what is learned leaves it out; a rail pressure or lift is replaced by its neighbours or held.
+"""
+
+import math
+
+from numba import njit
+
+from observer_rt.foundation.continuity import Doubt
+from observer_rt.observer.stream.state import LIFT, LINE, RAIL, RING, Observer
+
+SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are short for a line
+REACH = 3  # samples of the longest spike
+STEP = 7.0  # standard deviations from one sample to the next, by which a spike goes away and comes back: with 4.5
+# noise does so three times a second at 100 kHz, with 7 once in a quarter of an hour
+RESTLESS = 6.2  # the same of a channel's mean change: of white noise as much
+MEMORY = 64.0  # samples, of that mean
+CLOSE = 0.7  # of these: it comes back so near to where it was, and the channel was so steady before
+UNLIKELY = math.log(1e-8)  # probability a sample of so many equal values by chance
+FEWEST_REPEATS = 4  # that are a frozen value: so many samples wait for their look-ahead
+UNLIKELY_AFTER_LEAP = math.log(1e-4)
+FEWEST_AFTER_LEAP = 2
+MOST_SAMPLES = RING  # more than ever may be bridged
+COARSE = 0.2  # share of equal neighbours, from which on they are no noise: a needle on its seat, a held value
+WELL_KNOWN = 1000  # samples from which on the share of equal neighbours is known
+DROPOUT = 30.0  # standard deviations by which a value that then stays is a dropout
+LEAP = 10.0  # of e~ from one sample to the next; a wrong model's grows over several
+_MASK = RING - 1
+_NONE, _FROZEN, _CLIPPED = int(Doubt.NONE), int(Doubt.FROZEN), int(Doubt.CLIPPED)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def inspect(observer: Observer, position: int) -> int:
+    """Look at a sample as it is received, and at those before it; why it is not to be trusted (`Doubt`)."""
+    channels = observer.memory[0].channels
+    row = observer.ring[position & _MASK]
+    doubt = _NONE
+    if not row.interpolated and row.broken == 0:
+        if _is_odd(channels[LINE], position, row.line_pressure):
+            doubt = _look(observer, position, LINE, row.line_pressure)
+        if _is_odd(channels[LIFT], position, row.needle_lift):
+            doubt = max(doubt, _look(observer, position, LIFT, row.needle_lift))
+        # of a slower rail pressure most values are made up
+        is_fast = observer.constants.rail_every <= 1.0
+        if is_fast and _is_odd(channels[RAIL], position, row.rail_pressure):
+            doubt = max(doubt, _look(observer, position, RAIL, row.rail_pressure))
+    return doubt
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _is_odd(channel, position: int, value: float) -> bool:  # type: ignore[no-untyped-def]
+    """Take in a value of a channel; whether there is more to be done than for most of them."""
+    last = channel.last
+    channel.last = value
+    if value == last:
+        channel.run += 1
+        return bool(channel.run == 1 or channel.run >= channel.needed or position < channel.until)
+    if channel.run > 0:
+        if channel.run < channel.needed:
+            channel.repeats += channel.run
+        channel.run = 0
+    step = abs(value - last)
+    limit = max(STEP * channel.noise, RESTLESS * channel.change)
+    channel.change += (
+        (step if step < limit else limit) - channel.change
+    ) / MEMORY  # no number is not taken in
+    return bool(step > limit or position < channel.until)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def accepted(memory, longest: int, innovation: float) -> bool:  # type: ignore[no-untyped-def]
+    """Whether an innovation of x~ [p_0] may correct it: not where it leaps, for `longest` samples at most."""
+    leap = innovation - memory.accepted_innovation
+    is_leap = math.inf > leap * leap * memory.innovation_weight > LEAP * LEAP
+    if is_leap and memory.synchronised and memory.leaping < longest:
+        memory.leaping += 1
+    else:
+        memory.accepted_innovation = innovation
+        memory.leaping = 0
+    return bool(memory.leaping == 0)
+
+
+@njit(cache=True, nogil=True)
+def _look(observer: Observer, position: int, number: int, value: float) -> int:
+    """Do what is to be done about a channel whose value at a position is odd; its `Doubt`."""
+    channel = observer.memory[0].channels[number]
+    if channel.run > 0:
+        _follow_run(observer, position, number, value)
+    elif channel.bridged > 0:
+        channel.bridged -= 1
+    if channel.bridged > 0:
+        channel.until = max(channel.until, position + 2)
+    if _was_held(channel, number, value):
+        return _FROZEN
+    if number != LIFT:  # a needle moves as suddenly
+        _mend(observer, position, number)
+    return int(_doubt(channel, number, observer.constants.timing.bridge))
+
+
+@njit(cache=True, nogil=True)
+def _was_held(channel, number: int, value: float) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a lift that moves again has moved while it was held: a needle cannot be bridged."""
+    if number != LIFT or channel.run > 0 or not channel.is_held:
+        return False
+    channel.is_held = False
+    return bool(not channel.is_dropout and abs(value - channel.held) > DROPOUT * channel.noise)
+
+
+@njit(cache=True, nogil=True)
+def value_of(row, channel: int) -> float:  # type: ignore[no-untyped-def]
+    """Of a sample, by number of the channel."""
+    if channel == RAIL:
+        return float(row.rail_pressure)
+    if channel == LIFT:
+        return float(row.needle_lift)
+    return float(row.line_pressure)
+
+
+@njit(cache=True, nogil=True)
+def _replace(row, channel: int, value: float) -> None:  # type: ignore[no-untyped-def]
+    if channel == RAIL:
+        row.rail_pressure = value
+    elif channel == LIFT:
+        row.lift += value - row.needle_lift
+        row.needle_lift = value
+    else:
+        row.line_pressure = value
+
+
+@njit(cache=True, nogil=True)
+def _follow_run(observer: Observer, position: int, number: int, value: float) -> None:
+    """A channel has the value of the sample before: bridge it, once that is no chance."""
+    channel = observer.memory[0].channels[number]
+    longest = observer.constants.timing.bridge
+    if channel.run == 1:
+        _note_run(observer, position, number, value)
+    if channel.run < channel.needed or channel.needed > longest:
+        return
+    if channel.run == channel.needed:
+        channel.is_clipped = value == channel.held and not channel.is_dropout
+        channel.held = value
+        channel.is_held = True
+        # those before may have been used by now: how many depends on what a frame carries
+        repeats = channel.needed - int(not channel.is_dropout)
+        for k in range(min(repeats, observer.constants.timing.lookahead)):
+            _bridge(observer, position - 1 - k, number)
+    _bridge(observer, position, number)
+    channel.bridged = min(channel.bridged, 2 * longest + 1)
+
+
+@njit(cache=True, nogil=True)
+def _note_run(observer: Observer, position: int, number: int, value: float) -> None:
+    """Two samples, the second at `position`, have one value: how many must follow, and what it was before them."""
+    channel = observer.memory[0].channels[number]
+    channel.needed = MOST_SAMPLES
+    if position <= observer.memory[0].segment_start + 1 or not math.isfinite(value):
+        return
+    channel.instead = value_of(observer.ring[(position - 2) & _MASK], number)
+    channel.is_dropout = abs(value - channel.instead) > DROPOUT * channel.noise
+    channel.needed = repeats_needed(channel.repeats, position, channel.is_dropout)
+
+
+@njit(cache=True, nogil=True)
+def repeats_needed(repeats: int, samples: int, is_dropout: bool) -> int:
+    """Equal neighbours in a row that are no chance, where so many of all samples had one; fewer after a leap."""
+    if samples < WELL_KNOWN:
+        return MOST_SAMPLES
+    chance = (repeats + 1.0) / (samples + 1.0)
+    if chance > COARSE:
+        return MOST_SAMPLES
+    if is_dropout:
+        return max(FEWEST_AFTER_LEAP, math.ceil(UNLIKELY_AFTER_LEAP / math.log(chance)))
+    return max(FEWEST_REPEATS, math.ceil(UNLIKELY / math.log(chance)))
+
+
+@njit(cache=True, nogil=True)
+def _doubt(channel, number: int, longest: int) -> int:  # type: ignore[no-untyped-def]
+    """Of a channel, so many of whose last samples were bridged; inputs that are clipped are wrong from the start."""
+    if channel.is_clipped and number != LINE:
+        longest = 0
+    if channel.bridged <= longest:
+        return _NONE
+    return _CLIPPED if channel.is_clipped else _FROZEN
+
+
+@njit(cache=True, nogil=True)
+def _bridge(observer: Observer, position: int, number: int) -> None:
+    """Do not use a value: of an input, hold the one before a dropout."""
+    channel = observer.memory[0].channels[number]
+    row = observer.ring[position & _MASK]
+    row.bridged |= 1 << number
+    channel.bridged += 1
+    observer.memory[0].bridged += 1
+    if channel.is_dropout and number != LINE:
+        _replace(row, number, channel.instead)
+
+
+@njit(cache=True, nogil=True)
+def _mend(observer: Observer, position: int, number: int) -> None:
+    """Put a straight line in the place of the few values before a position that leapt away from it and came back."""
+    memory = observer.memory[0]
+    if not observer.constants.timing.filtered or position - memory.newest_break < 2 * REACH + 1:
+        return
+    limit = max(STEP * memory.channels[number].noise, RESTLESS * memory.channels[number].change)
+    here = value_of(observer.ring[position & _MASK], number)
+    back = abs(here - value_of(observer.ring[(position - 1) & _MASK], number))
+    if back <= limit or not math.isfinite(back):
+        return
+    for width in range(1, REACH + 1):
+        last = position - width - 1
+        before = value_of(observer.ring[last & _MASK], number)
+        away = abs(value_of(observer.ring[(last + 1) & _MASK], number) - before)
+        close = CLOSE * min(away, back)
+        rise = here - before
+        if away > limit and (
+            _is_steady(observer, last, number, close)
+            and min(abs(rise), abs(rise - (width + 1) * _slope(observer, last, number))) < close
+        ):
+            for k in range(1, width + 1):
+                row = observer.ring[(last + k) & _MASK]
+                _replace(row, number, before + rise * k / (width + 1))
+                row.bridged |= 1 << number
+            memory.spikes += width
+            return
+
+
+@njit(cache=True, nogil=True)
+def _slope(observer: Observer, position: int, number: int) -> float:
+    """Of a channel [a sample], at a position and the two before it."""
+    later, earlier = observer.ring[position & _MASK], observer.ring[(position - 2) & _MASK]
+    return float(0.5 * (value_of(later, number) - value_of(earlier, number)))
+
+
+@njit(cache=True, nogil=True)
+def _is_steady(observer: Observer, position: int, number: int, close: float) -> bool:
+    """Whether a channel changed by less than that at a position and the one before it: else it rings."""
+    for k in range(2):
+        later, earlier = observer.ring[(position - k) & _MASK], observer.ring[(position - k - 1) & _MASK]
+        if abs(value_of(later, number) - value_of(earlier, number)) >= close:
+            return False
+    return True

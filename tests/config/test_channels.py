@@ -1,0 +1,100 @@
+"""Delays and lags that a bench file states: what is refused, and where each of them is undone."""
+
+from pathlib import Path
+
+import pytest
+
+from observer_rt.config.bench import BenchInjector, load_bench
+from observer_rt.config.channels import (
+    as_sent,
+    effects_after_alignment,
+    effects_on_one_raster,
+    undone_in_alignment,
+    with_channels_of,
+)
+from observer_rt.config.signals import Role
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effect import SizedEffect
+from tests.config.test_bench import BENCH, bench_file, bench_refusal
+
+
+def stated(folder: Path, **keys: str) -> BenchInjector:
+    """The injector of a bench with these lines in sections of its signals."""
+    return load_bench(bench_file(folder, with_keys(BENCH, **keys))).injector
+
+
+def with_keys(text: str, **keys: str) -> str:
+    for role, lines in keys.items():
+        text = text.replace(f"[signals.{role}]\n", f"[signals.{role}]\n{lines}\n")
+    return text
+
+
+def sizes(effects: tuple[SizedEffect, ...]) -> dict[str, float]:
+    """In microseconds."""
+    return {each.effect.id: round(1e6 * each.values[0], 9) for each in effects}
+
+
+def test_nothing_stated_changes_nothing(tmp_path: Path) -> None:
+    fitted = stated(tmp_path)
+    assert effects_on_one_raster(fitted) == effects_after_alignment(fitted.config.signals) == ()
+    assert undone_in_alignment(fitted.config.signals, Role.NEEDLE_LIFT) == 0.0
+
+
+def test_alignment_moves_a_message_the_model_knows_the_rest(tmp_path: Path) -> None:
+    fitted = stated(
+        tmp_path,
+        rail_pressure="filter_delay_us = 20",
+        needle_lift="filter_delay_us = 12\nlag_us = 15.9",
+        line_pressure="filter_delay_us = 5\nlag_us = 3",
+    )
+    signals = fitted.config.signals
+    for role in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT):
+        assert undone_in_alignment(signals, role) == pytest.approx(12e-6)
+    lags = {"needle_lift_sensor_lag": 15.9, "line_pressure_sensor_lag": 3.0}
+    assert sizes(effects_after_alignment(signals)) == {"rail_pressure_skew": 8.0, "channel_skew": 5.0, **lags}
+    assert sizes(effects_on_one_raster(fitted)) == {"rail_pressure_skew": 8.0, "channel_skew": -7.0, **lags}
+
+
+def test_a_rail_pressure_of_its_own_message_is_moved_by_its_own_delay(tmp_path: Path) -> None:
+    text = with_keys(BENCH, rail_pressure="filter_delay_us = 20", needle_lift="filter_delay_us = 12")
+    text = text.replace('message = "SampleBlock"', 'message = "RailBlock"', 1)
+    signals = load_bench(bench_file(tmp_path, text)).injector.config.signals
+    assert undone_in_alignment(signals, Role.RAIL_PRESSURE) == pytest.approx(20e-6)
+    assert effects_after_alignment(signals) == ()
+
+
+@pytest.mark.parametrize(
+    ("role", "key", "value"),
+    [
+        ("rail_pressure", "filter_delay_us", "-1"),
+        ("line_pressure", "filter_delay_us", "501"),
+        ("needle_lift", "lag_us", "151"),
+        ("needle_lift", "lag_us", '"slow"'),
+    ],
+)
+def test_refusals_name_the_key(tmp_path: Path, role: str, key: str, value: str) -> None:
+    error = bench_refusal(tmp_path, with_keys(BENCH, **{role: f"{key} = {value}"}))
+    assert error.place.endswith(f": signals.{role}.{key}")
+    assert error.remedy
+
+
+def test_a_rail_pressure_has_a_delay_instead_of_a_lag(tmp_path: Path) -> None:
+    error = bench_refusal(tmp_path, with_keys(BENCH, rail_pressure="lag_us = 10"))
+    assert error.place.endswith(": signals.rail_pressure")
+    assert "'lag_us'" in error.problem
+    assert "'filter_delay_us'" in error.problem
+
+
+def test_too_far_apart_for_recordings(tmp_path: Path) -> None:
+    fitted = stated(tmp_path, line_pressure="filter_delay_us = 90", needle_lift="filter_delay_us = 20")
+    with pytest.raises(UserError) as refused:
+        effects_on_one_raster(fitted)
+    assert refused.value.place.endswith(": signals.line_pressure.filter_delay_us")
+    assert "70 us" in refused.value.problem
+
+
+def test_what_is_stated_goes_to_other_signals_or_away(tmp_path: Path) -> None:
+    signals = stated(tmp_path, needle_lift="filter_delay_us = 12\nlag_us = 15.9").config.signals
+    plain = stated(tmp_path).config.signals
+    assert as_sent(signals) == plain
+    assert with_channels_of(plain, signals) == signals

@@ -1,0 +1,90 @@
+"""The observer on recordings of the benchmark's plant whose line pressure hums or has coloured noise."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.recording.signals.recording import Recording
+from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
+from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.scoring import bench_at, recording_of
+from tools.benchmarks.windows import windows_of
+
+EVENTS = 9
+SEED = 11
+KNOWN_AFTER = 4  # events
+
+
+@cache
+def recorded() -> Outcome:
+    """An injector with 30 % more nozzle area, without disturbance."""
+    events = tuple(
+        Event(rail, (Shot(7e-6 * k, 1.4e-3),), Faults(orifice_area=0.3))
+        for k, rail in enumerate((60e6, 100e6, 140e6) * (EVENTS // 3))
+    )
+    return record(Bench(Injector(), Needle(), events, seed=SEED))
+
+
+def hum(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    return 0.5e6 * np.sin(2.0 * math.pi * 47.0 * time)
+
+
+def coloured(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    pole = math.exp(-2.0 * math.pi * 3e3 * float(time[1] - time[0]))
+    drive = np.random.default_rng(3).normal(size=time.size)
+    return 0.2e6 * math.sqrt(1.0 - pole**2) * np.asarray(lfilter([1.0], [1.0, -pole], drive), np.float64)
+
+
+def disturbed(extra: NDArray[np.float64]) -> Recording:
+    measured = recorded().measured
+    heard = replace(measured, line_pressure=measured.line_pressure + extra)
+    return recording_of(replace(recorded(), measured=heard))
+
+
+def evaluated(extra: NDArray[np.float64]) -> Evaluation:
+    return evaluate(bench_at(100e3), [disturbed(extra)]).evaluations[0]
+
+
+@pytest.mark.parametrize("disturbance", [hum, coloured])
+def test_masses_are_right_and_valid(disturbance: object) -> None:
+    assert callable(disturbance)
+    evaluation = evaluated(disturbance(recorded().measured.time))
+    windows, density = windows_of(recorded(), 100e3), Injector().density
+    true = np.array(windows.event_masses_mg(recorded().truth.injection_rate, density))
+    rate = np.nan_to_num(evaluation.trace.injection_rate)
+    errors = np.array(windows.event_masses_mg(rate, density)) / true - 1.0
+    assert [report.valid for report in evaluation.reports[KNOWN_AFTER:]] == [True] * (EVENTS - KNOWN_AFTER)
+    assert np.abs(errors[KNOWN_AFTER:]).max() < 0.01
+    within = [
+        report.mass_ci95 is not None and report.mass_ci95[0] <= 1e-6 * mass <= report.mass_ci95[1]
+        for report, mass in zip(evaluation.reports, true, strict=True)
+    ]
+    assert sum(within[KNOWN_AFTER:]) >= EVENTS - KNOWN_AFTER - 1
+
+
+def test_hum_does_not_hide_a_line_pressure_that_went_elsewhere() -> None:
+    """The watch expects the hum, and no more than that."""
+    measured = recorded().measured
+    jump = np.where(measured.time > measured.time[-1] - 0.1, 3e6, 0.0)
+    evaluation = evaluated(hum(measured.time) + jump)
+    assert not evaluation.reports[-1].valid
+
+
+def test_what_was_learned_of_the_noise_holds_where_learning_is_off() -> None:
+    humming = disturbed(hum(recorded().measured.time))
+    learned = evaluate(bench_at(100e3), [humming]).knowledge
+    assert learned.colour is not None
+
+    def valid(knowledge: Knowledge) -> list[bool]:
+        reports = evaluate(bench_at(100e3), [humming], knowledge, learning=False).evaluations[0].reports
+        return [report.valid for report in reports[KNOWN_AFTER:]]
+
+    assert valid(learned) == [True] * (EVENTS - KNOWN_AFTER)
+    assert not any(valid(replace(learned, colour=None)))

@@ -1,0 +1,142 @@
+"""What a shut needle shows in its lift is no motion: zero, noise and what the line pressure adds."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.observer.stream.state import MAX_EVENT, Reason, State
+from observer_rt.simulation import measurement
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import Simulation, simulate
+from tests.observer.sample_stream import NOISE, NOMINAL, RAIL, Stream, stroke
+
+MS = 100  # samples at 100 kHz
+UM = 1e-6
+OPENINGS = range(1000, 40_000, 3000)
+
+
+def lift_of(
+    openings: range, length: int, noise: float = NOISE.needle_lift, seed: int = 4
+) -> NDArray[np.float64]:
+    lift = np.random.default_rng(seed).normal(0.0, noise, length)
+    for start in openings:
+        lift[start : start + 110] += stroke(110)
+    return lift
+
+
+def run(lift: NDArray[np.float64]) -> Stream:
+    random = np.random.default_rng(9)
+    rail = RAIL + random.normal(0.0, NOISE.rail_pressure, lift.size)
+    line = RAIL + random.normal(0.0, NOISE.line_pressure, lift.size)
+    return Stream(events_required=0).feed(rail, lift, line)
+
+
+TIME = np.arange(45_000) / 100e3
+DRIFTS = {
+    "3 um at 1.5 Hz": 3 * UM * np.sin(2 * np.pi * 1.5 * TIME),
+    "10 um at 1 Hz": 10 * UM * np.sin(2 * np.pi * TIME),
+    "30 um": 30 * UM * TIME / TIME[-1],
+    "too high from the start": np.full(TIME.size, 8 * UM),
+    "too low from the start": np.full(TIME.size, -8 * UM),
+}
+
+
+@pytest.mark.parametrize("drift", DRIFTS.values(), ids=DRIFTS.keys())
+def test_zero_is_followed(drift: NDArray[np.float64]) -> None:
+    still = lift_of(OPENINGS, TIME.size)
+    stream = run(still + drift)
+    assert len(stream.injections) == len(OPENINGS)
+    rows = stream.rows
+    assert rows["valid"][1000:].all()
+    plain = run(still).rows["seat_area"]
+    opened = plain > 0.1
+    errors = rows["seat_area"][opened] / plain[opened] - 1.0
+    assert np.abs(errors).max() < 0.02
+    assert np.abs(errors.mean()) < 0.003
+
+
+def test_zero_does_not_follow_an_open_needle() -> None:
+    """One that sticks at 8 um after its closing stays open, and is found to be stuck."""
+    lift = lift_of(range(1000, 1001), 3000 + 2 * MAX_EVENT)
+    lift[1110:] += 8 * UM
+    lift[1090:1110] = np.maximum(lift[1090:1110], 8 * UM)
+    rows = run(lift).rows
+    assert (rows["seat_area"][1100:] > 0.0).all()
+    stuck = np.flatnonzero(rows["reason"] == Reason.NEEDLE_STUCK)
+    assert stuck[0] == pytest.approx(1000 + MAX_EVENT, abs=5)
+    assert (rows["reason"][stuck[0] :] == Reason.NEEDLE_STUCK).all()
+
+
+@pytest.mark.parametrize("lift", [20 * UM, 300 * UM])
+def test_needle_open_from_the_start_is_no_zero(lift: float) -> None:
+    rows = run(np.full(2 * MAX_EVENT, lift)).rows
+    assert (rows["reason"][MAX_EVENT + 10 :] == Reason.NEEDLE_STUCK).all()
+    assert np.isnan(rows["injection_rate"]).all()
+
+
+def test_lift_that_moves_at_the_start_is_no_zero() -> None:
+    """A closing at the very beginning, at lifts that a zero might have."""
+    lift = lift_of(range(0), 3000)
+    lift[:120] += np.linspace(14 * UM, 0.0, 120)
+    stream = run(lift)
+    assert abs(float(stream.observer.memory["zero"][0])) < 0.5 * UM
+    assert np.isnan(stream.rows["injection_rate"][: 3 * MS]).all()
+
+
+def test_zero_that_leaves_its_limit_makes_nothing_valid() -> None:
+    drift = 60 * UM * np.clip((TIME - 0.05) / 0.1, 0.0, 1.0) * (TIME < 0.3)
+    rows = run(lift_of(range(0), TIME.size) - drift).rows
+    beyond = rows[int(0.14e5) : int(0.29e5)]
+    assert (beyond["reason"] == Reason.LIFT_ZERO).all()
+    assert (beyond["state"] == State.DEGRADED).all()
+    assert rows["valid"][: int(0.1e5)][MS + 1 :].all()
+
+
+@pytest.mark.parametrize("factor", [1.0, 3.0, 6.0])
+def test_noise_beyond_the_stated_opens_nothing(factor: float) -> None:
+    """The dead band is that of the noise there is, a few milliseconds after the start."""
+    stream = run(lift_of(OPENINGS, 45_000, factor * NOISE.needle_lift))
+    assert len(stream.injections) == len(OPENINGS)
+    band = max(5 * factor * NOISE.needle_lift, 2 * UM)
+    assert float(stream.observer.memory["lift_on"][0]) == pytest.approx(band, rel=0.1)
+
+
+def test_band_follows_noise_that_grows() -> None:
+    """Coloured, too, of which differences of neighbours show little."""
+    random = np.random.default_rng(5)
+    noise = np.zeros(100_000)
+    for k in range(1, noise.size):
+        noise[k] = 0.7 * noise[k - 1] + random.normal(0.0, 0.3 * UM * (1.0 + 4.0 * k / noise.size))
+    stream = run(noise)
+    assert stream.count("injections_begun") == 0
+    assert float(stream.observer.memory["lift_on"][0]) > 5 * np.std(noise[-20_000:]) * 0.8
+
+
+@cache
+def ringing() -> Simulation:
+    schedule = make_schedule([RAIL], 12, 0.05, [1.4e-3, 0.8e-3])
+    return simulate(NOMINAL, schedule, 100e3, noise=measurement.NoiseLevels(), seed=4)
+
+
+def observed(crosstalk: float) -> Stream:
+    """With so much of the line pressure [m/Pa] in the lift."""
+    made = ringing().recording
+    lift = made.needle_lift + crosstalk * (made.line_pressure - made.rail_pressure)
+    return Stream(events_required=0).feed(made.rail_pressure, lift, made.line_pressure)
+
+
+@pytest.mark.parametrize("crosstalk", [0.15e-12, -0.15e-12, 0.05e-12])
+def test_crosstalk_of_the_line_pressure_is_found_and_taken_out(crosstalk: float) -> None:
+    stream, plain = observed(crosstalk), observed(0.0)
+    found = float(stream.observer.memory["crosstalk"][0]) / 100e6
+    assert found == pytest.approx(crosstalk, rel=0.1)
+    late = slice(30_000, None)
+    difference = stream.rows["lift"][late] - plain.rows["lift"][late]
+    assert np.sqrt(np.mean(difference**2)) < 0.1 * UM
+    assert stream.count("injections_begun") - plain.count("injections_begun") <= 4  # until it is known
+
+
+def test_lift_without_crosstalk_is_left_alone() -> None:
+    assert float(observed(0.0).observer.memory["crosstalk"][0]) == 0.0

@@ -1,0 +1,159 @@
+"""What really happens on a bench: pump ripple, transients, rhythm, and needles that bounce."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import Generator
+
+from tools.benchmarks.arrays import Array
+from tools.benchmarks.plant import FIRST_EVENT, PERIOD, Bench, Event, Motion, Needle, Shot, strokes_of
+from tools.benchmarks.realism import reasons
+from tools.benchmarks.realism.disturbance import MPA, UM, Apply, Disturbance, Kind
+
+QUICK = 26  # events of a quick rhythm: the last ones wait for a pause that does not come
+QUICK_DURATIONS = (0.4e-3, 1.2e-3)  # s
+TRANSIENT, TRANSIENT_AT, TRANSIENT_BACK = 20e-3, 9, 14  # s; events (from 0) within which it begins
+BALLISTIC_SPREAD = 0.05e-3  # s
+SHOT_GAPS, PILOT_DURATIONS, MAIN_DURATIONS = (0.3e-3, 0.8e-3), (0.25e-3, 0.5e-3), (0.5e-3, 1.5e-3)  # s
+BOUNCE, BOUNCE_DELAY, OVERSHOOT = 60e-6, 40e-6, 120e-6  # s: bounce, its distance from the closing, overshoot
+
+
+def ripple(frequency: float) -> Apply:
+    """The pump moves the true rail pressure [Hz] by `size` MPa."""
+
+    def apply(bench: Bench, size: float, rng: Generator) -> Bench:
+        phase = rng.random()
+        return _supplied(bench, lambda t: size * MPA * np.sin(2.0 * math.pi * (frequency * t + phase)))
+
+    return apply
+
+
+def transient(bench: Bench, size: float, rng: Generator) -> Bench:
+    """The true rail pressure rises by `size` MPa within an event, and falls again within another one."""
+    begin, back = (bench.starts[event] - 2e-3 for event in (TRANSIENT_AT, TRANSIENT_BACK))
+
+    def added(time: Array) -> Array:
+        up, down = (np.clip((time - moment) / TRANSIENT, 0.0, 1.0) for moment in (begin, back))
+        return np.asarray(size * MPA * (up - down), np.float64)
+
+    return _supplied(bench, added)
+
+
+def every(bench: Bench, size: float, rng: Generator) -> Bench:
+    """An opening every `size` ms without end, at one operating point."""
+    return _at_one_point(bench, FIRST_EVENT + size * 1e-3 * np.arange(QUICK, dtype=np.float64), rng)
+
+
+def irregular(bench: Bench, size: float, rng: Generator) -> Bench:
+    """Openings at least `size` ms apart, by chance up to 2.5 times the usual distance, at one operating point."""
+    gaps = rng.uniform(size * 1e-3, 2.5 * PERIOD, len(bench.events) - 1)
+    return _at_one_point(bench, FIRST_EVENT + np.append(0.0, np.cumsum(gaps)), rng)
+
+
+def several(bench: Bench, size: float, rng: Generator) -> Bench:
+    """`size` openings an event, the next to last the main one."""
+    count = round(size)
+    durations = [rng.uniform(*(MAIN_DURATIONS if n == count - 2 else PILOT_DURATIONS)) for n in range(count)]
+    gaps = rng.uniform(*SHOT_GAPS, count)
+    starts = np.append(0.0, np.cumsum(np.array(durations) + gaps))
+    shots = tuple(Shot(float(t), d) for t, d in zip(starts, durations, strict=False))
+    return _with_shots(bench, lambda event: shots)
+
+
+def ballistic(bench: Bench, size: float, rng: Generator) -> Bench:
+    """One opening of about `size` ms an event: the needle never gets to its stop."""
+    return _with_shots(
+        bench, lambda event: (Shot(event.shots[0].start, size * 1e-3 + rng.uniform(0.0, BALLISTIC_SPREAD)),)
+    )
+
+
+def bouncing(bench: Bench, size: float, rng: Generator) -> Bench:
+    """After closing the needle opens again, by `size` um."""
+
+    def more(strokes: Array) -> Array:
+        speed = 2.0 * size * UM / BOUNCE
+        closed = strokes[:, 3] + BOUNCE_DELAY
+        top, end = closed + 0.5 * BOUNCE, closed + BOUNCE
+        return np.stack((closed, top, top, end, *np.full((2, closed.size), speed)), axis=1)
+
+    return _moved(bench, more)
+
+
+def overshooting(bench: Bench, size: float, rng: Generator) -> Bench:
+    """At its stop the needle goes `size` um too far, and comes back."""
+
+    def more(strokes: Array) -> Array:
+        at_stop = strokes[strokes[:, 2] - strokes[:, 1] > OVERSHOOT]
+        begin = at_stop[:, 1]
+        top, end = begin + 0.5 * OVERSHOOT, begin + OVERSHOOT
+        speed = np.full((2, begin.size), 2.0 * size * UM / OVERSHOOT)
+        return np.stack((begin, top, top, end, *speed), axis=1)
+
+    return _moved(bench, more)
+
+
+def smooth(bench: Bench, size: float, rng: Generator) -> Bench:
+    """The needle starts and ends its way slowly: its first and last `size` % at a third of the speed."""
+
+    def motion(event: Event, start: float, needle: Needle, max_lift: float) -> Array:
+        return np.concatenate(
+            [_smoothed(row, 0.01 * size) for row in strokes_of(event, start, needle, max_lift)]
+        )
+
+    return replace(bench, around=replace(bench.around, motion=motion))
+
+
+def _smoothed(stroke: Array, share: float) -> Array:
+    """A stroke in two: a share of its height with slow, early flanks, and the rest within them."""
+    opening, top, closing, closed, up, down = stroke
+    rise, fall = share * (top - opening), share * (closed - closing)
+    slow = (opening, opening + 3.0 * rise, closed - 3.0 * fall, closed, up / 3.0, down / 3.0)
+    fast = (opening + 3.0 * rise, top + 2.0 * rise, closing - 2.0 * fall, closed - 3.0 * fall, up, down)
+    if fast[1] > fast[2]:  # too short for that
+        return stroke.reshape(1, 6)
+    return np.array([slow, fast], np.float64)
+
+
+def _moved(bench: Bench, more: Callable[[Array], Array]) -> Bench:
+    before: Motion = bench.around.motion or strokes_of
+
+    def motion(event: Event, start: float, needle: Needle, max_lift: float) -> Array:
+        strokes = before(event, start, needle, max_lift)
+        return np.concatenate((strokes, more(strokes)))
+
+    return replace(bench, around=replace(bench.around, motion=motion))
+
+
+def _supplied(bench: Bench, added: Callable[[Array], Array]) -> Bench:
+    return replace(bench, around=replace(bench.around, supply=(*bench.around.supply, added)))
+
+
+def _with_shots(bench: Bench, shots_of: Callable[[Event], tuple[Shot, ...]]) -> Bench:
+    return replace(bench, events=tuple(replace(event, shots=shots_of(event)) for event in bench.events))
+
+
+def _at_one_point(bench: Bench, starts: Array, rng: Generator) -> Bench:
+    """Single openings of one duration and rail pressure at these moments."""
+    shot, first = Shot(0.0, rng.uniform(*QUICK_DURATIONS)), bench.events[0]
+    phases = rng.uniform(0.0, 50e-6, starts.size)
+    events = tuple(replace(first, shots=(replace(shot, start=float(p)),)) for p in phases)
+    return replace(bench, events=events, around=replace(bench.around, starts=tuple(map(float, starts))))
+
+
+_B, _T, _R = Kind.BENCH, Kind.TIMING, Kind.RAIL
+DISTURBANCES = (
+    Disturbance("pump_ripple_620_hz", _R, "MPa", (0.5, 1.5), ripple(620.0)),
+    Disturbance("pump_ripple_200_hz", _R, "MPa", (1.0, 3.0), ripple(200.0)),
+    Disturbance("engine_transient", _R, "MPa", (10.0, 20.0), transient, reasons.CHANGE),
+    Disturbance(
+        "openings_every", _T, "ms", (30.0, 10.5, 8.0, 4.2), every, reasons.CROWDED, table=10.5, rhythm=True
+    ),
+    Disturbance("irregular_openings", _T, "ms", (25.0, 9.0), irregular, rhythm=True),
+    Disturbance("openings_an_event", _T, "openings", (3.0, 5.0), several, rhythm=True),
+    Disturbance("ballistic", _T, "ms", (0.25, 0.2), ballistic, rhythm=True),
+    Disturbance("needle_bounce", _B, "um", (10.0, 30.0), bouncing),
+    Disturbance("needle_overshoot", _B, "um", (10.0, 20.0), overshooting),
+    Disturbance("smooth_needle_flanks", _B, "%", (10.0, 20.0), smooth),
+)

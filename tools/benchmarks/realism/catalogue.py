@@ -1,0 +1,105 @@
+"""All disturbances, and what is run of them: alone, stated in the bench file, in random pairs, those of the table."""
+
+import itertools
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from tools.benchmarks.realism import benches, channels, lifts, noises, outliers
+from tools.benchmarks.realism.disturbance import Disturbance, Stated
+from tools.benchmarks.realism.reasons import ALWAYS
+
+DISTURBANCES = {d.name: d for part in (noises, lifts, outliers, channels, benches) for d in part.DISTURBANCES}
+PAIRS = 40
+AND, AT, STATED = " + ", " ", " stated"
+NONE = "none"
+
+
+class Selection(StrEnum):
+    """What is run."""
+
+    ALL = "all"
+    TABLE = "table"
+    PAIRS = "pairs"
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A disturbance of one size; stated: the bench file says so."""
+
+    disturbance: Disturbance
+    size: float
+    is_stated: bool = False
+
+    @property
+    def name(self) -> str:
+        """Of which `parsed` makes it again."""
+        return f"{self.disturbance.name}{AT}{self.size:g}{STATED if self.is_stated else ''}"
+
+    @property
+    def stated(self) -> Stated:
+        """Keys of the bench file."""
+        if not self.is_stated or self.disturbance.stated is None:
+            return {}
+        return self.disturbance.stated(self.size)
+
+
+Entry = tuple[Sized, ...]
+"""What a recording is disturbed by: one, or a pair."""
+
+
+def name_of(entry: Entry) -> str:
+    """Of a line of the table; a command line may name it."""
+    return AND.join(each.name for each in entry)
+
+
+def parsed(name: str) -> Entry:
+    """The entry of this name. Raises KeyError or ValueError for another."""
+    return tuple(_parsed(part) for part in name.split(AND))
+
+
+def true_reasons(entry: Entry) -> frozenset[str]:
+    """Names of the reasons that are true of it."""
+    return ALWAYS.union(*(each.disturbance.true_reasons for each in entry))
+
+
+def alone(table: bool = False) -> list[Entry]:
+    """Every disturbance at every size, or those of the table; those a bench file may state, both ways."""
+    found: list[Entry] = []
+    for disturbance in DISTURBANCES.values():
+        for size in disturbance.sizes:
+            if not table or size == disturbance.table:
+                found.append((Sized(disturbance, size),))
+                if disturbance.stated is not None:
+                    found.append((Sized(disturbance, size, is_stated=True),))
+    return found
+
+
+def pairs(master_seed: int) -> list[Entry]:
+    """Pairs of different disturbances drawn by a master seed, one rhythm at the most; the smaller sizes of each."""
+    rng = np.random.default_rng([master_seed, 0x9A12])
+    disturbances = [d for d in DISTURBANCES.values() if d.name != NONE]
+    known = [p for p in itertools.combinations(disturbances, 2) if not all(d.rhythm for d in p)]
+    chosen = rng.choice(len(known), PAIRS, replace=False)
+    return [
+        tuple(Sized(d, d.sizes[int(rng.integers(min(2, len(d.sizes))))]) for d in known[i]) for i in chosen
+    ]
+
+
+def entries(selection: Selection, only: tuple[str, ...], master_seed: int) -> list[Entry]:
+    """What a selection runs; only: of these disturbances, or entries."""
+    found = {
+        Selection.ALL: lambda: alone() + pairs(master_seed),
+        Selection.TABLE: lambda: alone(table=True),
+        Selection.PAIRS: lambda: pairs(master_seed),
+    }[selection]()
+    if not only:
+        return found
+    return [e for e in found if name_of(e) in only or any(s.disturbance.name in only for s in e)]
+
+
+def _parsed(part: str) -> Sized:
+    is_stated = part.endswith(STATED)
+    name, _, size = part.removesuffix(STATED).partition(AT)
+    return Sized(DISTURBANCES[name], float(size), is_stated)

@@ -1,0 +1,110 @@
+"""A disturbance of a real bench: what it does to a recording, how large, and which reasons would be true of it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.random import Generator
+
+from tools.benchmarks.arrays import Array
+from tools.benchmarks.plant import Bench
+from tools.benchmarks.sampling import Measured, Step
+
+ALL = ("rail_pressure", "needle_lift", "line_pressure")
+RAIL, LIFT, LINE = ALL
+MPA, UM, US = 1e6, 1e-6, 1e-6
+KHZ = 1e3
+LAG, DELAY = "lag_us", "filter_delay_us"  # keys of `[signals.<role>]`
+
+Apply = Callable[[Bench, float, Generator], Bench]
+"""The bench with a disturbance of a size."""
+Wave = Callable[[Array, Array, float, Generator], Array]
+"""What becomes of a signal (n,): of its values at times [s], a size, and chance."""
+Stated = Mapping[str, Mapping[str, float]]
+"""Keys of the bench file, by role, of `[signals.<role>]`."""
+
+
+class Kind(StrEnum):
+    """What a disturbance is of."""
+
+    LINE = "line"
+    RAIL = "rail"
+    LIFT = "lift"
+    TIMING = "timing"
+    ALL = "all"
+    BENCH = "bench"  # what really happens: needle, supply, rhythm
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """One disturbance at several sizes.
+
+    table: the size in the table of the bars, None: it is not in it; true_reasons: names of reasons which, given for
+    it, would be true; stated: what a bench file would say of it, for an observer that knows the keys; rhythm: it
+    has a schedule of its own, and comes first.
+    """
+
+    name: str
+    kind: Kind
+    unit: str
+    sizes: tuple[float, ...]
+    apply: Apply
+    true_reasons: frozenset[str] = frozenset()
+    table: float | None = None
+    stated: Callable[[float], Stated] | None = None
+    rhythm: bool = field(default=False)
+
+
+def before_noise(wave: Wave, scale: float, *roles: str) -> Apply:
+    """A disturbance of single signals ahead of the noise, its size in units of `scale`."""
+
+    def apply(bench: Bench, size: float, rng: Generator) -> Bench:
+        return with_step_before(bench, _step(wave, scale * size, rng, roles))
+
+    return apply
+
+
+def after_noise(wave: Wave, scale: float, *roles: str) -> Apply:
+    """The same of samples that have their noise."""
+
+    def apply(bench: Bench, size: float, rng: Generator) -> Bench:
+        around = bench.around
+        steps = (*around.after_noise, _step(wave, scale * size, rng, roles))
+        return replace(bench, around=replace(around, after_noise=steps))
+
+    return apply
+
+
+def with_step_before(bench: Bench, step: Step) -> Bench:
+    """The bench with another step ahead of the noise."""
+    around = bench.around
+    return replace(bench, around=replace(around, before_noise=(*around.before_noise, step)))
+
+
+def in_order(*parts: Apply) -> Apply:
+    """One disturbance made of several."""
+
+    def apply(bench: Bench, size: float, rng: Generator) -> Bench:
+        for part in parts:
+            bench = part(bench, size, rng)
+        return bench
+
+    return apply
+
+
+def changed(measured: Measured, role: str, values: Array) -> Measured:
+    """The signals with another one in the place of a role."""
+    return replace(measured, **{role: values})
+
+
+def _step(wave: Wave, size: float, rng: Generator, roles: tuple[str, ...]) -> Step:
+    seed = int(rng.integers(2**62))
+
+    def step(measured: Measured) -> Measured:
+        chance = np.random.default_rng(seed)  # the same every time the bench is recorded
+        for role in roles:
+            measured = changed(measured, role, wave(measured.time, getattr(measured, role), size, chance))
+        return measured
+
+    return step

@@ -1,0 +1,20 @@
+"""Which reasons are true of what. By name: one that not every observer has can stand here."""
+
+ALWAYS = frozenset({"REVISED"})  # says what the observer did; cannot be untrue
+SENSOR = frozenset(
+    {"CONTRADICTED"}
+)  # "the line pressure has left what the model can do: check sensors, cables"
+OFFSET = SENSOR | {"PRESSURE_OFFSET"}
+OUTLIERS = SENSOR | {"SAMPLES_LOST"}
+FROZEN = OUTLIERS | {"INPUT_FROZEN"}
+CLIPPED = SENSOR | {"INPUT_CLIPPED"}
+DROPOUTS = FROZEN | CLIPPED
+LATE = SENSOR | {"TIME_BASE"}
+LATE_LINE = LATE | {"SENSOR_LAG"}
+LATE_LIFT = LATE | {"LIFT_SENSOR_LAG"}
+LIFT_ZERO = SENSOR | {
+    "LIFT_ZERO",
+    "NEEDLE_STUCK",
+}  # a zero far off seems an open needle: "check ... its offset"
+CHANGE = frozenset({"SUDDEN_CHANGE"})
+CROWDED = frozenset({"STARTING", "NO_STANDSTILL"})  # "wait for 3 ms of closed needle"

@@ -1,0 +1,151 @@
+"""`tools/bench realism`: disturbed recordings, scored on a few processes, resumably."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from observer_rt.estimation.scalars import NOZZLE, SEAT
+from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from tools.benchmarks.cases import Case
+from tools.benchmarks.kalman_peers import joint_ukf
+from tools.benchmarks.peer_equations import Model
+from tools.benchmarks.peer_inputs import peer_inputs
+from tools.benchmarks.peers import TUNING, PeerScore
+from tools.benchmarks.plant import Outcome, record
+from tools.benchmarks.pool import Crash, Task
+from tools.benchmarks.realism.cases import make_realism_case
+from tools.benchmarks.realism.catalogue import Entry, name_of, parsed
+from tools.benchmarks.realism.score import Interval, RunScore
+from tools.benchmarks.realism.stated import is_known, with_stated
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, scored
+from tools.benchmarks.score import UKF
+from tools.benchmarks.scoring import (
+    bench_for_case,
+    recording_of,
+    reports_of,
+    score_evaluation,
+    timed_training,
+    warm_up,
+)
+from tools.benchmarks.store import Store, digest_of
+from tools.benchmarks.wave_accuracy import WavePlan, fitted_model, warm_up_model
+from tools.benchmarks.wave_peers import FITTED_LUMP, lumps_of
+from tools.benchmarks.wave_plant import Variant
+from tools.benchmarks.windows import Windows, score_rate, windows_of
+
+
+@dataclass(frozen=True)
+class Results:
+    """What came out; not_known: entries whose keys of the bench file this observer does not know."""
+
+    runs: tuple[RunScore, ...]
+    crashes: tuple[Crash[Task], ...]
+    not_known: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Rich:
+    """Tier B: the injector file fitted to healthy recordings, and the peer's model fitted to the same."""
+
+    model: Path
+    lump: Model | None
+
+
+def run_realism(
+    entries: Sequence[Entry], plan: Plan, is_rich: bool, given: Path | None, console: Console
+) -> Results:
+    """Score the runs not yet scored by this state of the code; the plan's classes are not looked at.
+
+    is_rich: on the plant of tier B; given: its injector file, instead of fitting one.
+    """
+    names = {name_of(e): all(is_known(s.stated) for s in e) for e in entries}
+    plan = replace(plan, classes=tuple(name for name, known in names.items() if known))
+    rich = _rich(WavePlan(plan, Variant.PLAIN, given), console) if is_rich else None
+    model = None if rich is None else rich.model
+    ready = warm_up if model is None else partial(warm_up_model, model)
+    sources = (PACKAGE, BENCHMARKS) if model is None else (PACKAGE, BENCHMARKS, model)
+    crashes: list[Crash[Task]] = []
+    store = Store(plan.out / "observer.jsonl", RunScore, digest_of(sources))
+    runs = scored("observer", store, partial(score_run, model), ready, plan.tasks, plan, console, crashes)
+    if plan.peers:
+        peer_store = Store(plan.out / "peers.jsonl", PeerScore, digest_of((BENCHMARKS,)))
+        tasks = tuple(t for t in plan.tasks if not any(s.is_stated for s in parsed(t.class_name)))
+        work = partial(score_peer, rich)
+        peers = scored("peers", peer_store, work, ready, tasks, plan, console, crashes)
+        runs = {task: _joined(run, peers.get(task)) for task, run in runs.items()}
+    found = tuple(runs[task] for task in plan.tasks if task in runs)
+    return Results(found, tuple(crashes), tuple(name for name, known in names.items() if not known))
+
+
+def score_run(model: Path | None, task: Task) -> RunScore:
+    """Work of one process: our observer on a disturbed recording; model: the injector file, on tier B."""
+    case = make_realism_case(task, is_rich=model is not None)
+    outcome = record(case.bench)
+    bench = bench_for_case(case, model)
+    for each in parsed(task.class_name):
+        bench = with_stated(bench, each.stated)
+    with timed_training() as training:
+        evaluation = evaluate(bench, [recording_of(outcome)]).evaluations[0]
+    windows = windows_of(outcome, case.bench.sample_rate)
+    return RunScore(
+        class_name=task.class_name,
+        master_seed=task.master_seed,
+        number=task.number,
+        wear=case.bench.events[-1].faults.orifice_area,
+        case=score_evaluation(case, outcome, bench, evaluation, training),
+        nozzle_ci95=_intervals(evaluation, windows, NOZZLE),
+        seat_ci95=_intervals(evaluation, windows, SEAT),
+        phantoms=phantoms(evaluation, windows),
+    )
+
+
+def score_peer(rich: Rich | None, task: Task) -> PeerScore:
+    """Work of one process: the joint UKF on a disturbed recording."""
+    case = make_realism_case(task, is_rich=rich is not None)
+    outcome = record(case.bench)
+    rate = joint_ukf(peer_inputs(outcome.measured, None if rich is None else rich.lump), TUNING).rate
+    scored = score_rate(UKF, rate, outcome.truth, _windows(case, outcome), case.bench.injector.density)
+    return PeerScore(task.class_name, task.master_seed, task.number, (scored,), ())
+
+
+def phantoms(evaluation: Evaluation, windows: Windows) -> int:
+    """Valid injections of which no sample is in a window of a true opening."""
+    inside = np.zeros(evaluation.samples + 1, np.int64)
+    for window in windows.ranges:
+        inside[window.start + 1 : window.stop + 1] = 1
+    before = np.cumsum(inside)
+    first = evaluation.first_index
+    return sum(
+        bool(before[min(r.end_index - first, evaluation.samples - 1) + 1] == before[r.start_index - first])
+        for r in evaluation.reports
+        if r.valid
+    )
+
+
+def _windows(case: Case, outcome: Outcome) -> Windows:
+    return windows_of(outcome, case.bench.sample_rate)
+
+
+def _intervals(evaluation: Evaluation, windows: Windows, effect: str) -> tuple[Interval, ...]:
+    """95 % interval of an indicator, by the last report of every event; only a valid one counts."""
+    found: list[Interval] = []
+    for event in range(len(windows.of_event)):
+        reports = reports_of(evaluation, windows, event)
+        said = reports[-1].indicators.get(effect) if reports and reports[-1].valid else None
+        found.append(None if said is None else said.ci95)
+    return tuple(found)
+
+
+def _joined(run: RunScore, peer: PeerScore | None) -> RunScore:
+    if peer is None:
+        return run
+    return replace(run, case=replace(run.case, estimators=run.case.estimators + peer.estimators))
+
+
+def _rich(wave: WavePlan, console: Console) -> Rich:
+    model, healthy = fitted_model(wave, console)
+    return Rich(model, lumps_of(list(healthy.values()))[FITTED_LUMP] if wave.plan.peers else None)

@@ -14,7 +14,8 @@ import cantools.database
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA
+from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
+from observer_rt.observer.stream.front_end import samples_ahead
 
 DATABASE = cantools.database.load_file(PACKAGE_DATA / "observer_fd.dbc")
 RATE = DATABASE.get_message_by_name("InjectionRate")
@@ -135,7 +136,8 @@ def run_over(
             check=False,
         )
         assert player.returncode == 0, player.stderr
-        _wait_until(lambda: _received(listener.heard) >= samples, END_TIMEOUT, daemon)
+        ahead = samples_ahead(1.0 / load_bench(bench).injector.config.sampling.rate_hz)
+        _wait_until(lambda: _processed(listener.heard) + ahead >= samples, END_TIMEOUT, daemon)
         daemon.send_signal(signal.SIGTERM)
         _, messages = daemon.communicate(timeout=END_TIMEOUT)
         assert daemon.returncode == 0, messages
@@ -145,10 +147,10 @@ def run_over(
     return heard
 
 
-def _received(heard: Heard) -> int:
-    """Samples the daemon has received: all it has processed, and those its look-ahead still holds."""
+def _processed(heard: Heard) -> int:
+    """Samples the daemon has been through or knows to be lost; its look-ahead holds the last ones it received."""
     status = heard.last_status()
-    return int(status["SamplesProcessed"] + status["LostSamples"]) + 4
+    return int(status["SamplesProcessed"] + status["LostSamples"])
 
 
 def _wait_until(condition, timeout: float, daemon: subprocess.Popen[str]) -> None:  # type: ignore[no-untyped-def]

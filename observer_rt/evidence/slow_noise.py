@@ -52,15 +52,15 @@ def slow_noise(
     stretches = np.split(np.arange(values.size), np.flatnonzero(np.diff(index) != 1) + 1)
     if _decays(values, stretches):
         return None
+    spectrum = _spectrum(values, stretches, sample_rate, white)
     frequency, power = max(
         _slow_tone(values, index, stretches, sample_rate),
-        _spectrum_tone(values, stretches, sample_rate, white),
+        _spectrum_tone(*spectrum),
         key=lambda tone: tone[1],
     )
     if power > ONE_TONE * beyond:
         return SlowNoise(frequency, math.sqrt(2.0 * power), is_tone=True)
-    middle = _middle(values, stretches, sample_rate, white)
-    return SlowNoise(middle, math.sqrt(beyond), is_tone=False)
+    return SlowNoise(_middle(*spectrum), math.sqrt(beyond), is_tone=False)
 
 
 def _decays(values: NDArray[np.float64], stretches: list[NDArray[np.int64]]) -> bool:
@@ -103,21 +103,15 @@ def _spectrum(
     return frequencies, total / count * frequencies[1] - white**2 / (length // 2)
 
 
-def _spectrum_tone(
-    values: NDArray[np.float64], stretches: list[NDArray[np.int64]], sample_rate: float, white: float
-) -> tuple[float, float]:
-    """Frequency [Hz] and mean square of the strongest tone faster than the slow ones."""
-    frequencies, power = _spectrum(values, stretches, sample_rate, white)
+def _spectrum_tone(frequencies: NDArray[np.float64], power: NDArray[np.float64]) -> tuple[float, float]:
+    """Frequency [Hz] and mean square of the strongest tone of a spectrum faster than the slow ones."""
     power = np.convolve(np.where(frequencies >= SLOW, power, 0.0), np.ones(3), mode="same")
     best = int(np.argmax(power))
     return float(frequencies[best]), float(power[best])
 
 
-def _middle(
-    values: NDArray[np.float64], stretches: list[NDArray[np.int64]], sample_rate: float, white: float
-) -> float:
-    """Frequency [Hz] below which half of what is not white lies."""
-    frequencies, power = _spectrum(values, stretches, sample_rate, white)
+def _middle(frequencies: NDArray[np.float64], power: NDArray[np.float64]) -> float:
+    """Frequency [Hz] of a spectrum below which half of what is not white lies."""
     below = np.cumsum(np.maximum(power, 0.0))
     return float(frequencies[max(1, int(np.searchsorted(below, 0.5 * below[-1])))])
 

@@ -77,9 +77,9 @@ class OffsetSince:
 
 def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
     """Runs of samples of a window with the needle long shut, from sample `first` on, none shorter than `shortest`."""
-    resting = np.concatenate(([False], window.resting, [False]))
-    resting[: first + 1] = False
-    changes = np.flatnonzero(resting[1:] != resting[:-1])
+    resting = window.resting.copy()
+    resting[:first] = False
+    changes = np.flatnonzero(np.diff(resting, prepend=False, append=False))
     return [
         slice(int(begin), int(end))
         for begin, end in zip(changes[::2], changes[1::2], strict=True)

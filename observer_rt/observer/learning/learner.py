@@ -255,10 +255,10 @@ class Learner:
 
     def _cost(self, window: Window, offset: float | None) -> EventCost:
         """An event's cost with the colour in use."""
-        colour = self._colour
-        sigma = self._schedule.innovation_sigma if colour is None else colour.sigma
-        whitening = None if colour is None else colour.whitening
-        return EventCost(window, self._setting(), sigma, self._burn_in, self._scalars, whitening, offset)
+        whitening = None if self._colour is None else self._colour.whitening
+        return EventCost(
+            window, self._setting(), self._sigmas.innovation, self._burn_in, self._scalars, whitening, offset
+        )
 
     def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:
         """The colour of the noise, after what a fitted event leaves while the needle is shut."""

@@ -149,6 +149,9 @@ def frozen_stretches(
     y, mask = window.output, _mask_of(window)
     jump = JUMP * sigmas.innovation
     ends = [int(k) + 1 for k in np.flatnonzero(np.abs(np.diff(innovations)) > jump)]
+    if not ends:
+        return ()
+    lowest, highest = (float(v) for v in np.partition(y, (2, -3))[[2, -3]])
     sums, squares = (np.concatenate(([0.0], np.cumsum(v))) for v in (y - y[0], (y - y[0]) ** 2))
     explained = np.concatenate(([0.0], np.cumsum((innovations / sigmas.innovation) ** 2)))
     found: list[Stretch] = []
@@ -166,7 +169,6 @@ def frozen_stretches(
         if better[best] < BETTER or abs(y[end] - level) < jump or mask[start:end].any():
             continue
         beyond = SAME_LEVEL * sigmas.noise
-        lowest, highest = (float(v) for v in np.partition(y, (2, -3))[[2, -3]])
         found.append(Stretch(start, end, level, not lowest + beyond < level < highest - beyond))
     return found
 

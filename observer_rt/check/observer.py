@@ -85,7 +85,7 @@ def _observer(fitted: BenchInjector) -> list[Finding]:
     schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction, every)
     c = constants.coefficients
     line_mode = c.line.mode / (2 * math.pi)
-    opens, shuts = dead_band(noise.needle_lift * louder(constants.undoing))
+    opens, shuts = dead_band(noise.needle_lift * louder(constants.undoing.lift_lag))
     return [
         graded(
             "line mode",

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.evidence.openings import Opening, find_openings, opening_between, ramp_samples
+from observer_rt.observer.stream.undoing import louder
 
 GRID = 2e-6  # s of lag, at whose multiples openings are looked for: between them nothing jumps
 
@@ -21,16 +22,14 @@ def openings_without_lag(
 ) -> list[tuple[float, list[Opening]]]:
     """Openings of `without_lag`, as those of two multiples of GRID beside the lag, with the share of each.
 
-    noise: white, of the recorded lift [m]; central differences add half its variance for each square of lag by
-    interval. Only openings that were recorded are kept; they begin and end earlier.
+    noise: white, of the recorded lift [m]. Only openings that were recorded are kept; they begin and end earlier.
     """
     restored, ramp = without_lag(lift, sample_rate, lag), ramp_samples(sample_rate)
     below = math.floor(lag / GRID)
     result = []
     for multiple, share in ((below, 1.0 + below - lag / GRID), (below + 1, lag / GRID - below)):
         near = multiple * GRID
-        louder = noise * math.sqrt(1.0 + 0.5 * (near * sample_rate) ** 2)
-        found = find_openings(without_lag(lift, sample_rate, near), louder, ramp)
+        found = find_openings(without_lag(lift, sample_rate, near), noise * louder(near * sample_rate), ramp)
         kept = [one for one in found if any(_overlap(one, other) for other in recorded)]
         result.append((share, [opening_between(restored, one.first, one.last, ramp) for one in kept]))
     return result

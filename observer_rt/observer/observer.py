@@ -132,7 +132,7 @@ def make_observer(
     scale = constants.coefficients.pressure_scale
     noise = knowledge.noise
     memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
-    memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift * louder(constants.undoing))
+    memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift * louder(constants.undoing.lift_lag))
     _expect(memory, learner.schedule.innovation_sigma)
     _put_in_force(observer, knowledge)
     return observer

@@ -25,9 +25,9 @@ def undoing_of(inputs: InputTerms, interval: float) -> Undoing:
     return Undoing(stated, whole, late - whole, inputs.lift_lag / interval, ahead)
 
 
-def louder(undoing: Undoing) -> float:
-    """By what the white noise of a lift is multiplied where the lag of its sensor is undone."""
-    return math.sqrt(1.0 + 0.5 * undoing.lift_lag**2)
+def louder(lag: float) -> float:
+    """By what the white noise of a lift is multiplied where a lag of its sensor [samples] is undone."""
+    return math.sqrt(1.0 + 0.5 * lag**2)  # of central differences
 
 
 @njit(cache=True, nogil=True)

@@ -1,27 +1,38 @@
-"""Compile, or load from the cache, everything the loop calls, before the first frame needs it."""
+"""Compile, or load from the cache, everything the loop and the training call, before the first frame needs it."""
+
+import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.config.bench import Bench
-from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.knowledge import no_knowledge
-from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.estimation.learned import nothing_learned
+from observer_rt.estimation.predictor import NO_RATE, NO_SLOPES, Setting, Window, follow
+from observer_rt.model.line.interface import rest_line
+from observer_rt.model.seat import normalised_area
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.core import Core
-from observer_rt.service.core.learners import make_learner
+from observer_rt.simulation.needle import lift_of_stroke, strokes
+from observer_rt.simulation.schedule import Event, Schedule, Shot
 
-_SAMPLES = 100
+INJECTIONS = 3  # from the first two is learned, by that the third is judged
+_RAIL_PRESSURE = 60e6  # Pa
+_ENERGIZING = 1e-3  # s
+_REST = 1500  # samples before an injection: enough for a first guess of the offset
+_AFTER = 10e-3  # s, in which needle and line come to rest
 
 
-def warm_up(bench: Bench, bus: BusMap) -> None:
-    """Run a few samples at rest through a core of its own, and one training."""
-    time = np.arange(_SAMPLES) / bench.injector.config.sampling.rate_hz
-    pressure = np.full(_SAMPLES, 50e6)
-    recording = Recording(time, pressure, np.zeros(_SAMPLES), pressure)
+def warm_up(bench: Bench, bus: BusMap) -> Core:
+    """Take the bench's model through a few injections of its own, frames, training and results included.
+
+    Code that is only compiled is still to be loaded, linked and its branches still to be met: a first real event
+    after that took ten times as long as the next. Returns the core that was used up.
+    """
+    recording = _injections(bench.injector)
     core = Core(bench.injector, bus)
     for frame in Framer(bus).frames(recording, whole(recording)):
         core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, frame.bus)
@@ -30,12 +41,46 @@ def warm_up(bench: Bench, bus: BusMap) -> None:
         protect(payload, layout.length, int(frame["e2e_profile"]), int(frame["data_id"]), 0)
         core.handle(layout.frame_id, layout.is_extended, payload.tobytes(), 0, layout.bus)
     core.finish()
-    constants = bench_constants(bench.injector)
-    scale = constants.coefficients.pressure_scale
-    knowledge = no_knowledge(configured_noise(bench.injector), scale)
-    learner = make_learner(bench.injector, constants, knowledge)
-    start = np.zeros(constants.coefficients.states + 1)
-    window = Window(
-        np.full((_SAMPLES, 2), 0.5), np.full(_SAMPLES, 0.5), np.zeros(_SAMPLES, np.bool_), start, 1
+    return core
+
+
+def _injections(fitted: BenchInjector) -> Recording:
+    """Injections of the model as given, with the noise the bench states."""
+    rate = fitted.config.sampling.rate_hz
+    period = _REST / rate + _ENERGIZING + _AFTER
+    shots = (Shot(_ENERGIZING),)
+    events = tuple(Event(_REST / rate + i * period, _RAIL_PRESSURE, shots) for i in range(INJECTIONS))
+    found = strokes(Schedule(events, INJECTIONS * period), fitted.parameters)
+    time = np.arange(math.ceil((INJECTIONS * period + _AFTER) * rate)) / rate
+    lift = np.array([sum(lift_of_stroke(instant, each) for each in found) for instant in time])
+    random, noise = np.random.default_rng(0), configured_noise(fitted)
+
+    def measured(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+        return values + random.normal(0.0, sigma, time.size)
+
+    return Recording(
+        time,
+        measured(np.full(time.size, _RAIL_PRESSURE), noise.rail_pressure),
+        measured(lift, noise.needle_lift),
+        measured(_line_pressure(fitted, lift), noise.line_pressure),
     )
-    learner.learn(window, Standstill(0, 0.0, None), knowledge.in_force)
+
+
+def _line_pressure(fitted: BenchInjector, lift: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What a lift [m], (n,), makes of the line pressure [Pa] by the model as given."""
+    constants = bench_constants(fitted)
+    c = constants.coefficients
+    rail = (_RAIL_PRESSURE - c.chamber_pressure) / c.pressure_scale
+    start = np.full(c.states + 1, rail)
+    rest_line(start[:-1], rail, c.line)
+    window = Window(
+        inputs=np.column_stack([np.full(lift.size, rail), [normalised_area(each, c.seat) for each in lift]]),
+        output=np.zeros(lift.size),
+        resting=lift <= 0.0,
+        start=start,
+        opening=1,
+    )
+    errors = np.empty(lift.size)  # of an output of 0
+    setting = Setting(constants.interval, constants.substeps, c, np.zeros(c.states))
+    follow(window, setting, nothing_learned(c), window.opening, errors, NO_RATE, None, NO_SLOPES)
+    return c.chamber_pressure - errors * c.pressure_scale

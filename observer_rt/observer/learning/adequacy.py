@@ -89,6 +89,18 @@ def pooled(before: PhaseStatistics, event: PhaseStatistics) -> PhaseStatistics:
     return before.capped(REMEMBERED).faded(POOLING, event)
 
 
+def of_standstill(statistics: PhaseStatistics) -> PhaseStatistics:
+    """These statistics without those of the other phases."""
+    kept = np.arange(len(Phase)) == Phase.STANDSTILL
+    by_block = kept[:, None]
+    return PhaseStatistics(
+        statistics.squares * kept,
+        statistics.samples * kept,
+        statistics.block_squares * by_block,
+        statistics.blocks * by_block,
+    )
+
+
 def tempering(statistics: PhaseStatistics) -> float:
     """Factor on the variance of an event's innovations: above 1 when they are coloured."""
     return max(

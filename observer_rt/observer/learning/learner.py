@@ -36,9 +36,11 @@ from observer_rt.observer.learning.adequacy import (
     event_statistics,
     looks_like_inertance,
     objections,
+    of_standstill,
     pooled,
     tempering,
 )
+from observer_rt.observer.learning.clipping import EndsOfRange
 from observer_rt.observer.learning.colour import (
     SEGMENT,
     Colour,
@@ -59,7 +61,7 @@ from observer_rt.observer.learning.knowledge import (
     no_knowledge,
 )
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
-from observer_rt.observer.learning.masks import OutlierSearch, Sigmas
+from observer_rt.observer.learning.masks import OutlierSearch, Sigmas, mask_of
 from observer_rt.observer.learning.trend import Trend
 from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
@@ -120,6 +122,7 @@ class Learner:
         self._lag_doubt = LagDoubt()
         self._trend = Trend()
         self._outliers = OutlierSearch()
+        self._range = EndsOfRange()
 
     @property
     def schedule(self) -> GainSchedule:
@@ -161,6 +164,7 @@ class Learner:
         is_clipped = self._outliers.is_clipped_after(
             event.window, event.fit.innovations, self._sigmas, event.cost.burn_in
         )
+        is_clipped |= self._is_range_ending_in(window)
         doubts = self._doubts(event, lag)
         better = self._is_better(event.window, in_force)
         self._previous = event.window, self._constants
@@ -303,7 +307,21 @@ class Learner:
         return replace(other if much_better else fit, contradicts=True)
 
     def _mask(self, window: Window, innovations: NDArray[np.float64]) -> NDArray[np.bool_] | None:
-        return self._outliers.masked(window, innovations, self._sigmas, self._burn_in)
+        ended = self._range.masked(window, innovations, self._sigmas, self._burn_in)
+        more = bool((ended & ~mask_of(window)).any())
+        window = window._replace(masked=ended) if more else window
+        found = self._outliers.masked(window, np.where(ended, 0.0, innovations), self._sigmas, self._burn_in)
+        return ended if found is None and more else found
+
+    def _is_range_ending_in(self, window: Window) -> bool:
+        """Whether the line pressure's range is known to end, after an event.
+
+        What was said of the events in which that showed was said of their clipped samples.
+        """
+        if self._range.is_new_after(window, self._sigmas):
+            self._statistics, self._mistrust = of_standstill(self._statistics), Mistrust()
+            self._colour, self._at_rest = None, RestingNoise(self._constants.interval)
+        return self._range.is_known
 
     @property
     def _sigmas(self) -> Sigmas:

@@ -85,7 +85,7 @@ class OutlierSearch:
 
         innovations: (n,), of which those before sample `first` do not count.
         """
-        before = _mask_of(window)
+        before = mask_of(window)
         mask = before.copy()
         stretches = frozen_stretches(window, innovations, sigmas, first)
         if len(stretches) <= MOST_STRETCHES:
@@ -146,7 +146,7 @@ def frozen_stretches(
     window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
 ) -> Sequence[Stretch]:
     """Where a constant explains y much better than the model does by its innovations (n,), and y then jumps."""
-    y, mask = window.output, _mask_of(window)
+    y, mask = window.output, mask_of(window)
     jump = JUMP * sigmas.innovation
     ends = [int(k) + 1 for k in np.flatnonzero(np.abs(np.diff(innovations)) > jump)]
     if not ends:
@@ -185,5 +185,5 @@ def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> lis
     return found
 
 
-def _mask_of(window: Window) -> NDArray[np.bool_]:
+def mask_of(window: Window) -> NDArray[np.bool_]:
     return window.masked if len(window.masked) else np.zeros(len(window.output), np.bool_)

@@ -1,0 +1,131 @@
+"""Where the range of a line pressure ends, though noise that came on it later lets no value repeat.
+
+There it is flat, and the model says that it should not be: its innovations change while y does not. So it is in
+event after event at one level, beyond which no value goes. What lies there says nothing and is masked, and the model
+bridges it as it does outliers.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.predictor import Window
+from observer_rt.observer.learning.masks import Sigmas, mask_of
+
+SMOOTHED = 5  # samples whose mean tells how far the line pressure goes
+AT_LEVEL = 1.5  # standard deviations of a sample below a level, from which on that mean is at it
+BEYOND = 3.0  # standard deviations above it that no range ends at
+MARGIN = 3  # samples on either side of those at the level: the mean sees them too late
+REFINEMENTS = 3  # of a level, which begins too high
+FEWEST = 6  # samples at a level that tell anything
+FLAT = 3.0  # standard deviations of the chi2 of a constant that is one
+CHANGING = 12.0  # chi2 by which the innovations change there more than y does
+EXPLAINED = 1.5  # standard deviations of most innovations, where the model is known
+CLEAR = 60.0  # of that, from which on one event is enough for itself
+SAME_LEVEL = 1.0  # standard deviations of a sample
+REMEMBERED = 6  # events at a level
+RECURS = 3  # of these
+_SIGNS = (-1.0, 1.0)  # of the lower and the upper end
+
+
+@dataclass(frozen=True)
+class Pile:
+    """Samples at the highest level [p_0] of y, or of -y; changing: chi2 by which the model says that they go on."""
+
+    level: float
+    changing: float
+
+
+class EndsOfRange:
+    """Both ends of the line pressure's range, as far as events have shown them."""
+
+    def __init__(self) -> None:
+        self._levels: tuple[deque[float], ...] = tuple(deque(maxlen=REMEMBERED) for _ in _SIGNS)
+        self._piles: list[Pile | None] = [None for _ in _SIGNS]  # of the event in hand
+
+    @property
+    def is_known(self) -> bool:
+        """Whether one of them is."""
+        return any(len(levels) >= RECURS for levels in self._levels)
+
+    def masked(
+        self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+    ) -> NDArray[np.bool_]:
+        """What of a window (n,) is masked or lies at an end, one known or one that its innovations (n,) show clearly.
+
+        Those before sample `first` do not count.
+        """
+        before = mask_of(window)
+        mask = before.copy()
+        is_explained = np.median(np.abs(innovations[first:])) < EXPLAINED * sigmas.innovation
+        for end, (sign, levels) in enumerate(zip(_SIGNS, self._levels, strict=True)):
+            y = sign * window.output
+            if len(levels) >= RECURS:
+                mask |= _about(y, float(np.mean(levels)), sigmas)
+                continue
+            pile = pile_of(y, innovations, before, sigmas, first)
+            if pile is None:
+                continue
+            self._piles[end] = pile
+            if pile.changing > CLEAR and is_explained:
+                mask |= _about(y, pile.level, sigmas)
+        return mask
+
+    def is_new_after(self, window: Window, sigmas: Sigmas) -> bool:
+        """Take in what was seen of an event while it was fitted; whether an end is known now, and none was."""
+        was_known = self.is_known
+        for sign, levels, pile in zip(_SIGNS, self._levels, self._piles, strict=True):
+            if levels and np.max(_smoothed(sign * window.output)) > np.mean(levels) + BEYOND * sigmas.noise:
+                levels.clear()
+            if pile is None or pile.changing < CHANGING:
+                continue
+            if levels and abs(pile.level - np.mean(levels)) > SAME_LEVEL * sigmas.noise:
+                levels.clear()
+            levels.append(pile.level)
+        self._piles = [None for _ in _SIGNS]
+        return self.is_known and not was_known
+
+
+def pile_of(
+    y: NDArray[np.float64],
+    innovations: NDArray[np.float64],
+    masked: NDArray[np.bool_],
+    sigmas: Sigmas,
+    first: int,
+) -> Pile | None:
+    """The samples of y (n,) about its highest level that are not masked, None where they are too few."""
+    means = _smoothed(y)
+    counts = ~masked
+    counts[:first] = False
+    if not counts.any():
+        return None
+    level = float(np.max(means[counts]))
+    for _ in range(REFINEMENTS):
+        at = _is_at(means, level, sigmas) & counts
+        if at.sum() < FEWEST:
+            return None
+        level = float(np.mean(y[at]))
+    values, samples = y[at], int(at.sum())
+    constant = float(np.sum((values - values.mean()) ** 2)) / sigmas.noise**2
+    changing = float(np.sum((innovations[at] - innovations[at].mean()) ** 2)) / sigmas.innovation**2
+    is_flat = constant < samples + FLAT * np.sqrt(2.0 * samples)
+    return Pile(float(values.mean()), changing - constant if is_flat else 0.0)
+
+
+def _about(y: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
+    """Samples of y (n,) at a level, and those beside them."""
+    at = _is_at(_smoothed(y), level, sigmas)
+    return np.asarray(np.convolve(at, np.ones(2 * MARGIN + 1), "same") > 0.5, np.bool_)
+
+
+def _smoothed(y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means (n,) over some neighbours; at both ends, where some are missing, of fewer."""
+    weights = np.ones(SMOOTHED)
+    total = np.convolve(y, weights, "same")
+    return np.asarray(total / np.convolve(np.ones_like(y), weights, "same"), np.float64)
+
+
+def _is_at(means: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
+    return np.asarray(means > level - AT_LEVEL * sigmas.noise, np.bool_)

@@ -49,6 +49,7 @@ from observer_rt.observer.learning.colour import (
     SlowRail,
     resting_segments,
 )
+from observer_rt.observer.learning.edges import EdgeSearch, with_step
 from observer_rt.observer.learning.familiarity import UNSEEN, operating_point, remembered, unfamiliarity
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
@@ -123,6 +124,7 @@ class Learner:
         self._trend = Trend()
         self._outliers = OutlierSearch()
         self._range = EndsOfRange()
+        self._edges = EdgeSearch(constants.interval)
 
     @property
     def schedule(self) -> GainSchedule:
@@ -165,16 +167,15 @@ class Learner:
             event.window, event.fit.innovations, self._sigmas, event.cost.burn_in
         )
         is_clipped |= self._is_range_ending_in(window)
+        is_disturbed = self._is_disturbed_before_openings(event)
         doubts = self._doubts(event, lag)
         better = self._is_better(event.window, in_force)
         self._previous = event.window, self._constants
         if self._freezer.is_frozen_after(self._statistics):
-            return self._frozen(event.window, in_force)
+            return _because(self._frozen(event.window, in_force), is_clipped, is_disturbed)
         adoption = Adoption.ADOPTED if better else Adoption.REJECTED
         outcome = self._outcome(adoption, event.window, in_force, doubts)
-        if is_clipped and outcome.objections:  # that is why
-            clipped = Objection(Reason.INPUT_CLIPPED)
-            outcome = replace(outcome, objections=(clipped, *outcome.objections))
+        outcome = _because(outcome, is_clipped, is_disturbed)
         because = self._mistrust.after(outcome.objections)
         if because is not None:
             nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
@@ -266,8 +267,6 @@ class Learner:
 
     def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:
         """The colour of the noise, after what a fitted event leaves while the needle is shut."""
-        if window.masked.any():  # it would tell the colour of gaps
-            return self._at_rest.colour(self._colour, self._schedule.innovation_sigma)
         shortest = round(SEGMENT / self._constants.interval)
         rest = resting_segments(window, self._burn_in, shortest)
         self._at_rest.add([fit.unfiltered[part] for part in rest])
@@ -312,6 +311,17 @@ class Learner:
         window = window._replace(masked=ended) if more else window
         found = self._outliers.masked(window, np.where(ended, 0.0, innovations), self._sigmas, self._burn_in)
         return ended if found is None and more else found
+
+    def _is_disturbed_before_openings(self, event: _Explained) -> bool:
+        """Whether something couples into the line pressure before the needle opens."""
+        first = event.window.opening - self._edges.longest
+        if first <= 0:
+            return False
+        sigma = event.cost.sigma
+        cost = self._cost(with_step(event.window, first, sigma), None)
+        cost.value(event.fit.linearisation.theta)
+        response = event.cost.whitened((cost.unfiltered - event.fit.unfiltered) / sigma)
+        return self._edges.is_found_after(event.window, event.fit.innovations, response, sigma)
 
     def _is_range_ending_in(self, window: Window) -> bool:
         """Whether the line pressure's range is known to end, after an event.
@@ -457,3 +467,14 @@ class Learner:
             lag=sensor.lag,
             offset=sensor.offset,
         )
+
+
+def _because(outcome: Outcome, is_clipped: bool, is_disturbed: bool) -> Outcome:
+    """An outcome with what is known of the line pressure as the first objection: that is why there are others."""
+    if is_disturbed:  # though all else may look right
+        reason = Reason.CONTRADICTED
+    elif is_clipped and outcome.objections:
+        reason = Reason.INPUT_CLIPPED
+    else:
+        return outcome
+    return replace(outcome, objections=(Objection(reason), *outcome.objections))

@@ -19,11 +19,21 @@ from observer_rt.estimation.predictor import Window
 SHORTEST, LONGEST = 8, 64  # samples of a stretch
 BETTER = 40.0  # chi2 by which a constant must beat the model
 JUMP = 5.0  # standard deviations by which the value jumps when it is let go
+LONG = 24  # samples of one that need not jump when it is let go
+MUCH_BETTER = 300.0  # chi2 by which a constant must then beat the model
+FLAT_HELD = (
+    28.0  # chi2 of a constant over so many samples that is one, beyond their number: four standard deviations
+)
 MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen
 MOST_STRETCHES = 3  # in an event
 LEAP = 8.0  # standard deviations of the innovations from one sample to the next
 WIDEST_SPIKE = 8  # samples
-MOST_SPIKES = 6  # in an event
+SHARP = 5.5  # standard deviations of the mean of a spike that leaps less: of noise one in 10,000 events
+SHARP_WIDTHS = (1, 2, 3)  # samples of it
+BESIDE = 5  # samples before it, and after it
+NO_SPIKE = 3.0  # standard deviations of their mean: a wrong model leaves more than three samples
+GAUSSIAN = 1.4826  # standard deviation over the median of the sizes
+MOST_SPIKES = 12  # in an event
 RECOVERY = 20  # samples after a stretch, until the innovations are themselves again
 REMEMBERED = 6  # events, of stretches
 ENDS_REMEMBERED = 12  # events
@@ -92,10 +102,11 @@ class OutlierSearch:
             for stretch in stretches:
                 if not self._is_true(window, stretch, sigmas):
                     mask[max(stretch.start - (stretch.end - stretch.start) // MARGIN, 0) : stretch.end] = True
-        spikes = spikes_of(np.where(mask, 0.0, innovations), sigmas.innovation, first)
-        if len(spikes) <= MOST_SPIKES:
-            for start, end in spikes:
-                mask[start:end] = True
+        for spikes_in in (spikes_of, sharp_spikes_of):
+            spikes = spikes_in(np.where(mask, 0.0, innovations), sigmas.innovation, first)
+            if len(spikes) <= MOST_SPIKES:
+                for start, end in spikes:
+                    mask[start:end] = True
         return mask if (mask & ~before).any() else None
 
     def is_clipped_after(
@@ -145,28 +156,45 @@ def _end_at(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, fi
 def frozen_stretches(
     window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
 ) -> Sequence[Stretch]:
-    """Where a constant explains y much better than the model does by its innovations (n,), and y then jumps."""
+    """Where a constant explains y much better than the model does by its innovations (n,), and y then jumps.
+
+    Or where it does so very much better for long: y may by chance be let go where it would have been.
+    """
     y, mask = window.output, mask_of(window)
     jump = JUMP * sigmas.innovation
-    ends = [int(k) + 1 for k in np.flatnonzero(np.abs(np.diff(innovations)) > jump)]
-    if not ends:
-        return ()
-    lowest, highest = (float(v) for v in np.partition(y, (2, -3))[[2, -3]])
     sums, squares = (np.concatenate(([0.0], np.cumsum(v))) for v in (y - y[0], (y - y[0]) ** 2))
     explained = np.concatenate(([0.0], np.cumsum((innovations / sigmas.innovation) ** 2)))
+
+    def constant_over(starts: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.float64]:
+        mean_square = (sums[ends] - sums[starts]) ** 2 / (ends - starts)
+        return np.asarray((squares[ends] - squares[starts] - mean_square) / sigmas.noise**2, np.float64)
+
+    leaps = np.flatnonzero(np.abs(np.diff(innovations)) > jump) + 1
+    starts = np.arange(first, len(y) - LONG)
+    constant = constant_over(starts, starts + LONG)
+    better = explained[starts + LONG] - explained[starts] - constant
+    long_held = starts[(constant < LONG + FLAT_HELD) & (better > MUCH_BETTER)] + LONG
+    lasts = long_held[np.diff(long_held, append=2 * len(y)) > 1]
+    ends = np.union1d(leaps, lasts)
+    if not ends.size:
+        return ()
+    lowest, highest = (float(v) for v in np.partition(y, (2, -3))[[2, -3]])
     found: list[Stretch] = []
-    for end in ends:
+    for end in (int(end) for end in ends):
         begin = found[-1].end + RECOVERY if found else first
         lengths = np.arange(SHORTEST, min(LONGEST, end - begin) + 1)
         if lengths.size == 0:
             continue
-        starts = end - lengths
-        means = (sums[end] - sums[starts]) / lengths
-        constant = (squares[end] - squares[starts] - lengths * means**2) / sigmas.noise**2
-        better = explained[end] - explained[starts] - constant
+        better = (
+            explained[end]
+            - explained[end - lengths]
+            - constant_over(end - lengths, np.full_like(lengths, end))
+        )
         best = int(np.argmax(better))
-        start, level = int(starts[best]), float(means[best] + y[0])
-        if better[best] < BETTER or abs(y[end] - level) < jump or mask[start:end].any():
+        start = end - int(lengths[best])
+        level = float((sums[end] - sums[start]) / (end - start) + y[0])
+        is_let_go = bool(abs(y[end] - level) >= jump) or end in lasts
+        if better[best] < BETTER or not is_let_go or mask[start:end].any():
             continue
         beyond = SAME_LEVEL * sigmas.noise
         found.append(Stretch(start, end, level, not lowest + beyond < level < highest - beyond))
@@ -183,6 +211,30 @@ def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> lis
         if is_apart and back - leap <= WIDEST_SPIKE and steps[leap] * steps[back] < 0.0:
             found.append((leap + 1, back + 1))
     return found
+
+
+def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
+    """The same of those that stand out by no leap, but from what is beside them.
+
+    Where the innovations are larger than they should be, so must be the spikes. Of many the model is to blame.
+    """
+    counted = innovations[first:]
+    sigma = max(sigma, GAUSSIAN * float(np.median(np.abs(counted))))
+    counted = counted / sigma
+    left, found = counted.copy(), list[tuple[int, int]]()
+    for _ in range(MOST_SPIKES + 1):
+        total = np.concatenate(([0.0], np.cumsum(left)))
+        deviates = {width: (total[width:] - total[:-width]) / np.sqrt(width) for width in SHARP_WIDTHS}
+        width = max(SHARP_WIDTHS, key=lambda width: float(np.max(np.abs(deviates[width]))))
+        start = int(np.argmax(np.abs(deviates[width])))
+        height, end = float(deviates[width][start]), start + width
+        if abs(height) < SHARP:
+            return found
+        beside = np.concatenate((counted[max(start - BESIDE, 0) : start], counted[end : end + BESIDE]))
+        if np.sign(height) * beside.sum() < NO_SPIKE * np.sqrt(beside.size):
+            found.append((first + start, first + end))
+        left[start:end] = 0.0
+    return []
 
 
 def mask_of(window: Window) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""Samples that no sensor means: spikes, frozen and clipped stretches, dropouts. Recognised as they come, one by one.
+"""Samples that no sensor means: spikes, frozen and clipped stretches, dropouts. Recognised one by one.
 
 A value that must not be used is marked in `bridged` of its sample. For a line pressure x~ then goes on by the model,
 without correction, and what is learned leaves it out; a rail pressure or lift is replaced by its neighbours or held.
@@ -13,9 +13,10 @@ from observer_rt.observer.stream.state import LIFT, LINE, RAIL, RING, Observer
 
 SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are short for a line
 REACH = 3  # samples of the longest spike
-STEP = 7.0  # standard deviations from one sample to the next, by which a spike goes away and comes back: with 4.5
-# noise does so three times a second at 100 kHz, with 7 once in a quarter of an hour
-RESTLESS = 6.2  # the same of a channel's mean change: of white noise as much
+STEP = 5.5  # standard deviations from one sample to the next, by which a spike goes away and comes back: with 4.5
+# noise does so three times a second at 100 kHz, with 5.5 once in ten seconds
+STRAIGHT = 7.0  # the same, by which the lift of an open needle leaves the line that it is on before and after
+RESTLESS = 4.9  # the same of a channel's mean change: of white noise as much
 MEMORY = 64.0  # samples, of that mean
 CLOSE = 0.7  # of these: it comes back so near to where it was, and the channel was so steady before
 UNLIKELY = math.log(1e-8)  # probability a sample of so many equal values by chance
@@ -33,25 +34,28 @@ _NONE, _FROZEN, _CLIPPED = int(Doubt.NONE), int(Doubt.FROZEN), int(Doubt.CLIPPED
 
 @njit(cache=True, nogil=True, inline="always")
 def inspect(observer: Observer, position: int) -> int:
-    """Look at a sample as it is received, and at those before it; why it is not to be trusted (`Doubt`)."""
+    """Look at a sample after those before it, and again at those; why it is not to be trusted (`Doubt`)."""
     channels = observer.memory[0].channels
     row = observer.ring[position & _MASK]
     doubt = _NONE
     if not row.interpolated and row.broken == 0:
-        if _is_odd(channels[LINE], position, row.line_pressure):
+        if _is_odd(channels[LINE], position, row.line_pressure, RESTLESS):
             doubt = _look(observer, position, LINE, row.line_pressure)
-        if _is_odd(channels[LIFT], position, row.needle_lift):
+        if _is_odd(channels[LIFT], position, row.needle_lift, 0.0):
             doubt = max(doubt, _look(observer, position, LIFT, row.needle_lift))
         # of a slower rail pressure most values are made up
         is_fast = observer.constants.rail_every <= 1.0
-        if is_fast and _is_odd(channels[RAIL], position, row.rail_pressure):
+        if is_fast and _is_odd(channels[RAIL], position, row.rail_pressure, RESTLESS):
             doubt = max(doubt, _look(observer, position, RAIL, row.rail_pressure))
     return doubt
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _is_odd(channel, position: int, value: float) -> bool:  # type: ignore[no-untyped-def]
-    """Take in a value of a channel; whether there is more to be done than for most of them."""
+def _is_odd(channel, position: int, value: float, restless: float) -> bool:  # type: ignore[no-untyped-def]
+    """Take in a value of a channel; whether there is more to be done than for most of them, and for the next.
+
+    restless: means of its changes that are no step either, 0 for a lift.
+    """
     last = channel.last
     channel.last = value
     if value == last:
@@ -62,11 +66,14 @@ def _is_odd(channel, position: int, value: float) -> bool:  # type: ignore[no-un
             channel.repeats += channel.run
         channel.run = 0
     step = abs(value - last)
-    limit = max(STEP * channel.noise, RESTLESS * channel.change)
+    limit = max(STEP * channel.noise, restless * channel.change)
     channel.change += (
         (step if step < limit else limit) - channel.change
     ) / MEMORY  # no number is not taken in
-    return bool(step > limit or position < channel.until)
+    if step > limit:
+        channel.until = max(channel.until, position + 2)
+        return True
+    return bool(position < channel.until)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -94,7 +101,9 @@ def _look(observer: Observer, position: int, number: int, value: float) -> int:
         channel.until = max(channel.until, position + 2)
     if _was_held(channel, number, value):
         return _FROZEN
-    if number != LIFT:  # a needle moves as suddenly
+    if number == LIFT:
+        _mend_open_lift(observer, position)
+    else:
         _mend(observer, position, number)
     return int(_doubt(channel, number, observer.constants.timing.bridge))
 
@@ -201,7 +210,7 @@ def _bridge(observer: Observer, position: int, number: int) -> None:
 def _mend(observer: Observer, position: int, number: int) -> None:
     """Put a straight line in the place of the few values before a position that leapt away from it and came back."""
     memory = observer.memory[0]
-    if not observer.constants.timing.filtered or position - memory.newest_break < 2 * REACH + 1:
+    if not observer.constants.timing.filtered or not _follows(observer, position, 2 * REACH + 1):
         return
     limit = max(STEP * memory.channels[number].noise, RESTLESS * memory.channels[number].change)
     here = value_of(observer.ring[position & _MASK], number)
@@ -224,6 +233,62 @@ def _mend(observer: Observer, position: int, number: int) -> None:
                 row.bridged |= 1 << number
             memory.spikes += width
             return
+
+
+@njit(cache=True, nogil=True)
+def _mend_open_lift(observer: Observer, position: int) -> None:
+    """Put the straight line that an open needle moves on in the place of the few values that leapt away from it.
+
+    A needle stops as suddenly as a spike begins, and turns round; but it does not go on where it would have been.
+    """
+    if not observer.constants.timing.filtered or not _follows(observer, position, REACH + 4):
+        return
+    memory = observer.memory[0]
+    after, last = _lift(observer, position - 1), _lift(observer, position)
+    for width in range(1, REACH + 1):
+        first = position - 1 - width
+        before = _lift(observer, first - 1)
+        if min(before, after) < memory.lift_on:
+            return
+        slope = (after - before) / (width + 1)
+        close = STRAIGHT * memory.channels[LIFT].noise
+        is_straight = (
+            abs(before - _lift(observer, first - 2) - slope) < close and abs(last - after - slope) < close
+        )
+        if is_straight and _least_away(observer, first, width, before, slope) > close:
+            for k in range(width):
+                row = observer.ring[(first + k) & _MASK]
+                _replace(row, LIFT, before + slope * (k + 1) + memory.zero)
+                row.bridged |= 1 << LIFT
+            memory.spikes += width
+            return
+
+
+@njit(cache=True, nogil=True)
+def _least_away(observer: Observer, first: int, width: int, before: float, slope: float) -> float:
+    """By how much at least so many lifts from `first` on are above a line, or below it."""
+    least, most = math.inf, -math.inf
+    for k in range(width):
+        away = _lift(observer, first + k) - before - slope * (k + 1)
+        least, most = min(least, away), max(most, away)
+    return max(least, -most)
+
+
+@njit(cache=True, nogil=True)
+def _lift(observer: Observer, position: int) -> float:
+    """As recorded, without its zero [m]."""
+    return float(observer.ring[position & _MASK].needle_lift - observer.memory[0].zero)
+
+
+@njit(cache=True, nogil=True)
+def _follows(observer: Observer, position: int, samples: int) -> bool:
+    """Whether so many samples, `position` the last of them, follow each other."""
+    if position < samples:
+        return False
+    breaks = 0
+    for k in range(samples):
+        breaks += observer.ring[(position - k) & _MASK].broken != 0
+    return breaks == 0
 
 
 @njit(cache=True, nogil=True)

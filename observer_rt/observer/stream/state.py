@@ -176,8 +176,9 @@ _OBSERVER = [
     ("recorded", np.int64),
     ("given_on", np.int64),
     ("unbroken_since", np.int64),  # number of the first sample since the last break
-    # positions in the stream of samples: received >= processed
+    # positions in the stream of samples: received >= inspected >= processed
     ("received", np.int64),
+    ("inspected", np.int64),  # for outliers
     ("processed", np.int64),
     ("lifted", np.int64),  # as far as `lift` is known
     ("newest_break", np.int64),  # position of the newest sample that does not follow the one before

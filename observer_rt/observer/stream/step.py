@@ -154,10 +154,10 @@ def _append(
     row.interpolated = interpolated
     row.broken = broken
     row.bridged = 0
-    outlier = inspect(observer, memory.received)
-    row.doubt = outlier if doubt == _NO_DOUBT else doubt
+    row.doubt = doubt
     if doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
-        for position in range(memory.processed, memory.received):
+        first = max(memory.processed, memory.received - observer.constants.timing.lookahead)
+        for position in range(first, memory.received):
             observer.ring[position & _MASK].doubt = doubt
     if broken != _NONE:
         memory.newest_break = memory.received
@@ -183,12 +183,29 @@ def advance_stream(observer: Observer) -> bool:
             and not _cut_short(observer, position)
         ):
             break
+        _inspect_ahead(observer, position)
         if not _process(observer, position):
             return True
         memory.processed += 1
     if memory.draining and not memory.waiting:
         _finish(observer)
     return bool(memory.waiting)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _inspect_ahead(observer: Observer, position: int) -> None:
+    """Look for outliers among the samples that must be known at `position`.
+
+    Not among all that are received: what is found depends on what was judged before, and by then more or fewer have
+    come as a frame carries more or fewer.
+    """
+    memory = observer.memory[0]
+    for k in range(memory.inspected, position + known(observer, position) + 1):
+        row = observer.ring[k & _MASK]
+        outlier = inspect(observer, k)
+        if row.doubt == _NO_DOUBT:
+            row.doubt = outlier
+        memory.inspected = k + 1
 
 
 @njit(cache=True, nogil=True)

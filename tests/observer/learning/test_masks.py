@@ -9,6 +9,7 @@ from observer_rt.observer.learning.masks import (
     OutlierSearch,
     Sigmas,
     frozen_stretches,
+    sharp_spikes_of,
     spikes_of,
 )
 
@@ -108,6 +109,31 @@ def test_innovations_that_leap_and_stay_are_no_spike() -> None:
     innovations[700:] += 20.0
     innovations[760:] += 20.0
     assert spikes_of(innovations, 1.0, FIRST) == []
+
+
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_spikes_that_leap_little_are_sharp(width: int) -> None:
+    innovations = np.random.default_rng(4).normal(size=COUNT)
+    assert sharp_spikes_of(innovations, 1.0, FIRST) == []
+    innovations[600 : 600 + width] = -6.5
+    assert sharp_spikes_of(innovations, 1.0, FIRST) == [(600, 600 + width)]
+
+
+def test_what_lasts_is_not_sharp() -> None:
+    innovations = np.random.default_rng(4).normal(size=COUNT)
+    innovations[600:620] += 4.0
+    assert sharp_spikes_of(innovations, 1.0, FIRST) == []
+
+
+def test_innovations_that_are_too_large_everywhere_have_no_sharp_spikes() -> None:
+    innovations = 3.0 * np.random.default_rng(4).normal(size=COUNT)
+    assert sharp_spikes_of(innovations, 1.0, FIRST) == []
+
+
+def test_of_many_sharp_ones_the_model_is_to_blame() -> None:
+    innovations = np.random.default_rng(4).normal(size=COUNT)
+    innovations[100::40] = 9.0
+    assert sharp_spikes_of(innovations, 1.0, FIRST) == []
 
 
 def test_a_wrong_model_has_no_spikes() -> None:

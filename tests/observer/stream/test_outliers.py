@@ -212,3 +212,58 @@ def test_a_needle_that_moved_while_its_lift_was_held_makes_its_event_not_valid()
     _, rows = observed(channels, events_required=0)
     assert Reason.INPUT_FROZEN in rows["reason"][4519:4523]
     assert not (rows["reason"][4530:4600] == Reason.INPUT_FROZEN).any()
+
+
+@pytest.mark.parametrize("height", [6e-6, -6e-6])
+@pytest.mark.parametrize("at", [4510, 4700])
+def test_a_spike_of_an_open_lift_is_replaced_on_its_ramp_and_at_the_stop(at: int, height: float) -> None:
+    clean, spiked = signals(), signals()
+    for channels in (clean, spiked):
+        channels[LIFT] += place(COUNT, at_4500=stroke(300, ramp=40))
+    spiked[LIFT][at : at + 2] += height
+    _, rows = observed(spiked)
+    _, wanted = observed(clean)
+    assert bridged(rows, LIFT) == [at, at + 1]
+    assert np.abs(rows["needle_lift"] - wanted["needle_lift"]).max() < 6 * NOISE.needle_lift
+
+
+@pytest.mark.parametrize("ramp", [5, 20, 40])
+def test_the_corners_of_a_stroke_are_no_spikes(ramp: int) -> None:
+    channels = signals()
+    channels[LIFT] += place(COUNT, at_4500=stroke(2 * ramp), at_4900=stroke(300, ramp=ramp))
+    _, rows = observed(channels)
+    assert bridged(rows, LIFT) == []
+
+
+@pytest.mark.parametrize("samples", [1, 9])
+def test_outliers_do_not_depend_on_what_a_frame_carries_when_events_are_judged(samples: int) -> None:
+    """Noise levels change at a judgement: the samples inspected after it are the same ones."""
+    count = 9000
+    wanted, rows = (_disturbed_events(count, piece) for piece in (count, samples))
+    for name in (
+        "x_tilde",
+        "innovation",
+        "rail_pressure",
+        "needle_lift",
+        "doubt",
+        "bridged",
+        "valid",
+        "reason",
+    ):
+        assert np.array_equal(rows[name], wanted[name]), name
+    assert (wanted["bridged"] > 0).sum() > 40
+
+
+def _disturbed_events(count: int, piece: int) -> NDArray[np.void]:
+    """Events with spikes everywhere, fed so many samples at a time; judged and learned from on the way."""
+    rail, lift, line = signals(count, seed=4)
+    lift += place(count, at_1500=stroke(100), at_5000=stroke(100))
+    rng = np.random.default_rng(6)
+    for at in range(200, count - 20, 50):
+        (rail, line)[int(rng.integers(2))][at] += rng.normal() * 8 * NOISE.rail_pressure
+    stream = Stream(learning=True, durations=Durations(event_gap=5e-3, learning_delay=8e-3))
+    for k in range(0, count, piece):
+        part = slice(k, k + piece)
+        stream.feed(rail[part], lift[part], line[part])
+    assert len([each for each in stream.outcomes if each is not None]) > 0
+    return stream.finish().rows

@@ -1,0 +1,57 @@
+"""What couples into the line pressure when the coil is energized: a step at the same time before every opening.
+
+The needle is shut then and nothing moves, so the model has nothing to say to it, however small it is; over many
+events it stands out of the noise. While it lasts, it would be taken for wear.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.predictor import Window
+
+LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
+SHORTEST_DELAY = 0.08e-3
+SEEN_FOR = 0.25e-3  # s, until x~ has taken a step for its own
+REMEMBERED = 0.95  # weight of the events before an event
+STANDS_OUT = 5.0  # standard deviations
+COMMON = 0.6  # of it, up to which steps may stand out that are no edge: then the standstill is not understood at all
+
+
+class EdgeSearch:
+    """Looks for a step at one time before the openings, event after event."""
+
+    def __init__(self, interval: float) -> None:
+        """interval: of samples [s]."""
+        self._shortest, self.longest, self._seen_for = (
+            round(duration / interval) for duration in (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR)
+        )
+        places = self.longest + self._seen_for
+        self._products, self._squares = np.zeros(places), np.zeros(places)
+
+    def is_found_after(
+        self, window: Window, innovations: NDArray[np.float64], response: NDArray[np.float64], sigma: float
+    ) -> bool:
+        """Take in an event's innovations (n,); whether there is such a step.
+
+        response: (n,) of the innovations to a step of y at the sample `longest` before the opening.
+        """
+        self._products *= REMEMBERED
+        self._squares *= REMEMBERED
+        opening = window.opening
+        for place in range(self._shortest, min(self._products.size, opening)):
+            seen = min(place, self._seen_for)
+            begin = opening - place
+            shape = response[opening - self.longest : opening - self.longest + seen]
+            self._products[place] += float(innovations[begin : begin + seen] @ shape) / sigma**2
+            self._squares[place] += float(shape @ shape) / sigma**2
+        known = np.maximum(self._squares, np.finfo(np.float64).tiny)
+        scores = np.abs(self._products) / np.sqrt(known)
+        edge, elsewhere = scores[: self.longest + 1].max(), scores[self.longest + 1 :].max()
+        return bool(edge > STANDS_OUT and elsewhere < COMMON * edge)
+
+
+def with_step(window: Window, first: int, height: float) -> Window:
+    """A window with a step of the line pressure [p_0] from sample `first` on."""
+    output = window.output.copy()
+    output[first:] += height
+    return window._replace(output=output)

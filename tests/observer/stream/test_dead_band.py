@@ -116,16 +116,25 @@ def test_what_lasts_less_than_forty_microseconds_is_no_opening(samples: int, rat
     assert stream.count("injections_begun") == opens
 
 
+def with_dip(lift: float) -> NDArray[np.float64]:
+    """An open needle that turns round where its lift is another one for a sample: no straight line bridges it."""
+    moving = (200.0 - 5.0 * np.abs(np.arange(50) - 20.0)) * UM
+    moving[20] = lift
+    return moving
+
+
 def test_one_sample_is_not_enough_to_close() -> None:
-    dip = np.full(50, 100 * UM)
-    dip[20] = 0.0
-    assert open_samples(dip) == [k for k in range(-0, 50) if k != 20]
+    assert open_samples(with_dip(0.0)) == [k for k in range(50) if k != 20]
 
 
 def test_negative_lift_of_an_open_needle_has_no_area() -> None:
+    assert 20 not in open_samples(with_dip(-5 * UM))
+
+
+def test_one_sample_of_a_steady_lift_is_bridged() -> None:
     lift = np.full(50, 100 * UM)
-    lift[20] = -5 * UM
-    assert 20 not in open_samples(lift)
+    lift[20] = 0.0
+    assert open_samples(lift) == list(range(50))
 
 
 def test_shut_from_the_first_of_two_samples_below_the_closing_threshold() -> None:

@@ -4,16 +4,23 @@ The needle is shut then and nothing moves, so the model has nothing to say to it
 events it stands out of the noise. While it lasts, it would be taken for wear.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 
 LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
-SHORTEST_DELAY = 0.08e-3
+SHORTEST_DELAY = 0.12e-3
+BEFORE_OPENING = (
+    0.06e-3  # s that do not count: a lift that is recorded late lets the line pressure fall in them
+)
+CLIP = 3.0  # standard deviations for which an innovation counts at most: one event alone is an outlier
 SEEN_FOR = 0.25e-3  # s, until x~ has taken a step for its own
 REMEMBERED = 0.95  # weight of the events before an event
-STANDS_OUT = 5.0  # standard deviations
+STANDS_OUT = 4.5  # standard deviations
+OF_ONE_EVENT = 4.0  # of these at most, so that it must recur
 COMMON = 0.6  # of it, up to which steps may stand out that are no edge: then the standstill is not understood at all
 
 
@@ -22,8 +29,9 @@ class EdgeSearch:
 
     def __init__(self, interval: float) -> None:
         """interval: of samples [s]."""
-        self._shortest, self.longest, self._seen_for = (
-            round(duration / interval) for duration in (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR)
+        self._shortest, self.longest, self._seen_for, self._beside = (
+            round(duration / interval)
+            for duration in (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR, BEFORE_OPENING)
         )
         places = self.longest + self._seen_for
         self._products, self._squares = np.zeros(places), np.zeros(places)
@@ -38,12 +46,15 @@ class EdgeSearch:
         self._products *= REMEMBERED
         self._squares *= REMEMBERED
         opening = window.opening
+        clipped = np.clip(innovations[:opening] / sigma, -CLIP, CLIP)
         for place in range(self._shortest, min(self._products.size, opening)):
-            seen = min(place, self._seen_for)
+            seen = min(place - self._beside, self._seen_for)
             begin = opening - place
             shape = response[opening - self.longest : opening - self.longest + seen]
-            self._products[place] += float(innovations[begin : begin + seen] @ shape) / sigma**2
-            self._squares[place] += float(shape @ shape) / sigma**2
+            square = float(shape @ shape)
+            most = OF_ONE_EVENT * math.sqrt(square)
+            self._products[place] += min(max(float(clipped[begin : begin + seen] @ shape), -most), most)
+            self._squares[place] += square
         known = np.maximum(self._squares, np.finfo(np.float64).tiny)
         scores = np.abs(self._products) / np.sqrt(known)
         edge, elsewhere = scores[: self.longest + 1].max(), scores[self.longest + 1 :].max()

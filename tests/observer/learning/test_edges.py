@@ -42,8 +42,8 @@ def test_a_step_below_the_noise_is_found_over_the_events(height: float) -> None:
     assert all(said[12:])
 
 
-def test_a_large_step_is_found_at_once() -> None:
-    assert all(found(3, 3.0))
+def test_a_large_step_is_found_as_soon_as_it_recurs() -> None:
+    assert found(4, 3.0) == [False, True, True, True]
 
 
 def test_noise_has_no_steps() -> None:
@@ -52,6 +52,17 @@ def test_noise_has_no_steps() -> None:
 
 def test_what_swings_at_standstill_is_no_edge() -> None:
     assert not any(found(20, 0.0, unquiet=0.7))
+
+
+def test_a_lift_that_is_recorded_late_is_no_edge() -> None:
+    search = EdgeSearch(INTERVAL)
+    response = response_from(OPENING - search.longest)
+    for seed in range(20):
+        innovations = np.random.default_rng(seed).normal(size=COUNT)
+        innovations[OPENING - 3 :] -= 8.0
+        if seed % 7 == 3:  # and once in a while by much
+            innovations[OPENING - 20 :] -= 30.0
+        assert not search.is_found_after(window(), innovations, response, 1.0)
 
 
 def test_with_step_raises_the_line_pressure_from_a_sample_on() -> None:

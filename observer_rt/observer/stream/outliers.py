@@ -15,7 +15,8 @@ SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are sh
 REACH = 3  # samples of the longest spike
 STEP = 5.5  # standard deviations from one sample to the next, by which a spike goes away and comes back: with 4.5
 # noise does so three times a second at 100 kHz, with 5.5 once in ten seconds
-STRAIGHT = 7.0  # the same, by which the lift of an open needle leaves the line that it is on before and after
+STRAIGHT = 4.0  # the same, by which an open lift's steps beside a spike may differ from the line across it,
+AWAY = 10.0  # .. and by which the spike leaves that line: a needle that turns round comes no further
 RESTLESS = 4.9  # the same of a channel's mean change: of white noise as much
 MEMORY = 64.0  # samples, of that mean
 CLOSE = 0.7  # of these: it comes back so near to where it was, and the channel was so steady before
@@ -251,11 +252,12 @@ def _mend_open_lift(observer: Observer, position: int) -> None:
         if min(before, after) < memory.lift_on:
             return
         slope = (after - before) / (width + 1)
-        close = STRAIGHT * memory.channels[LIFT].noise
+        noise = memory.channels[LIFT].noise
+        close = STRAIGHT * noise
         is_straight = (
             abs(before - _lift(observer, first - 2) - slope) < close and abs(last - after - slope) < close
         )
-        if is_straight and _least_away(observer, first, width, before, slope) > close:
+        if is_straight and _least_away(observer, first, width, before, slope) > AWAY * noise:
             for k in range(width):
                 row = observer.ring[(first + k) & _MASK]
                 _replace(row, LIFT, before + slope * (k + 1) + memory.zero)

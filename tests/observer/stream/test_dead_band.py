@@ -118,7 +118,7 @@ def test_what_lasts_less_than_forty_microseconds_is_no_opening(samples: int, rat
 
 def with_dip(lift: float) -> NDArray[np.float64]:
     """An open needle that turns round where its lift is another one for a sample: no straight line bridges it."""
-    moving = (200.0 - 5.0 * np.abs(np.arange(50) - 20.0)) * UM
+    moving = np.asarray((200.0 - 5.0 * np.abs(np.arange(50) - 20.0)) * UM, np.float64)
     moving[20] = lift
     return moving
 

@@ -15,7 +15,6 @@ TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to
 ORDERS = 20  # highest order of the autoregressive part
 SEGMENT = 3e-3  # s, of rest without break from which on it tells a colour
 REMEMBERED = 0.85  # weight of the events before an event
-RECOVERY = 30  # samples after an outlier, until the innovations are themselves again
 RAIL_MOTION = 0.66e-3  # s: what is slower is the rail's own motion
 RAIL_BLOCK = 0.16e-3  # s: what is faster the line does not hear
 MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
@@ -79,12 +78,10 @@ class OffsetSince:
 def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
     """Runs of samples of a window with the needle long shut, from sample `first` on, none shorter than `shortest`.
 
-    Without outliers and the samples after them: they would tell the colour of gaps.
+    What is masked ends them: it would tell the colour of gaps.
     """
-    resting = window.resting.copy()
+    resting = window.resting & ~window.masked if len(window.masked) else window.resting.copy()
     resting[:first] = False
-    if len(window.masked):
-        resting &= np.convolve(window.masked, np.ones(1 + RECOVERY))[: resting.size] < 0.5
     changes = np.flatnonzero(np.diff(resting, prepend=False, append=False))
     return [
         slice(int(begin), int(end))

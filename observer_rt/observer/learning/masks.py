@@ -21,6 +21,7 @@ BETTER = 40.0  # chi2 by which a constant must beat the model
 JUMP = 5.0  # standard deviations by which the value jumps when it is let go
 LONG = 24  # samples of one that need not jump when it is let go
 MUCH_BETTER = 300.0  # chi2 by which a constant must then beat the model
+MOST_OF_ONE = 6.0  # standard deviations for which a sample of it counts at most: one alone is a spike
 FLAT_HELD = (
     28.0  # chi2 of a constant over so many samples that is one, beyond their number: four standard deviations
 )
@@ -43,6 +44,7 @@ END_SAMPLES = 16  # whose mean is the lowest or highest of an event
 FLAT = 30.0  # chi2 of a constant that is one, to 1 %
 SAME_END = 1.0  # standard deviations of a sample: at other rail pressures they differ by many
 OTHER_POINT = 40.0
+MEDIAN = 0.6745  # standard deviations, of the size of what is normally distributed
 SAME_LEVEL = 3.0  # standard deviations, as is what counts as the highest or lowest value
 
 
@@ -52,6 +54,10 @@ class Sigmas:
 
     innovation: float
     noise: float
+
+    def times(self, factor: float) -> "Sigmas":
+        """Of a noise louder by a factor."""
+        return Sigmas(factor * self.innovation, factor * self.noise)
 
 
 @dataclass(frozen=True)
@@ -97,6 +103,7 @@ class OutlierSearch:
         """
         before = mask_of(window)
         mask = before.copy()
+        sigmas = sigmas.times(loudness(window, innovations, sigmas, first))
         stretches = frozen_stretches(window, innovations, sigmas, first)
         if len(stretches) <= MOST_STRETCHES:
             for stretch in stretches:
@@ -137,6 +144,17 @@ class OutlierSearch:
         return any(abs(level - other) <= close for event in self._stretches for _, other in event)
 
 
+def loudness(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> float:
+    """By what most innovations (n,) at rest, from sample `first` on, are larger than they should be; 1 at least.
+
+    A noise whose level is not known yet has no outliers by the level that is.
+    """
+    rest = innovations[first:][window.resting[first:]]
+    if rest.size < END_SAMPLES:
+        return 1.0
+    return max(1.0, float(np.median(np.abs(rest))) / (MEDIAN * sigmas.innovation))
+
+
 def ends_of(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas) -> tuple[End, End]:
     """Lowest and highest mean of y over some neighbours, with the innovations (n,) of the model there."""
     around = sliding_window_view(window.output, END_SAMPLES)
@@ -172,7 +190,9 @@ def frozen_stretches(
     leaps = np.flatnonzero(np.abs(np.diff(innovations)) > jump) + 1
     starts = np.arange(first, len(y) - LONG)
     constant = constant_over(starts, starts + LONG)
-    better = explained[starts + LONG] - explained[starts] - constant
+    in_part = np.minimum(innovations, MOST_OF_ONE * sigmas.innovation) / sigmas.innovation
+    in_part = np.concatenate(([0.0], np.cumsum(np.maximum(in_part, -MOST_OF_ONE) ** 2)))
+    better = in_part[starts + LONG] - in_part[starts] - constant
     long_held = starts[(constant < LONG + FLAT_HELD) & (better > MUCH_BETTER)] + LONG
     lasts = long_held[np.diff(long_held, append=2 * len(y)) > 1]
     ends = np.union1d(leaps, lasts)
@@ -224,7 +244,9 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
     left, found = counted.copy(), list[tuple[int, int]]()
     for _ in range(MOST_SPIKES + 1):
         total = np.concatenate(([0.0], np.cumsum(left)))
-        deviates = {width: (total[width:] - total[:-width]) / np.sqrt(width) for width in SHARP_WIDTHS}
+        deviates = {
+            width: _spread((total[width:] - total[:-width]) / np.sqrt(width)) for width in SHARP_WIDTHS
+        }
         width = max(SHARP_WIDTHS, key=lambda width: float(np.max(np.abs(deviates[width]))))
         start = int(np.argmax(np.abs(deviates[width])))
         height, end = float(deviates[width][start]), start + width
@@ -235,6 +257,11 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
             found.append((first + start, first + end))
         left[start:end] = 0.0
     return []
+
+
+def _spread(deviates: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Deviates by what most of them are, if that is more than 1: the sums of coloured noise are larger."""
+    return deviates / max(1.0, GAUSSIAN * float(np.median(np.abs(deviates))))
 
 
 def mask_of(window: Window) -> NDArray[np.bool_]:

@@ -333,6 +333,7 @@ class Constants(NamedTuple):
     events_required: int  # judged events before a sample can be valid
     rail_every: float  # samples to one of the rail pressure
     undoing: Undoing
+    quickest: float  # m a sample: no needle is
 
 
 class Observer(NamedTuple):

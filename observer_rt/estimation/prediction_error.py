@@ -159,11 +159,11 @@ class EventCost:
         """Innovations (n,), or slopes of them (n, m), as they count in J."""
         if self._whitening is None:
             return values
-        return self._whitening.of(values)
+        return self._whitening.of(values, self._window.masked)
 
     def _cost(self, theta: NDArray[np.float64]) -> float:
         if self._whitening is not None:
-            self.innovations = self._whitening.of(self.unfiltered)
+            self.innovations = self._whitening.of(self.unfiltered, self._window.masked)
         cost = robust_cost(self.innovations, self.burn_in, self.sigma)
         cost += 0.5 * self._offset_weight * (theta[_OFFSET] - self._offset) ** 2
         return cost if math.isfinite(cost) else math.inf

@@ -46,3 +46,31 @@ def test_is_linear() -> None:
 def test_a_level_passes_no_high_pass() -> None:
     assert_allclose(Whitening(0.985, TAPS).of(np.full(300, 5.0)), 0.0, atol=1e-12)
     assert_allclose(Whitening(None, np.empty(0)).of(np.full(300, 5.0))[1:], 5.0)
+
+
+@pytest.mark.parametrize("forgetting", [None, 0.96])
+def test_what_is_masked_does_not_matter_and_soon_is_forgotten(forgetting: float | None) -> None:
+    whitening, values = Whitening(forgetting, TAPS), noise(4, 400)
+    masked = np.zeros(400, np.bool_)
+    masked[100:112] = True
+    other = np.where(masked, 50.0, values)
+    found = whitening.of(values, masked)
+    assert_allclose(whitening.of(other, masked), found, rtol=1e-12)
+    assert_allclose(found[100 : 112 + TAPS.size], 0.0, atol=1e-12)
+    assert_allclose(found[:100], whitening.of(values)[:100], rtol=1e-12)
+    if forgetting is None:
+        assert_allclose(found[112 + TAPS.size :], whitening.of(values)[112 + TAPS.size :], rtol=1e-12)
+
+
+def test_of_coloured_noise_with_a_gap_white_noise_is_left() -> None:
+    """A gap taken for values of 0 would leave what the filter made of their loss."""
+    whitening = Whitening(0.985, TAPS)
+    white = noise(5, 4000)
+    coloured = lfilter([1.0, -0.985], [1.0, -1.0], lfilter([1.0], np.append(1.0, TAPS), white))
+    masked = np.zeros(white.size, np.bool_)
+    for start in range(200, white.size, 200):
+        masked[start : start + 12] = True
+    found = whitening.of(np.where(masked, 0.0, coloured), masked)
+    counted = found != 0.0
+    assert counted.sum() > 0.85 * white.size
+    assert np.std(found[counted]) == pytest.approx(np.std(white), rel=0.05)

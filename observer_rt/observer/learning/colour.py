@@ -76,8 +76,11 @@ class OffsetSince:
 
 
 def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
-    """Runs of samples of a window with the needle long shut, from sample `first` on, none shorter than `shortest`."""
-    resting = window.resting.copy()
+    """Runs of samples of a window with the needle long shut, from sample `first` on, none shorter than `shortest`.
+
+    What is masked ends them: it would tell the colour of gaps.
+    """
+    resting = window.resting & ~window.masked if len(window.masked) else window.resting.copy()
     resting[:first] = False
     changes = np.flatnonzero(np.diff(resting, prepend=False, append=False))
     return [

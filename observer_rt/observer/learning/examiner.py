@@ -40,7 +40,9 @@ class Examiner:
         if window is None:
             return (Objection(Reason.NOT_JUDGED),)
         if self.colour is not None:
-            innovations = Innovations(self.colour.whitening.of(innovations.values), self.colour.sigma)
+            innovations = Innovations(
+                self.colour.whitening.of(innovations.values, window.masked), self.colour.sigma
+            )
         event = event_statistics(window, innovations, constants.interval, self._healthy)
         self.statistics = pooled(self.statistics, event)
         lag = float(in_force[Parameter.SENSOR_LAG]) * LAG_UNIT

@@ -8,12 +8,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gain import GainSchedule, gain_schedule
+from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.estimation.gating import carried_covariance, gated_covariance
 from observer_rt.estimation.learned import Learned, learned_of
 from observer_rt.estimation.phases import (
     Phase,
     PhaseStatistics,
+    no_statistics,
 )
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost, Linearisation
@@ -71,6 +72,7 @@ FIRST_ITERATIONS = 8
 ITERATIONS = 2
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 ADOPTION_TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error
+OTHER_NOISE = 1.25  # times a level
 CHANGE_SCORE = 60.0  # of the score test; without change it is 13 +- 5
 QUICKER_SCORE = 35.0  # from which on wear is taken to move faster than its usual drift
 QUICKER = 30.0  # times the usual drift
@@ -152,7 +154,7 @@ class Learner:
         """
         self._constants = constants or self._constants
         if standstill.noise is not None:
-            self._noise = standstill.noise
+            self._hear(standstill.noise)
         self._schedule = self._gains()
         try:
             event = self._explained(window, self._prior(standstill), self._offset_since.after(standstill))
@@ -187,6 +189,19 @@ class Learner:
         again = self._resimulated(event.window, carried, strange)
         masked = int(event.window.masked.sum()) - int(window.masked.sum())
         return replace(outcome, resimulated=again, outliers=masked)
+
+    def _hear(self, noise: NoiseLevels) -> None:
+        """Noise levels from an event on: what an event was by others says nothing by these."""
+        before = self._noise
+        if any(
+            abs(math.log(now / then)) > math.log(OTHER_NOISE)
+            for now, then in (
+                (noise.rail_pressure, before.rail_pressure),
+                (noise.line_pressure, before.line_pressure),
+            )
+        ):
+            self._statistics = no_statistics()
+        self._noise = noise
 
     def _explained(self, window: Window, prior: Belief, offset: float | None) -> _Explained | None:
         """An event fitted without its outliers, in the colour of the noise; None if no fit is finite.
@@ -293,8 +308,6 @@ class Learner:
 
     def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:
         """The colour of the noise, after what a fitted event leaves while the needle is shut."""
-        if window.masked.any():  # it would tell the colour of gaps
-            return self._at_rest.colour(self._colour, self._schedule.innovation_sigma)
         shortest = round(SEGMENT / self._constants.interval)
         rest = resting_segments(window, self._burn_in, shortest)
         self._at_rest.add([fit.unfiltered[part] for part in rest])
@@ -384,7 +397,7 @@ class Learner:
             return open_loop_error(window, setting, learned)
         errors = np.empty(window.output.size)
         follow(window, setting, learned, window.opening, errors, NO_RATE, None, NO_SLOPES)
-        return float(np.sum(self._colour.whitening.of(errors)[window.opening :] ** 2))
+        return float(np.sum(self._colour.whitening.of(errors, window.masked)[window.opening :] ** 2))
 
     def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         """Fall back to phi = 0 and forget: what was learned belongs to another line. No event is valid meanwhile."""

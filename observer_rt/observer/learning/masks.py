@@ -33,6 +33,7 @@ END_SAMPLES = 16  # whose mean is the lowest or highest of an event
 FLAT = 30.0  # chi2 of a constant that is one, to 1 %
 SAME_END = 1.0  # standard deviations of a sample: at other rail pressures they differ by many
 OTHER_POINT = 40.0
+MEDIAN = 0.6745  # standard deviations, of the size of what is normally distributed
 SAME_LEVEL = 3.0  # standard deviations, as is what counts as the highest or lowest value
 
 
@@ -42,6 +43,10 @@ class Sigmas:
 
     innovation: float
     noise: float
+
+    def times(self, factor: float) -> "Sigmas":
+        """Of a noise louder by a factor."""
+        return Sigmas(factor * self.innovation, factor * self.noise)
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,7 @@ class OutlierSearch:
         """
         before = _mask_of(window)
         mask = before.copy()
+        sigmas = sigmas.times(loudness(window, innovations, sigmas, first))
         stretches = frozen_stretches(window, innovations, sigmas, first)
         if len(stretches) <= MOST_STRETCHES:
             for stretch in stretches:
@@ -124,6 +130,17 @@ class OutlierSearch:
     def _recurs_at(self, level: float, sigmas: Sigmas) -> bool:
         close = SAME_LEVEL * sigmas.noise
         return any(abs(level - other) <= close for event in self._stretches for _, other in event)
+
+
+def loudness(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> float:
+    """By what most innovations (n,) at rest, from sample `first` on, are larger than they should be; 1 at least.
+
+    A noise whose level is not known yet has no outliers by the level that is.
+    """
+    rest = innovations[first:][window.resting[first:]]
+    if rest.size < END_SAMPLES:
+        return 1.0
+    return max(1.0, float(np.median(np.abs(rest))) / (MEDIAN * sigmas.innovation))
 
 
 def ends_of(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas) -> tuple[End, End]:

@@ -122,6 +122,9 @@ def test_segments_are_long_enough_and_late_enough() -> None:
     assert resting_segments(window, 50, 300) == [slice(200, 520), slice(600, 1000)]
     assert resting_segments(window, 300, 300) == [slice(600, 1000)]
     assert resting_segments(window, 50, 40)[0] == slice(50, 100)
+    masked = np.zeros(1000, np.bool_)
+    masked[650:655] = True
+    assert resting_segments(window._replace(masked=masked), 50, 300) == [slice(200, 520), slice(655, 1000)]
 
 
 def test_offset_is_that_since_the_event_before() -> None:

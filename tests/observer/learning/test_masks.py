@@ -142,3 +142,19 @@ def test_events_at_one_rail_pressure_go_equally_far_without_being_clipped() -> N
     for seed in range(6):
         noise = np.random.default_rng(seed).normal(size=COUNT) * NOISE
         assert not search.is_clipped_after(window_of(truth() + noise), noise, SIGMAS, FIRST)
+
+
+def test_of_a_noise_louder_than_known_nothing_is_masked() -> None:
+    """By its level as it is, not as it is believed: ten times louder it would be full of spikes and stretches."""
+    random = np.random.default_rng(3)
+    for _ in range(20):
+        innovations = (
+            np.convolve(random.normal(size=COUNT + 3), np.ones(4), "valid") * 5.0 * SIGMAS.innovation
+        )
+        window = window_of(truth() + innovations)._replace(resting=np.arange(COUNT) > COUNT // 2)
+        assert OutlierSearch().masked(window, innovations, SIGMAS, FIRST) is None
+        spiked = innovations.copy()
+        spiked[900] += 300.0 * SIGMAS.innovation
+        mask = OutlierSearch().masked(window, spiked, SIGMAS, FIRST)
+        assert mask is not None
+        assert np.flatnonzero(mask).tolist() == [900]

@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter, sosfilt
 
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.signals.recording import Recording
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
+from tools.benchmarks.plant import FIRST_EVENT, PERIOD, Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.scoring import bench_at, recording_of
 from tools.benchmarks.windows import windows_of
@@ -88,3 +88,37 @@ def test_what_was_learned_of_the_noise_holds_where_learning_is_off() -> None:
 
     assert valid(learned) == [True] * (EVENTS - KNOWN_AFTER)
     assert not any(valid(replace(learned, colour=None)))
+
+
+@pytest.mark.parametrize("after", [-10e-3, 0.0, 10e-3])
+def test_a_noise_that_grows_costs_two_events(after: float) -> None:
+    """That in which it does, and the next at most: what was judged by another noise says nothing."""
+    measured = recorded().measured
+    random, late = np.random.default_rng(5), measured.time > FIRST_EVENT + 4 * PERIOD + after
+    rail, line = (np.where(late, random.normal(0.0, size, late.size), 0.0) for size in (0.28e6, 0.42e6))
+    louder = replace(
+        measured, rail_pressure=measured.rail_pressure + rail, line_pressure=measured.line_pressure + line
+    )
+    reports = evaluate(bench_at(100e3), [recording_of(replace(recorded(), measured=louder))])
+    valid = [report.valid for report in reports.evaluations[0].reports]
+    assert valid[2:].count(False) <= 2
+
+
+def test_all_channels_through_an_anti_alias_filter() -> None:
+    """Neighbours differ little then: by their differences the noise is a tenth of what it is."""
+    measured = recorded().measured
+
+    def filtered(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        first = float(np.mean(values[:1000]))
+        passed = sosfilt(butter(2, 10e3, fs=100e3, output="sos"), values - first)
+        return first + np.asarray(passed, np.float64)
+
+    through = replace(
+        measured,
+        rail_pressure=filtered(measured.rail_pressure),
+        line_pressure=filtered(measured.line_pressure),
+        needle_lift=filtered(measured.needle_lift),
+    )
+    recording = recording_of(replace(recorded(), measured=through))
+    reports = evaluate(bench_at(100e3), [recording]).evaluations[0].reports
+    assert [report.valid for report in reports[KNOWN_AFTER:]] == [True] * (EVENTS - KNOWN_AFTER)

@@ -58,7 +58,7 @@ def remark(found: Discovery, opinion: Opinion) -> str:
             f"The observer has no term for {' and '.join(foreign)} and puts it down to what it knows; with the "
             "amended model in force it need not."
         )
-    if opinion.reasons.get("MODEL_INADEQUATE"):
+    if _inadequate(opinion):
         return (
             "It finds its model inadequate on some of these injections: its figures are not to be believed."
         )
@@ -71,13 +71,18 @@ def _of_nothing(opinion: Opinion) -> list[str]:
         for indicator in opinion.indicators
         if indicator.stands_out
     ]
-    inadequate = opinion.reasons.get("MODEL_INADEQUATE", 0)
+    inadequate = _inadequate(opinion)
     if inadequate:
         result.append(
             f"discovery finds the model adequate, the observer finds it inadequate in {inadequate} of "
             f"{opinion.injections} injections"
         )
     return result
+
+
+def _inadequate(opinion: Opinion) -> int:
+    """Injections that contradict the observer's model, whichever cause it names."""
+    return opinion.reasons.get("MODEL_INADEQUATE", 0) + opinion.reasons.get("LIFT_SENSOR_LAG", 0)
 
 
 def _of_effects(found: Discovery, opinion: Opinion) -> list[str]:

@@ -31,6 +31,13 @@ def print_evaluation(evaluation: Evaluated, c: Coefficients, console: Console) -
             "injections; their rates and masses are not to be believed\n  remedy: check units and injector file; "
             "`observer-rt fit` calibrates it to recordings of the healthy injector",
         )
+    if late := not_valid.get(Reason.LIFT_SENSOR_LAG):
+        say(
+            console,
+            f"LIFT_SENSOR_LAG: a needle lift recorded late would explain {len(late)} of {count} injections; their "
+            "rates and masses are not to be believed\n  remedy: state lag_us or filter_delay_us of "
+            "[signals.needle_lift] in the bench file; `observer-rt discover` names its size",
+        )
     say(
         console,
         f"{evaluation.path}: {evaluation.samples} samples at {evaluation.sample_rate:g} Hz, "

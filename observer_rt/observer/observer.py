@@ -52,6 +52,7 @@ WINDOW_LEAD = 0.15 * MILLISECOND
 WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
 BRIDGE = 0.5 * MILLISECOND
+QUICKEST = 2.0  # times the speeds of the injector file, of which rail pressure and wear make up to 1.4
 SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
 
 
@@ -111,6 +112,7 @@ def constants_for(
         events_required=events_required,
         rail_every=rail_every,
         undoing=undoing_of(model.inputs, interval),
+        quickest=QUICKEST * max(parameters.needle.opening_speed, parameters.needle.closing_speed) * interval,
     )
 
 
@@ -266,7 +268,8 @@ def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:
     """What an event's judgement makes of the samples after it.
 
     An event with samples that were not to be trusted, or that could not be tested, makes nothing valid; a second in a
-    row that could not be tested, though its samples were to be trusted, ends what was known.
+    row that could not be tested, though its samples were to be trusted, ends what was known. A contradiction is over
+    with an event that passed, or with the one it came in, if that was of samples that were not to be trusted.
     """
     is_untested = judgement is Reason.NOT_JUDGED
     memory["doubtful_events"] += bool(event["doubtful"]) or is_untested
@@ -277,7 +280,9 @@ def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:
         memory["untested"] += 1
         if memory["untested"] > 1:
             memory["judgement"] = judgement
-    if judgement is Reason.NONE and event["number"] >= memory["contradicted_in"]:
+    is_passed = judgement is Reason.NONE and event["number"] >= memory["contradicted_in"]
+    is_explained = bool(event["doubtful"]) and event["number"] == memory["contradicted_in"]
+    if is_passed or is_explained:
         memory["contradicted"] = False
 
 

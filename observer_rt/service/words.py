@@ -135,6 +135,11 @@ REASONS: Mapping[Reason, Words] = {
         "an input stays at the end of its range",
         "check the range of sensor and amplifier against the pressures and the lift of the bench",
     ),
+    Reason.LIFT_SENSOR_LAG: Words(
+        "the needle lift seems to be recorded late",
+        "state lag_us or filter_delay_us of [signals.needle_lift] (docs/time.md); "
+        "`observer-rt discover` names its size",
+    ),
 }
 
 COUNTERS: Mapping[str, Words] = {

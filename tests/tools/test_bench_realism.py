@@ -10,9 +10,11 @@ import pytest
 
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import Evaluation
+from observer_rt.observer.stream.state import Reason
 from tests.tools.made_scores import UKF_SCORE, factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.pool import Crash, Task
+from tools.benchmarks.realism import reasons as reasons_declared
 from tools.benchmarks.realism.catalogue import alone
 from tools.benchmarks.realism.run import Results, phantoms
 from tools.benchmarks.realism.score import RunScore, Verdict, summary
@@ -202,3 +204,9 @@ def test_what_a_disturbance_states_goes_into_the_bench_file() -> None:
         signals = with_stated(bench, stated).injector.config.signals
         for role, keys in stated.items():
             assert {key: getattr(getattr(signals, role), key) for key in keys} == keys
+
+
+def test_every_reason_that_may_be_true_is_one_of_the_observer() -> None:
+    declared = [names for names in vars(reasons_declared).values() if isinstance(names, frozenset)]
+    assert len(declared) > 10
+    assert {name for names in declared for name in names} <= set(Reason.__members__)

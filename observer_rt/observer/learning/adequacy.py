@@ -131,7 +131,13 @@ def objections(
     return result
 
 
-UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.AMBIGUOUS_SCALE, Reason.SUDDEN_CHANGE, Reason.TIME_BASE)
+UNEXPLAINED = (
+    Reason.MODEL_INADEQUATE,
+    Reason.LIFT_SENSOR_LAG,
+    Reason.AMBIGUOUS_SCALE,
+    Reason.SUDDEN_CHANGE,
+    Reason.TIME_BASE,
+)
 BELIEVED_AFTER = 2  # explained events in a row, where what was learned was set aside
 
 

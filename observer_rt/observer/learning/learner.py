@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,7 @@ from observer_rt.observer.learning.knowledge import (
     no_knowledge,
 )
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
+from observer_rt.observer.learning.lift_lateness import LiftLagSearch, lift_lag_of
 from observer_rt.observer.learning.masks import OutlierSearch, Sigmas, mask_of
 from observer_rt.observer.learning.trend import Trend
 from observer_rt.observer.stream.phi import StructuredPhi
@@ -84,9 +86,13 @@ CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 
 @dataclass(frozen=True, eq=False)
 class _Explained:
-    """An event as far as it was understood: the samples that count, its fit, and the colour after it."""
+    """An event as far as it was understood: the samples that count, its fit, and the colour after it.
+
+    offset [p_0]: at rest before it, None without a sample.
+    """
 
     window: Window
+    offset: float | None
     cost: EventCost
     fit: EventFit
     colour: Colour | None
@@ -123,6 +129,7 @@ class Learner:
         self._freezer = Freezer()
         self._mistrust = Mistrust()
         self._lag_doubt = LagDoubt()
+        self._lift_lag = LiftLagSearch()
         self._trend = Trend()
         self._outliers = OutlierSearch()
         self._range = EndsOfRange()
@@ -178,6 +185,7 @@ class Learner:
         adoption = Adoption.ADOPTED if better else Adoption.REJECTED
         outcome = self._outcome(adoption, event.window, in_force, doubts)
         outcome = _because(outcome, is_clipped, is_disturbed)
+        outcome = replace(outcome, objections=self._with_cause(outcome.objections, event))
         because = self._mistrust.after(outcome.objections)
         if because is not None:
             nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
@@ -219,7 +227,7 @@ class Learner:
             window, cost, fit = self._fitted(window, prior, offset)
             if fit is None:
                 return None
-        return _Explained(window, cost, fit, colour)
+        return _Explained(window, offset, cost, fit, colour)
 
     def _doubts(self, event: _Explained, lag: float | None) -> list[Reason]:
         """What an event brings up beside its innovations; lag: how much it looks like one of the sensor."""
@@ -230,6 +238,29 @@ class Learner:
             doubts.append(Reason.SUDDEN_CHANGE)
             self._previous = None  # it belongs to another injector
         return doubts
+
+    def _with_cause(self, found: tuple[Objection, ...], event: _Explained) -> tuple[Objection, ...]:
+        """What speaks against an event; a model that is inadequate by a lift that is late, or early, by that name."""
+        inadequate = next(
+            (o for o in found if o.reason is Reason.MODEL_INADEQUATE and o.phase is not None), None
+        )
+        if inadequate is None:
+            self._lift_lag.passed()
+            return found
+
+        def cost_of(window: Window) -> EventCost:
+            return self._cost(window, event.offset)
+
+        try:
+            lag = self._lift_lag.found_after(
+                partial(lift_lag_of, event.window, self._setting(), cost_of, self._scalars)
+            )
+        except np.linalg.LinAlgError:
+            return found
+        if lag is None:
+            return found
+        cause = replace(inadequate, reason=Reason.LIFT_SENSOR_LAG if lag > 0.0 else Reason.TIME_BASE)
+        return tuple(cause if objection is inadequate else objection for objection in found)
 
     def _strangeness(self, window: Window) -> float:
         """How far an event's operating point was from those learned at, of which it is one from now on."""

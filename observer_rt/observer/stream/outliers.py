@@ -28,6 +28,9 @@ MOST_SAMPLES = RING  # more than ever may be bridged
 COARSE = 0.2  # share of equal neighbours, from which on they are no noise: a needle on its seat, a held value
 WELL_KNOWN = 1000  # samples from which on the share of equal neighbours is known
 DROPOUT = 30.0  # standard deviations by which a value that then stays is a dropout
+STAYED = 6  # samples of a lift that may have been held before it leaps
+LET_GO = 4  # samples after which it has not come back: no spike
+BACK = 0.5  # of the leap: less is left after a spike
 LEAP = 10.0  # of e~ from one sample to the next; a wrong model's grows over several
 _MASK = RING - 1
 _NONE, _FROZEN, _CLIPPED = int(Doubt.NONE), int(Doubt.FROZEN), int(Doubt.CLIPPED)
@@ -100,7 +103,7 @@ def _look(observer: Observer, position: int, number: int, value: float) -> int:
         channel.bridged -= 1
     if channel.bridged > 0:
         channel.until = max(channel.until, position + 2)
-    if _was_held(channel, number, value):
+    if _was_held(channel, number, value) or (number == LIFT and _was_let_go(observer, position)):
         return _FROZEN
     if number == LIFT:
         _mend_open_lift(observer, position)
@@ -116,6 +119,39 @@ def _was_held(channel, number: int, value: float) -> bool:  # type: ignore[no-un
         return False
     channel.is_held = False
     return bool(not channel.is_dropout and abs(value - channel.held) > DROPOUT * channel.noise)
+
+
+@njit(cache=True, nogil=True)
+def _was_let_go(observer: Observer, position: int) -> bool:
+    """Whether the lift leapt from where it stayed, some samples before a position, quicker than a needle, for good.
+
+    So it is with one that was held ahead of its noise.
+    """
+    memory = observer.memory[0]
+    quickest = observer.constants.quickest + memory.lift_on
+    if abs(_lift_over(observer, position - 1, position)) > quickest:
+        channel = memory.channels[LIFT]
+        channel.until = max(channel.until, position + LET_GO + 1)
+    last = position - LET_GO - 1
+    if last - STAYED < memory.newest_break:
+        return False
+    leap = _lift_over(observer, last, last + 1)
+    if not abs(leap) > quickest:
+        return False
+    for k in range(1, STAYED):
+        if not abs(_lift_over(observer, last, last - k)) < memory.lift_on:
+            return False
+    for k in range(2, LET_GO + 2):
+        is_repeated = _lift_over(observer, last + k - 1, last + k) == 0.0  # a dropout
+        if is_repeated or not _lift_over(observer, last, last + k) / leap > BACK:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _lift_over(observer: Observer, begin: int, end: int) -> float:
+    """Recorded lift [m] at a position over that at another one."""
+    return float(observer.ring[end & _MASK].needle_lift - observer.ring[begin & _MASK].needle_lift)
 
 
 @njit(cache=True, nogil=True)

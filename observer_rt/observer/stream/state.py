@@ -60,6 +60,7 @@ class Reason(IntEnum):
     LIFT_ZERO = 23  # the lift of the shut needle is too far from zero
     INPUT_FROZEN = Doubt.FROZEN  # an input keeps its value for longer than can be bridged
     INPUT_CLIPPED = Doubt.CLIPPED  # an input stays at the end of its range
+    LIFT_SENSOR_LAG = 26  # a needle lift recorded late would explain what the model does not
 
 
 _SAMPLE = [
@@ -333,6 +334,7 @@ class Constants(NamedTuple):
     events_required: int  # judged events before a sample can be valid
     rail_every: float  # samples to one of the rail pressure
     undoing: Undoing
+    quickest: float  # m a sample: no needle is
 
 
 class Observer(NamedTuple):

@@ -267,3 +267,38 @@ def _disturbed_events(count: int, piece: int) -> NDArray[np.void]:
         stream.feed(rail[part], lift[part], line[part])
     assert len([each for each in stream.outcomes if each is not None]) > 0
     return stream.finish().rows
+
+
+HELD = slice(4510, 4522)  # on the way up
+
+
+def held_ahead_of_noise(part: slice) -> list[NDArray[np.float64]]:
+    """An opening of 2 ms whose lift is held for a while, with noise on it."""
+    channels = signals()
+    way = np.clip(np.minimum(np.arange(200), np.arange(200)[::-1]) * 9e-6, 0.0, 300e-6)
+    motion = np.zeros(COUNT)
+    motion[4500:4700] = way
+    motion[part] = motion[part.start]
+    channels[LIFT] += motion
+    return channels
+
+
+def test_a_lift_held_ahead_of_its_noise_makes_its_event_not_valid() -> None:
+    _, rows = observed(held_ahead_of_noise(HELD), events_required=0)
+    frozen = np.flatnonzero(rows["reason"] == Reason.INPUT_FROZEN)
+    assert frozen.size == 1
+    assert HELD.stop <= frozen[0] < HELD.stop + 6
+
+
+@pytest.mark.parametrize("part", [slice(4560, 4620), slice(4300, 4480), slice(4510, 4511)])
+def test_one_held_where_the_needle_does_not_move_is_none(part: slice) -> None:
+    _, rows = observed(held_ahead_of_noise(part), events_required=0)
+    assert not (rows["reason"] == Reason.INPUT_FROZEN).any()
+
+
+@pytest.mark.parametrize("at", [4300, 4600, 4510])
+def test_nor_is_a_spike_of_the_lift(at: int) -> None:
+    channels = held_ahead_of_noise(slice(4510, 4511))
+    channels[LIFT][at : at + 3] += 60e-6
+    _, rows = observed(channels, events_required=0)
+    assert not (rows["reason"] == Reason.INPUT_FROZEN).any()

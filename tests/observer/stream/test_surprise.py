@@ -8,12 +8,14 @@ import pytest
 from numpy.typing import ArrayLike
 
 from observer_rt.foundation.continuity import Doubt
+from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.learning.learner import Learner
-from observer_rt.observer.observer import Durations, constants_for, make_observer
+from observer_rt.observer.observer import Durations, constants_for, judge, make_observer
+from observer_rt.observer.stream.state import Reason
 from observer_rt.observer.stream.surprise import end_contradiction, watch
-from tests.observer.sample_stream import NOISE, NOMINAL
+from tests.observer.sample_stream import NOISE, NOMINAL, Stream
 
 SIGMA = 0.002  # of p_0
 
@@ -106,3 +108,18 @@ def test_a_contradiction_at_rest_is_over_when_the_channel_is_well_again(resting:
             watch.py_func(observer, SIGMA * score, 0)
             end_contradiction.py_func(observer, resting, False)
     assert of.contradicted is not ends
+
+
+@pytest.mark.parametrize(
+    ("event", "doubtful", "lasts"),
+    [(7, Reason.INPUT_FROZEN, False), (7, Reason.NONE, True), (6, Reason.INPUT_FROZEN, True)],
+)
+def test_what_contradicted_in_an_event_of_doubtful_samples_is_over_with_it(
+    event: int, doubtful: Reason, lasts: bool
+) -> None:
+    observer = Stream().observer
+    of = observer.memory[0]
+    of["events"][0]["number"], of["events"][0]["doubtful"] = event, doubtful
+    of["contradicted"], of["contradicted_in"] = True, 7
+    judge(observer, (Objection(Reason.NOT_JUDGED),), None)
+    assert bool(of["contradicted"]) is lasts

@@ -1,4 +1,4 @@
-"""Which reasons are true of what. By name: one that not every observer has can stand here."""
+"""Which reasons are true of what, by name."""
 
 ALWAYS = frozenset({"REVISED"})  # says what the observer did; cannot be untrue
 SENSOR = frozenset(

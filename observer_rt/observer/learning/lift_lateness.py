@@ -1,0 +1,180 @@
+"""Whether what no event explains is a needle lift that is recorded late: asked only of events that are refused.
+
+A lift behind a slow sensor or a filter shows openings and closings late, against both pressures. No parameter does
+the same, so that the event is refused. It is fitted again, from nothing known, with a lift that is so much earlier as
+explains most. What is found is told, never put right: a lift moved by what another cause has done would be valid and
+wrong.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.posterior import prior_belief
+from observer_rt.estimation.prediction_error import HUBER, EventCost
+from observer_rt.estimation.predictor import Setting, Window, innovations
+from observer_rt.estimation.scalars import Scalars
+from observer_rt.observer.learning.adequacy import RELEVANT_VARIANCE
+from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
+
+STEP = 5e-6  # s, either way, by which the lift is moved for a slope
+FARTHEST = 30e-6  # s, by which one step goes at most
+USUAL = 20e-6  # s, of an amplifier or a filter ahead of a converter
+CLOSE = 1e-6  # s: no more steps
+STEPS = 4
+SHORTER = 0.4  # a step that explained no more
+FIRST_ITERATIONS, ITERATIONS = 8, 3
+REMEMBERED = 0.85  # weight of the events before this one
+LEAST = 3e-6  # s, that is told
+ENOUGH = 16.0  # chi2 an event, that a lag must explain: 4 sigma
+MOST_OF_IT = 0.6  # share of what is beyond noise
+SOON, SELDOM = (
+    6,
+    8,
+)  # refused events that are asked, then one of so many: asking takes ten times as long as learning
+
+
+@dataclass(frozen=True)
+class LiftLag:
+    """By what a lift seems late [s]; chi2 of so many samples beyond noise, without that and with it."""
+
+    lag: float
+    without: float
+    left: float
+    samples: int
+
+
+def lift_lag_of(
+    window: Window,
+    setting: Setting,
+    cost_of: Callable[[Window], EventCost],
+    scalars: Scalars,
+    expected: float = USUAL,
+) -> LiftLag:
+    """The lag of its lift that explains an event best, all else fitted from the prior.
+
+    cost_of: a window's cost; expected: lag [s] from which it is sought, too, for with a model that is far off the
+    slope at 0 leads nowhere. Raises numpy.linalg.LinAlgError when singular.
+    """
+    scale = setting.coefficients.pressure_scale
+    limits, wide = theta_limits(scale, scalars), scalars.prior(scale)
+    prior = prior_belief(np.zeros(scalars.width), np.diag(wide**2))
+
+    def fitted(lag: float, theta: NDArray[np.float64], active: frozenset[int], iterations: int) -> _Fitted:
+        cost = cost_of(_earlier(window, lag, setting.interval))
+        fitter = EventFitter(cost, scalars.gate, active, limits)
+        return _Fitted(lag, cost, fitter.fit(cost.linearised(theta), prior, iterations))
+
+    first, other = (
+        fitted(lag, np.zeros(scalars.width), frozenset(), FIRST_ITERATIONS) for lag in (0.0, expected)
+    )
+    best = other if other.excess < first.excess else first
+    step = _step(window, setting, best, wide, scalars)
+    for _ in range(STEPS):
+        there = fitted(best.lag + step, best.fit.linearisation.theta, best.fit.active, ITERATIONS)
+        if there.excess < best.excess:
+            best, step = there, _step(window, setting, there, wide, scalars)
+        else:
+            step *= SHORTER
+        if abs(step) < CLOSE:
+            break
+    return LiftLag(best.lag, first.excess, best.excess, best.samples)
+
+
+class LiftLagSearch:
+    """What recent refused events say together."""
+
+    def __init__(self) -> None:
+        self._asked = 0
+        self._events, self._samples = 0.0, 0.0
+        self._without, self._left, self._lags = 0.0, 0.0, 0.0
+
+    def passed(self) -> None:
+        """An event was explained: the next one that is not is asked."""
+        self._asked = 0
+
+    def found_after(self, ask: Callable[[float], LiftLag]) -> float | None:
+        """Take in a refused event, if its turn is to be asked.
+
+        ask: by the lag [s] that is expected. The lag of the lift that explains recent ones, negative where it is
+        early; None without. Raises what `ask` does.
+        """
+        self._asked += 1
+        if self._asked <= SOON or self._asked % SELDOM == 0:
+            self._take_in(ask(self._lag or USUAL))
+        explained = self._without - self._left
+        is_much = explained > ENOUGH * self._events and explained > MOST_OF_IT * self._without
+        if not is_much or self._left > (RELEVANT_VARIANCE - 1.0) * self._samples:
+            return None
+        return self._lag if abs(self._lag) > LEAST else None
+
+    @property
+    def _lag(self) -> float:
+        """That of recent events, by what it explains in each; 0 without."""
+        explained = self._without - self._left
+        return self._lags / explained if explained > 0.0 else 0.0
+
+    def _take_in(self, event: LiftLag) -> None:
+        explained = event.without - event.left
+        if not math.isfinite(explained):
+            return
+        self._events = REMEMBERED * self._events + 1.0
+        self._samples = REMEMBERED * self._samples + event.samples
+        self._without = REMEMBERED * self._without + event.without
+        self._left = REMEMBERED * self._left + event.left
+        self._lags = REMEMBERED * self._lags + explained * event.lag
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """An event fitted with its lift so much [s] earlier."""
+
+    lag: float
+    cost: EventCost
+    fit: EventFit
+
+    @property
+    def samples(self) -> int:
+        """How many count."""
+        return int(self.fit.innovations.size) - self.cost.burn_in
+
+    @property
+    def excess(self) -> float:
+        """chi2 beyond that of noise."""
+        return 2.0 * self.fit.linearisation.value - self.samples
+
+
+def _earlier(window: Window, lag: float, interval: float) -> Window:
+    """The event with its lift `lag` [s] earlier, on straight lines between the samples."""
+    samples, area = lag / interval, window.inputs[:, 1]
+    places = np.arange(area.size)
+    moved = np.interp(places + samples, places, area)
+    resting = window.resting[np.clip(places + round(samples), 0, area.size - 1)]
+    inputs = np.column_stack([window.inputs[:, 0], moved])
+    return window._replace(inputs=inputs, resting=resting, knots=np.empty((0, 2)))
+
+
+def _step(
+    window: Window, setting: Setting, here: _Fitted, prior: NDArray[np.float64], scalars: Scalars
+) -> float:
+    """How much earlier [s] still the lift should be, by the slope of the innovations freed of what theta does."""
+    learned = learned_of(here.fit.linearisation.theta, setting.coefficients, scalars)
+    moved = []
+    for step in (STEP, -STEP):
+        errors = np.empty(len(window.output))
+        innovations(_earlier(window, here.lag + step, setting.interval), setting, learned, errors)
+        moved.append(here.cost.whitened(errors))
+    first, sigma = here.cost.burn_in, here.cost.sigma
+    direction = (moved[0] - moved[1])[first:] / (2.0 * STEP * sigma)
+    slopes = here.fit.slopes[first:] / sigma
+    information = slopes.T @ slopes + np.diag(prior**-2)
+    direction = direction - slopes @ np.linalg.solve(information, slopes.T @ direction)
+    length = float(direction @ direction)
+    if not length > 0.0:
+        return 0.0
+    left = np.clip(here.fit.innovations[first:] / sigma, -HUBER, HUBER)
+    return float(np.clip(-(direction @ left) / length, -FARTHEST, FARTHEST))

@@ -134,6 +134,7 @@ def make_observer(
     memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
     memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift * louder(constants.undoing.lift_lag))
     _expect(memory, learner.schedule.innovation_sigma)
+    memory["offset_moves"] = knowledge.colour is None
     _put_in_force(observer, knowledge)
     return observer
 
@@ -230,6 +231,7 @@ def judge(
     memory["events_taken"] += 1
     memory["events_judged"] += 1
     memory["waiting"] = False
+    memory["offset_moves"] = not is_coloured
     _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
     at_rest = _at_rest(observer) if is_coloured and not objections else None
     if outcome is None:
@@ -289,7 +291,7 @@ def _put_in_force(observer: Observer, knowledge: Knowledge) -> None:
     memory["bias"] = learned.network.bias
     memory["back_pressure"] = learned.network.back_pressure
     sensor = observer.constants.sensor
-    memory["offset"] = sensor.offset + learned.offset
+    memory["learned_offset"] = memory["offset"] = sensor.offset + learned.offset
     memory["lag"] = sensor.lag + learned.lag
     memory["line"] = learned.coefficients.line
     noise = knowledge.noise

@@ -240,7 +240,10 @@ def judge(
         return
     _expect(memory, outcome.schedule.innovation_sigma, at_rest)
     observer.gains[:] = outcome.schedule.gains
+    offset = float(memory["offset"])
     _put_in_force(observer, outcome.knowledge)
+    if not is_coloured:  # it has been followed since
+        memory["offset"] = offset
     put_into(observer.phi, outcome.phi)
     if outcome.adoption is Adoption.ADOPTED:
         memory["phi_version"] += 1

@@ -61,6 +61,7 @@ from observer_rt.observer.learning.knowledge import (
 from observer_rt.observer.learning.lateness import LagDoubt, lag_score
 from observer_rt.observer.learning.masks import OutlierSearch, Sigmas
 from observer_rt.observer.learning.offset_walk import moved, offset_move
+from observer_rt.observer.learning.pressure_gains import PressureGains
 from observer_rt.observer.learning.trend import Trend
 from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
@@ -121,6 +122,7 @@ class Learner:
         self._lag_doubt = LagDoubt()
         self._trend = Trend()
         self._outliers = OutlierSearch()
+        self._pressure_gains = PressureGains()
 
     @property
     def schedule(self) -> GainSchedule:
@@ -148,8 +150,13 @@ class Learner:
         if standstill.noise is not None:
             self._noise = standstill.noise
         self._schedule = self._gains()
+        window = window._replace(output=self._pressure_gains.undone(window.output))
+        rail_pressure = float(window.inputs[:, 0].mean())
+        offset = self._offset_since.after(standstill)
+        if offset is not None:
+            offset = self._pressure_gains.undone_offset(offset, rail_pressure)
         try:
-            event = self._explained(window, self._prior(standstill), self._offset_since.after(standstill))
+            event = self._explained(window, self._prior(standstill), offset)
             if event is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
             wide = self._scalars.prior(self._scale)
@@ -158,13 +165,15 @@ class Learner:
             self._take_in(event)
         except np.linalg.LinAlgError:
             return self._outcome(Adoption.FAILED, window, in_force)
+        found = float(self._theta[Parameter.LINE_PRESSURE_OFFSET])
+        self._pressure_gains.add(self._pressure_gains.as_recorded(found, rail_pressure), rail_pressure)
         strange = self._strangeness(event.window)
         is_clipped = self._outliers.is_clipped_after(
             event.window, event.fit.innovations, self._sigmas, event.cost.burn_in
         )
         doubts = self._doubts(event, lag)
         better = self._is_better(event.window, in_force)
-        self._previous = event.window, self._constants, float(self._theta[Parameter.LINE_PRESSURE_OFFSET])
+        self._previous = event.window, self._constants, found
         if self._freezer.is_frozen_after(self._statistics):
             return self._frozen(event.window, in_force)
         adoption = Adoption.ADOPTED if better else Adoption.REJECTED
@@ -223,12 +232,14 @@ class Learner:
         """An event with what was learned from it; carried (m, m): covariance of the theta in force before."""
         now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active)
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried, self._scalars)
-        return replace(event, systematic=math.hypot(self._healthy.mass_share, UNSEEN * strange))
+        shares = self._healthy.mass_share, UNSEEN * strange, self._pressure_gains.flow_share
+        return replace(event, systematic=math.hypot(*shares))
 
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
         if self._events > 0:
-            return self._belief.drifted(self._scalars.drift(self._scale))
+            unlearned = self._pressure_gains.unlearned(self._scalars.width)
+            return self._belief.drifted(self._scalars.drift(self._scale)).widened(unlearned)
         if standstill.samples < STANDSTILL_ENOUGH:
             return self._belief
         mean = self._belief.mean.copy()
@@ -399,7 +410,8 @@ class Learner:
             schedule=self._schedule,
             objections=self._objections(adoption, window, doubts),
             estimate=self._theta.copy(),
-            covariance=gated_covariance(self._belief, self._scalars.gate, self._active),
+            covariance=gated_covariance(self._belief, self._scalars.gate, self._active)
+            + np.diag(self._pressure_gains.wear_variance(self._scalars.width)),
         )
 
     def _objections(
@@ -410,6 +422,8 @@ class Learner:
         offset = float(self._theta[Parameter.LINE_PRESSURE_OFFSET]) * self._scale
         lag = float(self._theta[Parameter.SENSOR_LAG]) * LAG_UNIT
         result = objections(self._statistics, offset, lag, self._healthy)
+        if self._pressure_gains.is_too_large and Objection(Reason.PRESSURE_OFFSET) not in result:
+            result.insert(0, Objection(Reason.PRESSURE_OFFSET))
         result.extend(Objection(reason) for reason in doubts)
         if looks_like_inertance(self._open_nozzle_change(window), float(self._theta[Parameter.BULK_MODULUS])):
             result.append(Objection(Reason.AMBIGUOUS_SCALE))

@@ -238,8 +238,7 @@ class Learner:
     def _prior(self, standstill: Standstill) -> Belief:
         """The belief before this event; the first one takes its offset from the standstill."""
         if self._events > 0:
-            unlearned = self._pressure_gains.unlearned(self._scalars.width)
-            return self._belief.drifted(self._scalars.drift(self._scale)).widened(unlearned)
+            return self._pressure_gains.rescaled(self._belief.drifted(self._scalars.drift(self._scale)))
         if standstill.samples < STANDSTILL_ENOUGH:
             return self._belief
         mean = self._belief.mean.copy()

@@ -3,16 +3,13 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.estimation.posterior import Belief
-from observer_rt.estimation.prediction_error import EventCost, Linearisation
+from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import Parameter
-from observer_rt.foundation.units import MEGAPASCAL
 
 SIGNIFICANT = 5.0  # standard deviations
-LEAST_MOVE = 0.02 * MEGAPASCAL  # below it the usual drift is enough
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 

@@ -1,10 +1,12 @@
-"""Whether line and rail pressure differ as where the gains of their sensors do, and what that leaves unknown of flows."""
+"""Whether line and rail pressure differ as where the gains of their sensors do; what that leaves unknown of flows."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.sensitivity import Parameter
 
 REMEMBERED = 0.9  # weight of the events before an event
@@ -13,8 +15,10 @@ SIGNIFICANT = 6.0  # standard deviations, of few events
 LEAST_GAIN = 0.002
 LEAST_SPREAD = 0.05  # of the rail pressure, standard deviation [p_0]: else its own drift looks like a gain
 NOISE = 3e-4  # of an offset, in units of p_0, at least
-LARGEST_GAIN = 0.015  # share by which gains may differ: the level of the flow is no better known than by half of it
-FLOW_SHARE = 0.3  # of the difference, what the flow is unsure by: half of it at the most
+LARGEST_GAIN = (
+    0.015  # share by which gains may differ: the level of the flow is no better known than by half of it
+)
+FLOW_SHARE = 0.4  # of the difference, what the flow is unsure by: half of it at the most
 # An offset that was seen at one pressure may be a gain of the line sensor in whole, as flows see it.
 UNTOLD_SHARE = 0.6
 SEAT_SHARE = 2.0  # v_S is as much less certain than v_H
@@ -56,7 +60,7 @@ class PressureGains:
         return float(gain) if abs(gain) > max(SIGNIFICANT * sigma, LEAST_GAIN) else 0.0
 
     def as_recorded(self, offset: float, pressure: float) -> float:
-        """The offset of line over rail pressure as recorded, where it is `offset` after the line's share is undone."""
+        """Line over rail pressure as recorded, where it is `offset` after the line's share is undone."""
         return offset + 0.5 * self.difference * pressure
 
     def undone(self, line_pressure: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -82,9 +86,13 @@ class PressureGains:
         share = self.flow_share if self.difference else UNTOLD_SHARE * self._seen
         return _of_wear(share, width) ** 2
 
-    def unlearned(self, width: int) -> NDArray[np.float64]:
-        """By how much theta (width,) may be off since the last event changed what is undone."""
-        return _of_wear(0.5 * abs(self._change), width)
+    def rescaled(self, belief: Belief) -> Belief:
+        """What was learned of flows before the last event changed what is undone, less sure by as much."""
+        if self._change == 0.0:
+            return belief
+        mean = belief.mean.copy()
+        mean[Parameter.NOZZLE_BIAS] -= 0.5 * self._change * (1.0 + mean[Parameter.NOZZLE_BIAS])
+        return replace(belief, mean=mean).widened(_of_wear(0.5 * self._change, mean.size))
 
 
 def _of_wear(share: float, width: int) -> NDArray[np.float64]:

@@ -64,6 +64,7 @@ def start_pair(observer: Observer, position: int) -> None:
     """x~ (and x^ with it) begins anew: p_L = y, Q_L = 0, empty sac."""
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
+    memory.offset = memory.learned_offset
     pressure = row.line_pressure - memory.offset
     rest_line(row.x_tilde, pressure, observer.constants.coefficients.line)
     row.x_tilde[2] = 0.0
@@ -142,14 +143,15 @@ def step_pair(observer: Observer, position: int) -> bool:
 
 @njit(cache=True, nogil=True)
 def _follow_offset(observer: Observer, innovation: float) -> None:
-    """Between events, too, the offset of x~ is what the standstill shows: of sensors that drift, or whose gains differ.
+    """Between events, too, the offset of x~ is what the standstill shows: sensors drift, or their gains differ.
 
     Not where the noise is coloured: its slow part has a mean at rest that the next opening does not keep.
     """
     memory = observer.memory[0]
-    if not memory.offset_moves:
-        return
     furthest = FURTHEST_OFFSET / observer.constants.coefficients.pressure_scale
+    is_steady = memory.since_start >= observer.gains.shape[0]
+    if not (memory.offset_moves and is_steady and math.fabs(innovation) < furthest):
+        return
     moved = memory.offset - memory.learned_offset + innovation * observer.constants.interval / OFFSET_FOLLOWS
     memory.offset = memory.learned_offset + min(max(moved, -furthest), furthest)
 

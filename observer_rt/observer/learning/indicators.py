@@ -14,7 +14,7 @@ from observer_rt.model.network import HIDDEN, activation, back_pressure_at, flow
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
 # Of v_S: the flanks tell it, where what sensors do within a few samples (resonance, bounce) looks like wear.
-LEAST_SEAT_SIGMA = 0.006
+LEAST_SEAT_SIGMA = 0.008
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from observer_rt.observer.stream.front_end import (
     toe_samples,
 )
 from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
+from observer_rt.observer.stream.pair import FURTHEST_OFFSET
 from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
@@ -242,7 +243,9 @@ def judge(
     observer.gains[:] = outcome.schedule.gains
     offset = float(memory["offset"])
     _put_in_force(observer, outcome.knowledge)
-    if not is_coloured:  # it has been followed since
+    furthest = FURTHEST_OFFSET / observer.constants.coefficients.pressure_scale
+    has_followed = abs(offset - float(memory["learned_offset"])) < furthest
+    if has_followed and not is_coloured:
         memory["offset"] = offset
     put_into(observer.phi, outcome.phi)
     if outcome.adoption is Adoption.ADOPTED:

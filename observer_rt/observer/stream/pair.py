@@ -150,7 +150,7 @@ def _follow_offset(observer: Observer, innovation: float) -> None:
     memory = observer.memory[0]
     furthest = FURTHEST_OFFSET / observer.constants.coefficients.pressure_scale
     is_settled = memory.since_start > observer.constants.timing.settle
-    if not (memory.offset_moves and is_settled and math.fabs(innovation) < furthest):
+    if not (memory.offset_moves and is_settled and math.isfinite(innovation)):
         return
     moved = memory.offset - memory.learned_offset + innovation * observer.constants.interval / OFFSET_FOLLOWS
     memory.offset = memory.learned_offset + min(max(moved, -furthest), furthest)

@@ -29,6 +29,7 @@ from observer_rt.observer.stream.front_end import (
     toe_samples,
 )
 from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
+from observer_rt.observer.stream.pair import FURTHEST_OFFSET
 from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
@@ -136,6 +137,7 @@ def make_observer(
     memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
     memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift * louder(constants.undoing.lift_lag))
     _expect(memory, learner.schedule.innovation_sigma)
+    memory["offset_moves"] = knowledge.colour is None
     _put_in_force(observer, knowledge)
     return observer
 
@@ -232,6 +234,7 @@ def judge(
     memory["events_taken"] += 1
     memory["events_judged"] += 1
     memory["waiting"] = False
+    memory["offset_moves"] = not is_coloured
     _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
     at_rest = _at_rest(observer) if is_coloured and not objections else None
     if outcome is None:
@@ -240,7 +243,12 @@ def judge(
         return
     _expect(memory, outcome.schedule.innovation_sigma, at_rest)
     observer.gains[:] = outcome.schedule.gains
+    offset = float(memory["offset"])
     _put_in_force(observer, outcome.knowledge)
+    furthest = FURTHEST_OFFSET / observer.constants.coefficients.pressure_scale
+    has_followed = abs(offset - float(memory["learned_offset"])) < furthest
+    if has_followed and not is_coloured:
+        memory["offset"] = offset
     put_into(observer.phi, outcome.phi)
     if outcome.adoption is Adoption.ADOPTED:
         memory["phi_version"] += 1
@@ -294,7 +302,7 @@ def _put_in_force(observer: Observer, knowledge: Knowledge) -> None:
     memory["bias"] = learned.network.bias
     memory["back_pressure"] = learned.network.back_pressure
     sensor = observer.constants.sensor
-    memory["offset"] = sensor.offset + learned.offset
+    memory["learned_offset"] = memory["offset"] = sensor.offset + learned.offset
     memory["lag"] = sensor.lag + learned.lag
     memory["line"] = learned.coefficients.line
     noise = knowledge.noise

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import network_of
-from observer_rt.estimation.scalars import NOZZLE, SCALARS, Scalars
+from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT, Scalars
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.network import HIDDEN, activation, back_pressure_at, flow_changes
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
+# Of v_S: the flanks tell it, where what sensors do within a few samples (resonance, bounce) looks like wear.
+LEAST_SEAT_SIGMA = 0.008
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,8 @@ def indicators_of(
             value, variance = nozzle, None if covariance is None else slopes @ covariance @ slopes
         else:
             value, variance = theta[column], None if covariance is None else covariance[column, column]
+            if variance is not None and effect == SEAT:
+                variance = variance + LEAST_SEAT_SIGMA**2
         return Estimate(float(value), None if variance is None else float(np.sqrt(variance)))
 
     return {shown.effect: estimate(shown.effect, column) for column, shown in scalars.shown()}

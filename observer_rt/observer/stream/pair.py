@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import correct, predict
+from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.line.interface import line_from, rest_line
@@ -20,6 +21,8 @@ from observer_rt.observer.stream.surprise import end_contradiction, watch
 SHORT = (
     2  # times what an opening takes to be one: leaps of the innovation that last longer contradict the model
 )
+OFFSET_FOLLOWS = 2e-3  # s of standstill, in which the offset of x~ follows its innovations
+FURTHEST_OFFSET = 1.5 * MEGAPASCAL  # from the learned one: what moves further is no offset of a good sensor
 _MASK = RING - 1
 
 
@@ -61,6 +64,7 @@ def start_pair(observer: Observer, position: int) -> None:
     """x~ (and x^ with it) begins anew: p_L = y, Q_L = 0, empty sac."""
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
+    memory.offset = memory.learned_offset
     pressure = row.line_pressure - memory.offset
     rest_line(row.x_tilde, pressure, observer.constants.coefficients.line)
     row.x_tilde[2] = 0.0
@@ -128,12 +132,28 @@ def step_pair(observer: Observer, position: int) -> bool:
     row.indicated = correct(row.x_tilde, indicated, row.innovation, gain, None)
     memory.since_start += 1
     if row.resting:
+        _follow_offset(observer, row.innovation)
         row.x_tilde[2] = 0.0
         _copy(row.x_tilde, row.x_hat)
     else:
         _copy(before.x_hat, row.x_hat)
         advance_x_hat(observer.phi, row.x_hat, interval, knot, c, network)
     return math.isfinite(row.x_hat.sum() + row.x_tilde.sum())
+
+
+@njit(cache=True, nogil=True)
+def _follow_offset(observer: Observer, innovation: float) -> None:
+    """Between events, too, the offset of x~ is what the standstill shows: sensors drift, or their gains differ.
+
+    Not where the noise is coloured: its slow part has a mean at rest that the next opening does not keep.
+    """
+    memory = observer.memory[0]
+    furthest = FURTHEST_OFFSET / observer.constants.coefficients.pressure_scale
+    is_settled = memory.since_start > observer.constants.timing.settle
+    if not (memory.offset_moves and is_settled and math.isfinite(innovation)):
+        return
+    moved = memory.offset - memory.learned_offset + innovation * observer.constants.interval / OFFSET_FOLLOWS
+    memory.offset = memory.learned_offset + min(max(moved, -furthest), furthest)
 
 
 @njit(cache=True, nogil=True)

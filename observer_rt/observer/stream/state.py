@@ -190,7 +190,9 @@ _OBSERVER = [
     ("output", np.float64, (OUTPUTS, HIDDEN)),
     ("bias", np.float64, (OUTPUTS,)),
     # and of theta:
-    ("offset", np.float64),
+    ("learned_offset", np.float64),
+    ("offset", np.float64),  # the same, moved by what the standstill shows
+    ("offset_moves", np.bool_),  # slow innovations at rest are the offset's, not the colour of the noise
     ("lag", np.float64),  # s
     ("back_pressure", np.float64, (2,)),
     ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from observer_rt.estimation.learned import network_of
+from observer_rt.estimation.scalars import NOZZLE, SEAT
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.network import HIDDEN, zero_network
 from observer_rt.model.right_hand_side import injection_rate
-from observer_rt.observer.learning.indicators import nozzle_change
+from observer_rt.observer.learning.indicators import LEAST_SEAT_SIGMA, indicators_of, nozzle_change
 from tests.observer.sample_stream import NOMINAL
 
 X, U = (0.9, 1.0, 0.8), (0.95, 0.6)
@@ -37,3 +38,9 @@ def test_slopes_are_derivatives(parameter: int) -> None:
     step[parameter] = 1e-6
     numeric = (nozzle_change(worn() + step, X, U)[0] - nozzle_change(worn() - step, X, U)[0]) / 2e-6
     assert nozzle_change(worn(), X, U)[1][parameter] == pytest.approx(numeric, abs=1e-7)
+
+
+def test_seat_wear_is_never_told_closer_than_sensors_allow() -> None:
+    exact = indicators_of(worn(), np.zeros((PARAMETERS, PARAMETERS)), np.array(X), np.array(U))
+    assert exact[SEAT].sigma == pytest.approx(LEAST_SEAT_SIGMA)
+    assert exact[NOZZLE].sigma == 0.0

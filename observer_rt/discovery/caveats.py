@@ -9,7 +9,7 @@ from observer_rt.evidence.operating_points import distinct
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.observer.learning.adequacy import looks_like_inertance
+from observer_rt.observer.learning.doubts.adequacy import looks_like_inertance
 
 LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
 RECORD_MORE = "record at least three rail pressures and two durations"

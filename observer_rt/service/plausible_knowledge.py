@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.observer.learning.colour import ORDERS, Colour
+from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 
 LARGEST_NOISE = NoiseLevels(  # beyond these the sensor is broken, or the needle would never count as open

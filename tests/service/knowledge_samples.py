@@ -11,7 +11,7 @@ from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.estimation.whitening import Whitening
-from observer_rt.observer.learning.colour import ORDERS, Colour
+from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
 from observer_rt.observer.learning.familiarity import OperatingPoint
 from observer_rt.observer.learning.knowledge import Knowledge
 

@@ -20,7 +20,7 @@ from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.scalars import SCALARS, Theta
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.observer.learning.adequacy import BURN_IN
+from observer_rt.observer.learning.doubts.adequacy import BURN_IN
 from observer_rt.observer.learning.fitting import TOLERANCE, Cost, EventFitter, Limits
 from observer_rt.observer.learning.knowledge import EventLearner, Outcome
 from observer_rt.observer.learning.learner import FIRST_ITERATIONS, ITERATIONS

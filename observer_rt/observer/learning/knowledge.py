@@ -13,8 +13,8 @@ from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
-from observer_rt.observer.learning.adequacy import Objection
-from observer_rt.observer.learning.colour import Colour
+from observer_rt.observer.learning.disturbances.colour import Colour
+from observer_rt.observer.learning.doubts.adequacy import Objection
 from observer_rt.observer.learning.familiarity import OperatingPoint
 from observer_rt.observer.learning.healthy import SAME_RATE
 from observer_rt.observer.learning.interval import Resimulated

@@ -1,16 +1,17 @@
 """Learning between events: everything jointly, by prediction error, as a Bayesian update."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.estimation.gating import carried_covariance, gated_covariance
-from observer_rt.estimation.learned import Learned, learned_of
+from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.phases import (
     Phase,
     PhaseStatistics,
@@ -19,21 +20,30 @@ from observer_rt.estimation.phases import (
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.estimation.predictor import (
-    NO_RATE,
-    NO_SLOPES,
     Setting,
     Window,
-    follow,
-    open_loop_error,
 )
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.sensor import LAG_UNIT
-from observer_rt.observer.learning.adequacy import (
+from observer_rt.observer.learning.adoption import Rehearsed, is_better
+from observer_rt.observer.learning.disturbances.clipping import EndsOfRange
+from observer_rt.observer.learning.disturbances.colour import (
+    SEGMENT,
+    Colour,
+    OffsetSince,
+    RestingNoise,
+    SlowRail,
+    resting_segments,
+)
+from observer_rt.observer.learning.disturbances.edges import EdgeSearch, with_step
+from observer_rt.observer.learning.disturbances.levels import Sigmas, mask_of
+from observer_rt.observer.learning.disturbances.masks import OutlierSearch
+from observer_rt.observer.learning.disturbances.offset_walk import moved, offset_move
+from observer_rt.observer.learning.disturbances.pressure_gains import PressureGains
+from observer_rt.observer.learning.doubts.adequacy import (
     BURN_IN,
-    Freezer,
     Innovations,
-    Mistrust,
     Objection,
     event_statistics,
     looks_like_inertance,
@@ -42,16 +52,9 @@ from observer_rt.observer.learning.adequacy import (
     pooled,
     tempering,
 )
-from observer_rt.observer.learning.clipping import EndsOfRange
-from observer_rt.observer.learning.colour import (
-    SEGMENT,
-    Colour,
-    OffsetSince,
-    RestingNoise,
-    SlowRail,
-    resting_segments,
-)
-from observer_rt.observer.learning.edges import EdgeSearch, with_step
+from observer_rt.observer.learning.doubts.lateness import LagDoubt, lag_score
+from observer_rt.observer.learning.doubts.lift_lateness import LiftLag, LiftLagSearch, lift_lag_of
+from observer_rt.observer.learning.doubts.mistrust import Freezer, Mistrust
 from observer_rt.observer.learning.familiarity import UNSEEN, operating_point, remembered, unfamiliarity
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
@@ -63,11 +66,6 @@ from observer_rt.observer.learning.knowledge import (
     Outcome,
     no_knowledge,
 )
-from observer_rt.observer.learning.lateness import LagDoubt, lag_score
-from observer_rt.observer.learning.lift_lateness import LiftLagSearch, lift_lag_of
-from observer_rt.observer.learning.masks import OutlierSearch, Sigmas, mask_of
-from observer_rt.observer.learning.offset_walk import moved, offset_move
-from observer_rt.observer.learning.pressure_gains import PressureGains
 from observer_rt.observer.learning.trend import Trend
 from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
@@ -76,7 +74,6 @@ from observer_rt.observer.stream.state import Constants, Reason
 FIRST_ITERATIONS = 8
 ITERATIONS = 2
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
-ADOPTION_TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error
 OTHER_NOISE = 1.25  # times a level
 CHANGE_SCORE = 60.0  # of the score test; without change it is 13 +- 5
 QUICKER_SCORE = 35.0  # from which on wear is taken to move faster than its usual drift
@@ -98,6 +95,14 @@ class _Explained:
     cost: EventCost
     fit: EventFit
     colour: Colour | None
+
+
+class _Past(NamedTuple):
+    """An event, the constants during it, and the offset it was found to have [p_0]."""
+
+    window: Window
+    constants: Constants
+    offset: float
 
 
 class Learner:
@@ -127,7 +132,7 @@ class Learner:
         self._slow_rail = SlowRail(constants.interval)
         self._offset_since = OffsetSince()
         self._schedule = self._gains()
-        self._previous: tuple[Window, Constants, float] | None = None
+        self._previous: _Past | None = None
         self._freezer = Freezer()
         self._mistrust = Mistrust()
         self._lag_doubt = LagDoubt()
@@ -188,14 +193,17 @@ class Learner:
         is_clipped |= self._is_range_ending_in(window)
         is_disturbed = self._is_disturbed_before_openings(event)
         doubts = self._doubts(event, lag)
-        better = self._is_better(event.window, in_force)
-        self._previous = event.window, self._constants, found
+        now = _Past(event.window, self._constants, found)
+        better = self._is_better([now] if self._previous is None else [self._previous, now], in_force)
+        self._previous = now
         if self._freezer.is_frozen_after(self._statistics):
             return _because(self._frozen(event.window, in_force), is_clipped, is_disturbed)
         adoption = Adoption.ADOPTED if better else Adoption.REJECTED
         outcome = self._outcome(adoption, event.window, in_force, doubts)
         outcome = _because(outcome, is_clipped, is_disturbed)
-        outcome = replace(outcome, objections=self._with_cause(outcome.objections, event))
+        outcome = replace(
+            outcome, objections=self._lift_lag.told(outcome.objections, self._lift_lag_in(event))
+        )
         because = self._mistrust.after(outcome.objections)
         if because is not None:
             nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
@@ -249,28 +257,13 @@ class Learner:
             self._previous = None  # it belongs to another injector
         return doubts
 
-    def _with_cause(self, found: tuple[Objection, ...], event: _Explained) -> tuple[Objection, ...]:
-        """What speaks against an event; a model that is inadequate by a lift that is late, or early, by that name."""
-        inadequate = next(
-            (o for o in found if o.reason is Reason.MODEL_INADEQUATE and o.phase is not None), None
-        )
-        if inadequate is None:
-            self._lift_lag.passed()
-            return found
+    def _lift_lag_in(self, event: _Explained) -> Callable[[float], LiftLag]:
+        """What finds the lag of the lift that explains an event best, by that which is expected [s]."""
 
         def cost_of(window: Window) -> EventCost:
             return self._cost(window, event.offset)
 
-        try:
-            lag = self._lift_lag.found_after(
-                partial(lift_lag_of, event.window, self._setting(), cost_of, self._scalars)
-            )
-        except np.linalg.LinAlgError:
-            return found
-        if lag is None:
-            return found
-        cause = replace(inadequate, reason=Reason.LIFT_SENSOR_LAG if lag > 0.0 else Reason.TIME_BASE)
-        return tuple(cause if objection is inadequate else objection for objection in found)
+        return partial(lift_lag_of, event.window, self._setting(), cost_of, self._scalars)
 
     def _strangeness(self, window: Window) -> float:
         """How far an event's operating point was from those learned at, of which it is one from now on."""
@@ -419,31 +412,10 @@ class Learner:
         self._events += 1
         self._statistics = pooled(self._statistics, statistics)
 
-    def _is_better(self, window: Window, in_force: NDArray[np.float64]) -> bool:
-        """Whether the new theta keeps the re-simulated output error of this and the previous event down.
-
-        Rail-pressure noise makes that error wander, so a better theta often raises it a little: asked to lower it
-        strictly, the worst of 20 worn injectors stays 0.88 % off in mass, with this tolerance 0.45 %. The offset,
-        which may be another in every event and changes no rate, is what it was found to be.
-        """
-        events = [(window, self._setting(), float(self._theta[Parameter.LINE_PRESSURE_OFFSET]))]
-        if self._previous is not None:
-            previous, constants, offset = self._previous
-            events.insert(0, (previous, self._setting(constants), offset))
-        errors = [0.0, 0.0]
-        for one, setting, offset in events:
-            for i, theta in enumerate((self._theta, in_force)):
-                learned = learned_of(theta, setting.coefficients, self._scalars)
-                errors[i] += self._open_loop_error(one, setting, learned._replace(offset=offset))
-        return errors[0] < ADOPTION_TOLERANCE * errors[1]
-
-    def _open_loop_error(self, window: Window, setting: Setting, learned: Learned) -> float:
-        """`open_loop_error` without the colour of the noise: hum may be larger than what an adoption changes."""
-        if self._colour is None:
-            return open_loop_error(window, setting, learned)
-        errors = np.empty(window.output.size)
-        follow(window, setting, learned, window.opening, errors, NO_RATE, None, NO_SLOPES)
-        return float(np.sum(self._colour.whitening.of(errors, window.masked)[window.opening :] ** 2))
+    def _is_better(self, events: Sequence[_Past], in_force: NDArray[np.float64]) -> bool:
+        """Whether the new theta does better in events than that in force, (m,)."""
+        played = [Rehearsed(one.window, self._setting(one.constants), one.offset) for one in events]
+        return is_better(played, self._theta, in_force, self._colour, self._scalars)
 
     def _frozen(self, window: Window, in_force: NDArray[np.float64]) -> Outcome:
         """Fall back to phi = 0 and forget: what was learned belongs to another line. No event is valid meanwhile."""

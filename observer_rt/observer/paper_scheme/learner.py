@@ -5,7 +5,7 @@ from dataclasses import replace
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import Theta
-from observer_rt.observer.learning.adequacy import Objection
+from observer_rt.observer.learning.doubts.adequacy import Objection
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.observer.paper_scheme.network import FreeNetwork
 from observer_rt.observer.paper_scheme.phi import FreePhi, free_phi

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.adequacy import Innovations, Objection
+from observer_rt.observer.learning.doubts.adequacy import Innovations, Objection
 from observer_rt.observer.learning.examiner import Examiner
 from observer_rt.observer.learning.healthy import Healthy
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome

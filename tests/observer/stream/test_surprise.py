@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from observer_rt.foundation.continuity import Doubt
-from observer_rt.observer.learning.adequacy import Objection
+from observer_rt.observer.learning.doubts.adequacy import Objection
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.learning.learner import Learner

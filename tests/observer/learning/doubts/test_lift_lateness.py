@@ -13,7 +13,7 @@ from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
-from observer_rt.observer.learning.lift_lateness import LiftLag, LiftLagSearch, lift_lag_of
+from observer_rt.observer.learning.doubts.lift_lateness import LiftLag, LiftLagSearch, lift_lag_of
 from observer_rt.observer.stream.state import Reason
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
@@ -93,6 +93,6 @@ def test_where_events_are_refused_for_long_few_are_asked() -> None:
 
     assert all(search.found_after(ask) for _ in range(64))
     assert next(asked) == 6 + 64 // 8
-    search.passed()
+    search.told((), ask)
     search.found_after(ask)
     assert next(asked) == 6 + 64 // 8 + 2

@@ -8,7 +8,12 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.colour import Colour, OffsetSince, RestingNoise, resting_segments
+from observer_rt.observer.learning.disturbances.colour import (
+    Colour,
+    OffsetSince,
+    RestingNoise,
+    resting_segments,
+)
 from observer_rt.observer.stream.standstill import Standstill
 
 INTERVAL = 1e-5  # s

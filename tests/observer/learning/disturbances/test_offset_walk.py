@@ -9,7 +9,7 @@ import pytest
 from observer_rt.estimation.posterior import prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import Parameter
-from observer_rt.observer.learning.offset_walk import moved, offset_move
+from observer_rt.observer.learning.disturbances.offset_walk import moved, offset_move
 
 SAMPLES, WIDTH, BURN_IN = 1200, 18, 50
 SIGMA = 0.0015  # of an innovation, in units of p_0

@@ -14,8 +14,8 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from observer_rt.model.sensor import LAG_UNIT
+from observer_rt.observer.learning.doubts.lateness import LagDoubt, lag_score
 from observer_rt.observer.learning.fitting import EventFitter, theta_limits
-from observer_rt.observer.learning.lateness import LagDoubt, lag_score
 from observer_rt.observer.stream.state import Reason
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule

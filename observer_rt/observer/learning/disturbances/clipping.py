@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.masks import Sigmas, mask_of
+from observer_rt.observer.learning.disturbances.levels import Sigmas, mask_of
 
 SMOOTHED = 5  # samples whose mean tells how far the line pressure goes
 AT_LEVEL = 1.5  # standard deviations of a sample below a level, from which on that mean is at it

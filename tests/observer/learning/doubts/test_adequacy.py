@@ -12,11 +12,9 @@ from observer_rt.estimation.phases import (
     no_statistics,
     phase_statistics,
 )
-from observer_rt.observer.learning.adequacy import (
+from observer_rt.observer.learning.doubts.adequacy import (
     LARGEST_LAG,
     LARGEST_OFFSET,
-    Freezer,
-    Mistrust,
     Objection,
     inadequate_phase,
     looks_like_inertance,
@@ -141,15 +139,6 @@ def test_what_names_a_cause_comes_first() -> None:
     ]
 
 
-def test_learning_freezes_after_two_bad_standstills_and_goes_on_after_three_good_ones() -> None:
-    bad, good = (statistics_of(colour, 1.0, 1e3, Phase.STANDSTILL) for colour in (3.0, 1.0))
-    open_phase = statistics_of(3.0, 1.0, 1e3, Phase.OPEN)
-    freezer = Freezer()
-    events = [bad, good, open_phase, bad, bad, good, good, bad, good, good, good, bad, good]
-    frozen = [freezer.is_frozen_after(statistics) for statistics in events]
-    assert frozen == [False] * 4 + [True] * 6 + [False] * 3
-
-
 @pytest.mark.parametrize("scale", [0.7, 0.8, 0.9, 1.1, 1.2, 1.3])
 def test_healthy_injector_with_another_inertance_is_told(scale: float) -> None:
     """1 + N_H = s and 1 + r = 1/s, and what lies near it."""
@@ -173,30 +162,3 @@ def test_stiffness_alone_or_with_wear_of_the_other_sign_is_no_inertance(stiffnes
 
 def test_vanished_nozzle_is_still_a_number() -> None:
     assert not looks_like_inertance(-1.0, 0.1)
-
-
-def doubts(*reasons: Reason | None) -> list[Reason | None]:
-    """Why what was learned is set aside after each of the events; None as a reason: it passed."""
-    mistrust = Mistrust()
-    found = [mistrust.after([] if r is None else [Objection(r)]) for r in reasons]
-    return [None if objection is None else objection.reason for objection in found]
-
-
-BAD, CHANGE, OFFSET = Reason.MODEL_INADEQUATE, Reason.SUDDEN_CHANGE, Reason.PRESSURE_OFFSET
-
-
-def test_one_change_is_no_doubt_but_changes_all_the_time_are() -> None:
-    assert doubts(CHANGE, None, None, CHANGE, None) == [None] * 5
-    assert doubts(CHANGE, CHANGE) == [None, CHANGE]
-    # what is named and corrected neither raises nor removes doubt
-    assert doubts(OFFSET, OFFSET, OFFSET) == [None] * 3
-    assert doubts(CHANGE, OFFSET, CHANGE, OFFSET) == [None, None, CHANGE, CHANGE]
-
-
-def test_doubt_ends_when_two_events_in_a_row_passed() -> None:
-    assert doubts(BAD, BAD, None, BAD, None, None) == [None, BAD, BAD, BAD, BAD, None]
-    assert doubts(BAD, BAD, None, None, BAD) == [None, BAD, BAD, None, None]
-
-
-def test_a_scale_that_is_not_known_is_doubted_at_once() -> None:
-    assert doubts(Reason.AMBIGUOUS_SCALE) == [Reason.AMBIGUOUS_SCALE]

@@ -7,8 +7,8 @@ wrong.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,9 @@ from observer_rt.estimation.posterior import prior_belief
 from observer_rt.estimation.prediction_error import HUBER, EventCost
 from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.scalars import Scalars
-from observer_rt.observer.learning.adequacy import RELEVANT_VARIANCE
+from observer_rt.observer.learning.doubts.adequacy import RELEVANT_VARIANCE, Objection
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
+from observer_rt.observer.stream.state import Reason
 
 STEP = 5e-6  # s, either way, by which the lift is moved for a slope
 FARTHEST = 30e-6  # s, by which one step goes at most
@@ -93,9 +94,20 @@ class LiftLagSearch:
         self._events, self._samples = 0.0, 0.0
         self._without, self._left, self._lags = 0.0, 0.0, 0.0
 
-    def passed(self) -> None:
-        """An event was explained: the next one that is not is asked."""
-        self._asked = 0
+    def told(self, found: Sequence[Objection], ask: Callable[[float], LiftLag]) -> tuple[Objection, ...]:
+        """What speaks against an event; a model that is inadequate by a lift that is late, or early, by that name."""
+        inadequate = [o for o in found if o.reason is Reason.MODEL_INADEQUATE and o.phase is not None]
+        if not inadequate:
+            self._asked = 0
+            return tuple(found)
+        try:
+            lag = self.found_after(ask)
+        except np.linalg.LinAlgError:
+            return tuple(found)
+        if lag is None:
+            return tuple(found)
+        reason = Reason.LIFT_SENSOR_LAG if lag > 0.0 else Reason.TIME_BASE
+        return tuple(replace(o, reason=reason) if o in inadequate else o for o in found)
 
     def found_after(self, ask: Callable[[float], LiftLag]) -> float | None:
         """Take in a refused event, if its turn is to be asked.

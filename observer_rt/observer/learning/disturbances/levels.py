@@ -1,0 +1,38 @@
+"""How large innovations and noise of an event should be, and are; what of it is masked already."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.predictor import Window
+
+GAUSSIAN = 1.4826  # standard deviation over the median of the sizes
+FEWEST = 16  # samples that tell a level
+
+
+@dataclass(frozen=True)
+class Sigmas:
+    """Standard deviations, in units of p_0: of the innovations, and of the line pressure's noise."""
+
+    innovation: float
+    noise: float
+
+    def times(self, factor: float) -> "Sigmas":
+        """Of a noise louder by a factor."""
+        return Sigmas(factor * self.innovation, factor * self.noise)
+
+
+def loudness(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> float:
+    """By what most innovations (n,) at rest, from sample `first` on, are larger than they should be; 1 at least.
+
+    A noise whose level is not known yet has no outliers by the level that is.
+    """
+    rest = innovations[first:][window.resting[first:]]
+    if rest.size < FEWEST:
+        return 1.0
+    return max(1.0, GAUSSIAN * float(np.median(np.abs(rest))) / sigmas.innovation)
+
+
+def mask_of(window: Window) -> NDArray[np.bool_]:
+    return window.masked if len(window.masked) else np.zeros(len(window.output), np.bool_)

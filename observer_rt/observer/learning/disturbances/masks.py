@@ -1,0 +1,120 @@
+"""Outliers that only the model shows: a line pressure that was held before noise came on it, and spikes.
+
+What is found is masked (`Window.masked`), and the event fitted again. A stretch that may be the truth is not: one
+at the event's highest or lowest level, if that recurs, is clipped; one at the same place in event after event is
+what the injector does; and of many in one event the model is to blame.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from observer_rt.estimation.predictor import Window
+from observer_rt.observer.learning.disturbances.held import BETTER, Stretch, frozen_stretches
+from observer_rt.observer.learning.disturbances.levels import Sigmas, loudness, mask_of
+from observer_rt.observer.learning.disturbances.spikes import MOST_SPIKES, sharp_spikes_of, spikes_of
+
+MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen
+MOST_STRETCHES = 3  # in an event
+REMEMBERED = 6  # events, of stretches
+ENDS_REMEMBERED = 12  # events
+RECURS = 3  # of these, with a stretch at the same place
+SAME_PLACE = 8  # samples
+END_SAMPLES = 16  # whose mean is the lowest or highest of an event
+FLAT = 30.0  # chi2 of a constant that is one, to 1 %
+SAME_END = 1.0  # standard deviations of a sample: at other rail pressures they differ by many
+OTHER_POINT = 40.0
+SAME_LEVEL = 3.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class End:
+    """How low or high the line pressure goes in an event, and whether it stays there as the model does not say."""
+
+    level: float
+    is_flat: bool
+
+
+@dataclass(frozen=True)
+class _Event:
+    """Both ends of the line pressure in an event, and its rail pressure."""
+
+    rail_pressure: float
+    ends: tuple[End, End]
+
+
+class OutlierSearch:
+    """Looks for outliers in event after event, and remembers where there were some."""
+
+    def __init__(self) -> None:
+        # of stretches: places, from the event's opening on, and levels
+        self._stretches: deque[tuple[tuple[int, float], ...]] = deque(maxlen=REMEMBERED)
+        self._ends: deque[_Event] = deque(maxlen=ENDS_REMEMBERED)
+
+    def masked(
+        self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+    ) -> NDArray[np.bool_] | None:
+        """What to mask (n,), with what is masked already; None: no more than that.
+
+        innovations: (n,), of which those before sample `first` do not count.
+        """
+        before = mask_of(window)
+        mask = before.copy()
+        sigmas = sigmas.times(loudness(window, innovations, sigmas, first))
+        stretches = frozen_stretches(window, innovations, sigmas, first)
+        if len(stretches) <= MOST_STRETCHES:
+            for stretch in stretches:
+                if not self._is_true(window, stretch, sigmas):
+                    mask[max(stretch.start - (stretch.end - stretch.start) // MARGIN, 0) : stretch.end] = True
+        for spikes_in in (spikes_of, sharp_spikes_of):
+            spikes = spikes_in(np.where(mask, 0.0, innovations), sigmas.innovation, first)
+            if len(spikes) <= MOST_SPIKES:
+                for start, end in spikes:
+                    mask[start:end] = True
+        return mask if (mask & ~before).any() else None
+
+    def is_clipped_after(
+        self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+    ) -> bool:
+        """Take in a fitted event; whether its line pressure goes as far as at other rail pressures: it is clipped."""
+        stretches = frozen_stretches(window, innovations, sigmas, first)
+        self._stretches.append(tuple((s.start - window.opening, s.level) for s in stretches))
+        event = _Event(float(window.inputs[window.opening, 0]), ends_of(window, innovations, sigmas))
+        self._ends.append(event)
+        return any(self._is_end_of_range(event, end, sigmas) for end in range(2))
+
+    def _is_end_of_range(self, event: _Event, number: int, sigmas: Sigmas) -> bool:
+        """Whether the line pressure goes as far in other events, and stays there or does so at any pressure."""
+        end, close = event.ends[number], SAME_END * sigmas.noise
+        alike = [e.rail_pressure for e in self._ends if abs(e.ends[number].level - end.level) < close]
+        is_general = max(alike) - min(alike) > OTHER_POINT * sigmas.noise
+        return len(alike) >= RECURS and (end.is_flat or is_general)
+
+    def _is_true(self, window: Window, stretch: Stretch, sigmas: Sigmas) -> bool:
+        """Whether a stretch is no outlier, but what is there or all that the sensor can show."""
+        place = stretch.start - window.opening
+        alike = sum(any(abs(place - there) <= SAME_PLACE for there, _ in event) for event in self._stretches)
+        return alike + 1 >= RECURS or (stretch.is_extreme and self._recurs_at(stretch.level, sigmas))
+
+    def _recurs_at(self, level: float, sigmas: Sigmas) -> bool:
+        close = SAME_LEVEL * sigmas.noise
+        return any(abs(level - other) <= close for event in self._stretches for _, other in event)
+
+
+def ends_of(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas) -> tuple[End, End]:
+    """Lowest and highest mean of y over some neighbours, with the innovations (n,) of the model there."""
+    around = sliding_window_view(window.output, END_SAMPLES)
+    means = around.mean(axis=1)
+    lowest, highest = (_end_at(window, innovations, sigmas, int(k)) for k in (means.argmin(), means.argmax()))
+    return lowest, highest
+
+
+def _end_at(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> End:
+    stretch = slice(first, first + END_SAMPLES)
+    y = window.output[stretch]
+    constant = float(np.sum((y - y.mean()) ** 2)) / sigmas.noise**2
+    model = float(np.sum(innovations[stretch] ** 2)) / sigmas.innovation**2
+    return End(float(y.mean()), constant < FLAT and model - constant > BETTER)

@@ -1,0 +1,1 @@
+"""What speaks against an event, against what was learned, and its cause where one can be named."""

@@ -155,15 +155,17 @@ class EventCost:
         information[_OFFSET, _OFFSET] += self._offset_weight
         return Linearisation(theta, value, gradient, information)
 
-    def whitened(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Innovations (n,), or slopes of them (n, m), as they count in J."""
+    def whitened(
+        self, values: NDArray[np.float64], masked: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.float64]:
+        """Innovations (n,), or slopes of them (n, m), as they count in J; masked: None, as in the event."""
         if self._whitening is None:
             return values
-        return self._whitening.of(values, self._window.masked)
+        return self._whitening.of(values, self._window.masked if masked is None else masked)
 
     def _cost(self, theta: NDArray[np.float64]) -> float:
-        if self._whitening is not None:
-            self.innovations = self._whitening.of(self.unfiltered, self._window.masked)
+        if self._whitening is not None:  # else they are the same array
+            self.innovations = self.whitened(self.unfiltered)
         cost = robust_cost(self.innovations, self.burn_in, self.sigma)
         cost += 0.5 * self._offset_weight * (theta[_OFFSET] - self._offset) ** 2
         return cost if math.isfinite(cost) else math.inf

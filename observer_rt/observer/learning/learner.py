@@ -300,14 +300,16 @@ class Learner:
         """
         cost = self._cost(window, offset)
         first = cost.linearised(self._theta)
-        is_told = self._events > 0 and np.isfinite(first.value)
-        move = offset_move(window, cost) if is_told else 0.0
+        if self._events == 0 or not np.isfinite(first.value):
+            return window, cost, self._fit(cost, first, prior)
+        mask = self._mask(window, cost.innovations)
+        move = offset_move(window if mask is None else window._replace(masked=mask), cost)
         if move != 0.0:
             prior = moved(prior, move)
             theta = first.theta.copy()
             theta[Parameter.LINE_PRESSURE_OFFSET] += move
             first = cost.linearised(theta)
-        mask = self._mask(window, cost.innovations) if is_told else None
+            mask = self._mask(window, cost.innovations)
         if mask is not None:
             window = window._replace(masked=mask)
             cost = self._cost(window, offset)

@@ -22,6 +22,7 @@ FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02
 _ORDER = 4  # differences: order 4 leaves the ringing of the line below the noise even at 20 kHz
 DIFFERENCE_GAIN = 70.0  # sum of squares of 1 4 6 4 1
 _NEXT = -56.0  # sum of products of neighbours in 1 -4 6 -4 1
+_NEXT_BUT_ONE = 28.0  # and of those beyond them
 _TRUSTED = 200  # squares, from which on their mean tells a spike
 _SPIKE = 36.0  # times the mean square: six sigma
 _MASK = RING - 1
@@ -45,6 +46,7 @@ def gather(observer: Observer, position: int) -> None:
         c = observer.ring[(position - 2) & _MASK]
         d = observer.ring[(position - 1) & _MASK]
         count = memory.difference_count
+        undone = observer.constants.undoing.rail_fraction if observer.constants.rail_every <= 1.0 else 0.0
         memory.rail_squares += square_of_difference(
             a.rail_pressure,
             b.rail_pressure,
@@ -53,7 +55,7 @@ def gather(observer: Observer, position: int) -> None:
             row.rail_pressure,
             memory.rail_squares,
             count,
-            smoothing(row.rail_share),
+            smoothing(row.rail_share, undone),
         )
         memory.line_squares += square_of_difference(
             a.line_pressure,
@@ -108,13 +110,18 @@ def forget_other_noise(observer: Observer) -> None:
 
 
 @njit(cache=True, nogil=True)
-def smoothing(share: float) -> float:
-    """By what interpolation with this share of the later neighbour reduces the square of a fourth difference.
+def smoothing(share: float, again: float) -> float:
+    """By what interpolation with this share of the later neighbour, and another one after it, reduce the square of a
+    fourth difference.
 
     To the line, which follows slowly, an interpolated pressure is as noisy as its neighbours are.
     """
-    kept = 1.0 - share
-    return kept * kept + share * share + 2.0 * kept * share * _NEXT / DIFFERENCE_GAIN
+    first = (1.0 - share) * (1.0 - again)
+    second = share * (1.0 - again) + (1.0 - share) * again
+    third = share * again
+    squares = first * first + second * second + third * third
+    beside = 2.0 * (first * second + second * third)
+    return squares + (beside * _NEXT + 2.0 * first * third * _NEXT_BUT_ONE) / DIFFERENCE_GAIN
 
 
 @njit(cache=True, nogil=True)

@@ -105,12 +105,8 @@ def push(
 def _give_on(observer: Observer, end: int) -> None:
     """Append the samples that wait, up to the number `end`, with what is stated of their channels undone."""
     memory = observer.memory[0]
-    undoing = observer.constants.undoing
     for number in range(memory.given_on, end):
         row = memory.waiting_samples[number & _WAITING_MASK]
-        share = row.rail_share
-        if share == 0.0 and observer.constants.rail_every <= 1.0:
-            share = undoing.rail_fraction
         _append(
             observer,
             row.index,
@@ -121,7 +117,7 @@ def _give_on(observer: Observer, end: int) -> None:
             row.broken,
             row.doubt,
             row.lift_after,
-            share,
+            row.rail_share,
         )
     memory.given_on = max(memory.given_on, end)
 

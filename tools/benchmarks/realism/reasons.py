@@ -17,4 +17,6 @@ LIFT_ZERO = SENSOR | {
     "NEEDLE_STUCK",
 }  # a zero far off seems an open needle: "check ... its offset"
 CHANGE = frozenset({"SUDDEN_CHANGE"})
-CROWDED = frozenset({"STARTING", "NO_STANDSTILL"})  # "wait for 3 ms of closed needle"
+CROWDED = frozenset(
+    {"STARTING", "NO_STANDSTILL", "TOO_FEW_EVENTS"}
+)  # "wait for 3 ms of closed needle"; too few were judged yet, for a judgement takes as long as before

@@ -24,7 +24,8 @@ from observer_rt.observer.stream.state import Reason
 # the second keeps a model that is good enough from being refused by very long recordings.
 SIGNIFICANT = 4.5
 RELEVANT_COLOUR = 1.6
-RELEVANT_VARIANCE = 1.15
+RELEVANT_VARIANCE = 1.15  # where the needle moves
+RELEVANT_LOUDNESS = 2.0  # where it does not: what is white there is noise that has grown, no model
 # colour beyond which an event's information counts for less, and how significant it must be
 TEMPER_ABOVE = 1.6
 TEMPER_SIGNIFICANT = 2.5
@@ -36,6 +37,9 @@ LEAST_SCALE = 0.03  # of the logarithm of 1 + r
 LARGEST_LAG = 0.2e-3  # s
 CLIP = 4.0  # standard deviations for which a single innovation counts at most: an outlier is no colour
 BURN_IN = 0.5e-3  # s of an event's window before innovations count
+
+
+EDGES = (Phase.OPENING, Phase.CLOSING)
 
 
 @dataclass(frozen=True)
@@ -71,9 +75,8 @@ def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
     """The phase that contradicts the model most, None when every phase is compatible with white innovations."""
     worst, worst_excess = None, SIGNIFICANT
     for phase in Phase:
-        relevant = (
-            statistics.colour(phase) > RELEVANT_COLOUR or statistics.variance(phase) > RELEVANT_VARIANCE
-        )
+        most = RELEVANT_VARIANCE if phase in EDGES else RELEVANT_LOUDNESS
+        relevant = statistics.colour(phase) > RELEVANT_COLOUR or statistics.variance(phase) > most
         excess = statistics.excess(phase)
         if relevant and excess > worst_excess:
             worst, worst_excess = phase, excess
@@ -98,15 +101,15 @@ def of_standstill(statistics: PhaseStatistics) -> PhaseStatistics:
 
 
 def tempering(statistics: PhaseStatistics) -> float:
-    """Factor on the variance of an event's innovations: above 1 when they are coloured."""
-    return max(
-        (
-            statistics.colour(phase)
-            for phase in Phase
-            if statistics.excess(phase) > TEMPER_SIGNIFICANT and statistics.colour(phase) > TEMPER_ABOVE
-        ),
-        default=1.0,
-    )
+    """Factor on the variance of an event's innovations: above 1 when they are coloured, or louder than believed."""
+    found = [1.0]
+    for phase in Phase:
+        if statistics.excess(phase) > TEMPER_SIGNIFICANT:
+            if statistics.colour(phase) > TEMPER_ABOVE:
+                found.append(statistics.colour(phase))
+            if statistics.variance(phase) > RELEVANT_VARIANCE:
+                found.append(statistics.variance(phase))
+    return max(found)
 
 
 def objections(

@@ -55,7 +55,7 @@ def lag_score(
         learned_of(delayed, setting.coefficients, scalars),
         other,
     )
-    other = cost.whitened(other)
+    other = cost.whitened(other, masked)
     first = cost.burn_in + late
     direction = (other[first - late : early_enough] - fit.innovations[first:]) / cost.sigma
     slopes = fit.slopes[first:] / cost.sigma

@@ -71,7 +71,8 @@ def test_what_is_sent_is_recorded_and_replayed(vcan: str, tmp_path: Path, suffix
             )
             for f in SENT
         ]
-        assert (found[-1].stamp_ns - found[0].stamp_ns) / 1e9 == pytest.approx(0.1495, rel=0.5)
+        taken = (found[-1].stamp_ns - found[0].stamp_ns) / 1e9
+        assert 0.07 < taken < 2.0  # as sent, .1495 s, but for what else the machine does
 
 
 def test_a_full_queue_is_waited_for(vcan: str, tmp_path: Path) -> None:

@@ -30,6 +30,9 @@ WELL_KNOWN = 1000  # samples from which on the share of equal neighbours is know
 DROPOUT = 30.0  # standard deviations by which a value that then stays is a dropout
 STAYED = 6  # samples of a lift that may have been held before it leaps
 LET_GO = 4  # samples after which it has not come back: no spike
+OFF_SEAT = (
+    40e-6  # m, by which a lift may leap from its seat: where its sensor's offset is not that of the seat
+)
 BACK = 0.5  # of the leap: less is left after a spike
 LEAP = 10.0  # of e~ from one sample to the next; a wrong model's grows over several
 _MASK = RING - 1
@@ -136,6 +139,8 @@ def _was_let_go(observer: Observer, position: int) -> bool:
     if last - STAYED < memory.newest_break:
         return False
     leap = _lift_over(observer, last, last + 1)
+    if _lift(observer, last) < memory.lift_on:
+        quickest += OFF_SEAT
     if not abs(leap) > quickest:
         return False
     for k in range(1, STAYED):

@@ -21,7 +21,8 @@ from observer_rt.observer.stream.surprise import end_contradiction, watch
 SHORT = (
     2  # times what an opening takes to be one: leaps of the innovation that last longer contradict the model
 )
-OFFSET_FOLLOWS = 2e-3  # s of standstill, in which the offset of x~ follows its innovations
+# s of standstill in which the offset of x~ follows its innovations: some samples of a rail pressure of 1 kHz
+OFFSET_FOLLOWS = 5e-3
 FURTHEST_OFFSET = 1.5 * MEGAPASCAL  # from the learned one: what moves further is no offset of a good sensor
 _MASK = RING - 1
 

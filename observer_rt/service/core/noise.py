@@ -13,6 +13,7 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.evidence.slow_noise import SlowNoise, slow_noise
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.observer.stream.pair import OFFSET_FOLLOWS
 from observer_rt.observer.stream.state import Observer
 
 SIGNALS = {  # short name, unit, its size
@@ -42,12 +43,16 @@ def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels
 
 
 def _passed(observer: Observer, frequency: float) -> float:
-    """Share of a sensor's disturbance [Hz] that is in the innovations: x~ follows the rest of it."""
+    """Share of a sensor's disturbance [Hz] that is in the innovations: x~ and its offset follow the rest of it."""
     line, _ = observer.constants.coefficients.line.transition(observer.constants.interval)
     gain = observer.gains[-1][[0, 1, *range(3, 1 + len(line))]]
     moved = line * cmath.exp(-2j * math.pi * frequency * observer.constants.interval)
     followed = moved @ np.linalg.solve(np.eye(len(line)) - moved, gain.astype(np.complex128))
-    return float(1.0 / abs(1.0 + followed[0]))
+    passed = 1.0 / (1.0 + followed[0])
+    if observer.memory[0]["offset_moves"]:
+        turns = 2j * math.pi * frequency * OFFSET_FOLLOWS
+        passed *= turns / (1.0 + turns)
+    return float(abs(passed))
 
 
 def noise_text(white: NoiseLevels, slow: Mapping[Role, SlowNoise]) -> str:

@@ -52,9 +52,9 @@ def test_what_the_fit_left_is_not_held_against_an_event() -> None:
 def test_samples_that_scatter_at_an_edge_are_not_held_against_a_fitted_model() -> None:
     healthy = healthy_of(baseline(), 1e5)
     white = statistics(1.0)
-    for phase, refused in ((Phase.CLOSING, False), (Phase.OPEN, True)):
+    for phase, variance, refused in ((Phase.CLOSING, 1.5, False), (Phase.OPEN, 2.5, True)):
         scattered = replace(white, squares=white.squares.copy())
-        scattered.squares[phase] *= 1.5
+        scattered.squares[phase] *= variance
         assert inadequate_phase(scattered) is phase
         assert (inadequate_phase(healthy.relative(scattered)) is phase) == refused
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numba import njit
 from numpy.typing import NDArray
@@ -60,7 +60,16 @@ def run(
     return np.array(states), np.array(rates)
 
 
+def assert_between(
+    slope: NDArray[np.float64], above: NDArray[np.float64], below: NDArray[np.float64], name: str
+) -> None:
+    """A slope is that of both sides, to 1e-4; where they differ more, a corner lies between (friction at no flow)."""
+    nearest = np.clip(slope, np.minimum(above, below), np.maximum(above, below))
+    np.testing.assert_allclose(slope, nearest, rtol=1e-4, atol=2e-5, err_msg=name)
+
+
 @settings(deadline=None, max_examples=60)
+@example(35345, "shut", 75e-9, "seat", 1e5, False)
 @given(
     st.integers(0, 2**31),
     st.sampled_from(["shut", "opening", "open", "closing", "knot"]),
@@ -119,21 +128,13 @@ def test_derivatives(
     advance_over(x, interval, knot, learned.coefficients, learned.network, tangent)
     np.testing.assert_array_equal(x, stepped(theta, start))
     for j, d in enumerate(np.eye(PARAMETERS) * 1e-5):
-        numeric = (stepped(theta + d, start) - stepped(theta - d, start)) / 2e-5
-        np.testing.assert_allclose(
-            tangent.by[:, j],
-            numeric,
-            rtol=1e-4,
-            atol=2e-5,
-            err_msg=f"theta {j}",
-        )
+        sides = (stepped(theta + d, start) - x) / 1e-5, (x - stepped(theta - d, start)) / 1e-5
+        assert_between(tangent.by[:, j], *sides, f"theta {j}")
     for j, d in enumerate(np.eye(c.states) * 1e-5):
         if j == 2 and start[2] == 0.0:
             continue  # an empty sac behind a shut needle is a corner
-        numeric = (stepped(theta, start + d) - stepped(theta, start - d)) / 2e-5
-        np.testing.assert_allclose(
-            tangent.by[:, PARAMETERS + j], numeric, rtol=1e-4, atol=2e-5, err_msg=f"x{j}"
-        )
+        sides = (stepped(theta, start + d) - x) / 1e-5, (x - stepped(theta, start - d)) / 1e-5
+        assert_between(tangent.by[:, PARAMETERS + j], *sides, f"x{j}")
 
 
 @pytest.mark.parametrize("rate", [1e5, 2e4])

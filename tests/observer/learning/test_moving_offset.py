@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -11,8 +10,8 @@ from numpy.typing import NDArray
 
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.observer.stream.state import Reason
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tests.observer.learning.worn_injector import recorded
+from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.sampling import Measured
 from tools.benchmarks.scoring import bench_at, recording_of
 from tools.benchmarks.windows import windows_of
@@ -20,16 +19,6 @@ from tools.benchmarks.windows import windows_of
 EVENTS = 12
 SEED = 12
 LEARNED = 6  # events, after which a gain is known
-
-
-@cache
-def recorded() -> Outcome:
-    """An injector with 30 % more nozzle area, at pressures that change."""
-    events = tuple(
-        Event(rail, (Shot(7e-6 * k, 1.4e-3),), Faults(orifice_area=0.3))
-        for k, rail in enumerate((60e6, 100e6, 140e6) * (EVENTS // 3))
-    )
-    return record(Bench(Injector(), Needle(), events, seed=SEED))
 
 
 def drift(size: float) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
@@ -54,11 +43,13 @@ def rail_gain(share: float) -> Callable[[Measured], Measured]:
 
 def evaluated(disturbance: Callable[[Measured], Measured]) -> tuple[Evaluation, NDArray[np.float64]]:
     """With the relative mass errors of all events."""
-    recording = recording_of(replace(recorded(), measured=disturbance(recorded().measured)))
+    recording = recording_of(
+        replace(recorded(EVENTS, SEED), measured=disturbance(recorded(EVENTS, SEED).measured))
+    )
     evaluation = evaluate(bench_at(100e3), [recording]).evaluations[0]
-    windows, density = windows_of(recorded(), 100e3), Injector().density
+    windows, density = windows_of(recorded(EVENTS, SEED), 100e3), Injector().density
     rate = np.nan_to_num(evaluation.trace.injection_rate)
-    true = np.array(windows.event_masses_mg(recorded().truth.injection_rate, density))
+    true = np.array(windows.event_masses_mg(recorded(EVENTS, SEED).truth.injection_rate, density))
     return evaluation, np.array(windows.event_masses_mg(rate, density)) / true - 1.0
 
 

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -12,24 +11,15 @@ from scipy.signal import butter, lfilter, sosfilt
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.signals.recording import Recording
-from tools.benchmarks.plant import FIRST_EVENT, PERIOD, Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tests.observer.learning.worn_injector import recorded
+from tools.benchmarks.plant import FIRST_EVENT, PERIOD
+from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.scoring import bench_at, recording_of
 from tools.benchmarks.windows import windows_of
 
 EVENTS = 9
 SEED = 11
 KNOWN_AFTER = 4  # events
-
-
-@cache
-def recorded() -> Outcome:
-    """An injector with 30 % more nozzle area, without disturbance."""
-    events = tuple(
-        Event(rail, (Shot(7e-6 * k, 1.4e-3),), Faults(orifice_area=0.3))
-        for k, rail in enumerate((60e6, 100e6, 140e6) * (EVENTS // 3))
-    )
-    return record(Bench(Injector(), Needle(), events, seed=SEED))
 
 
 def hum(time: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -43,9 +33,9 @@ def coloured(time: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def disturbed(extra: NDArray[np.float64]) -> Recording:
-    measured = recorded().measured
+    measured = recorded(EVENTS, SEED).measured
     heard = replace(measured, line_pressure=measured.line_pressure + extra)
-    return recording_of(replace(recorded(), measured=heard))
+    return recording_of(replace(recorded(EVENTS, SEED), measured=heard))
 
 
 def evaluated(extra: NDArray[np.float64]) -> Evaluation:
@@ -55,9 +45,9 @@ def evaluated(extra: NDArray[np.float64]) -> Evaluation:
 @pytest.mark.parametrize("disturbance", [hum, coloured])
 def test_masses_are_right_and_valid(disturbance: object) -> None:
     assert callable(disturbance)
-    evaluation = evaluated(disturbance(recorded().measured.time))
-    windows, density = windows_of(recorded(), 100e3), Injector().density
-    true = np.array(windows.event_masses_mg(recorded().truth.injection_rate, density))
+    evaluation = evaluated(disturbance(recorded(EVENTS, SEED).measured.time))
+    windows, density = windows_of(recorded(EVENTS, SEED), 100e3), Injector().density
+    true = np.array(windows.event_masses_mg(recorded(EVENTS, SEED).truth.injection_rate, density))
     rate = np.nan_to_num(evaluation.trace.injection_rate)
     errors = np.array(windows.event_masses_mg(rate, density)) / true - 1.0
     assert [report.valid for report in evaluation.reports[KNOWN_AFTER:]] == [True] * (EVENTS - KNOWN_AFTER)
@@ -71,14 +61,14 @@ def test_masses_are_right_and_valid(disturbance: object) -> None:
 
 def test_hum_does_not_hide_a_line_pressure_that_went_elsewhere() -> None:
     """The watch expects the hum, and no more than that."""
-    measured = recorded().measured
+    measured = recorded(EVENTS, SEED).measured
     jump = np.where(measured.time > measured.time[-1] - 0.1, 3e6, 0.0)
     evaluation = evaluated(hum(measured.time) + jump)
     assert not evaluation.reports[-1].valid
 
 
 def test_what_was_learned_of_the_noise_holds_where_learning_is_off() -> None:
-    humming = disturbed(hum(recorded().measured.time))
+    humming = disturbed(hum(recorded(EVENTS, SEED).measured.time))
     learned = evaluate(bench_at(100e3), [humming]).knowledge
     assert learned.colour is not None
 
@@ -93,20 +83,20 @@ def test_what_was_learned_of_the_noise_holds_where_learning_is_off() -> None:
 @pytest.mark.parametrize("after", [-10e-3, 0.0, 10e-3])
 def test_a_noise_that_grows_costs_two_events(after: float) -> None:
     """That in which it does, and the next at most: what was judged by another noise says nothing."""
-    measured = recorded().measured
+    measured = recorded(EVENTS, SEED).measured
     random, late = np.random.default_rng(5), measured.time > FIRST_EVENT + 4 * PERIOD + after
     rail, line = (np.where(late, random.normal(0.0, size, late.size), 0.0) for size in (0.28e6, 0.42e6))
     louder = replace(
         measured, rail_pressure=measured.rail_pressure + rail, line_pressure=measured.line_pressure + line
     )
-    reports = evaluate(bench_at(100e3), [recording_of(replace(recorded(), measured=louder))])
+    reports = evaluate(bench_at(100e3), [recording_of(replace(recorded(EVENTS, SEED), measured=louder))])
     valid = [report.valid for report in reports.evaluations[0].reports]
     assert valid[2:].count(False) <= 2
 
 
 def test_all_channels_through_an_anti_alias_filter() -> None:
     """Neighbours differ little then: by their differences the noise is a tenth of what it is."""
-    measured = recorded().measured
+    measured = recorded(EVENTS, SEED).measured
 
     def filtered(values: NDArray[np.float64]) -> NDArray[np.float64]:
         first = float(np.mean(values[:1000]))
@@ -119,6 +109,6 @@ def test_all_channels_through_an_anti_alias_filter() -> None:
         line_pressure=filtered(measured.line_pressure),
         needle_lift=filtered(measured.needle_lift),
     )
-    recording = recording_of(replace(recorded(), measured=through))
+    recording = recording_of(replace(recorded(EVENTS, SEED), measured=through))
     reports = evaluate(bench_at(100e3), [recording]).evaluations[0].reports
     assert [report.valid for report in reports[KNOWN_AFTER:]] == [True] * (EVENTS - KNOWN_AFTER)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.whitening import Whitening, forgetting_of
+from observer_rt.observer.learning.disturbances.levels import mask_of
 from observer_rt.observer.stream.standstill import Standstill
 
 TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to choose from
@@ -80,7 +81,7 @@ def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
 
     What is masked ends them: it would tell the colour of gaps.
     """
-    resting = window.resting & ~window.masked if len(window.masked) else window.resting.copy()
+    resting = window.resting & ~mask_of(window)
     resting[:first] = False
     changes = np.flatnonzero(np.diff(resting, prepend=False, append=False))
     return [

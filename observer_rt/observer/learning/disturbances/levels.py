@@ -31,8 +31,14 @@ def loudness(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, f
     rest = innovations[first:][window.resting[first:]]
     if rest.size < FEWEST:
         return 1.0
-    return max(1.0, GAUSSIAN * float(np.median(np.abs(rest))) / sigmas.innovation)
+    return max(1.0, robust_sigma(rest) / sigmas.innovation)
+
+
+def robust_sigma(values: NDArray[np.float64]) -> float:
+    """Standard deviation of most values (n,) about 0, however far a few of them are."""
+    return GAUSSIAN * float(np.median(np.abs(values)))
 
 
 def mask_of(window: Window) -> NDArray[np.bool_]:
+    """Samples of a window (n,) that do not count."""
     return window.masked if len(window.masked) else np.zeros(len(window.output), np.bool_)

@@ -8,6 +8,7 @@ from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.observer.learning.disturbances.levels import mask_of
 
 SIGNIFICANT = 5.0  # standard deviations
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
@@ -18,10 +19,8 @@ def offset_move(window: Window, cost: EventCost) -> float:
 
     Innovations rather than pressures, for a leak lowers the line pressure at rest, too.
     """
-    counts = window.resting.copy()
+    counts = window.resting & ~mask_of(window)
     counts[: cost.burn_in] = False
-    if len(window.masked):
-        counts &= ~window.masked
     slopes, innovations = cost.slopes[counts, _OFFSET], cost.innovations[counts]
     information = float(slopes @ slopes)
     if not information > 0.0:

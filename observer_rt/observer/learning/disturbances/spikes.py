@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.observer.learning.disturbances.levels import GAUSSIAN
+from observer_rt.observer.learning.disturbances.levels import robust_sigma
 
 LEAP = 8.0  # standard deviations of the innovations from one sample to the next
 WIDEST_SPIKE = 8  # samples
@@ -34,7 +34,7 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
     Where the innovations are larger than they should be, so must be the spikes. Of many the model is to blame.
     """
     counted = innovations[first:]
-    sigma = max(sigma, GAUSSIAN * float(np.median(np.abs(counted))))
+    sigma = max(sigma, robust_sigma(counted))
     counted = counted / sigma
     left, found = counted.copy(), list[tuple[int, int]]()
     for _ in range(MOST_SPIKES + 1):
@@ -56,4 +56,4 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
 
 def _spread(deviates: NDArray[np.float64]) -> NDArray[np.float64]:
     """Deviates by what most of them are, if that is more than 1: the sums of coloured noise are larger."""
-    return deviates / max(1.0, GAUSSIAN * float(np.median(np.abs(deviates))))
+    return deviates / max(1.0, robust_sigma(deviates))

@@ -16,6 +16,7 @@ from observer_rt.estimation.phases import (
     phases_of,
 )
 from observer_rt.estimation.predictor import Window
+from observer_rt.observer.learning.disturbances.levels import mask_of
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.stream.state import Reason
 
@@ -37,8 +38,6 @@ LEAST_SCALE = 0.03  # of the logarithm of 1 + r
 LARGEST_LAG = 0.2e-3  # s
 CLIP = 4.0  # standard deviations for which a single innovation counts at most: an outlier is no colour
 BURN_IN = 0.5e-3  # s of an event's window before innovations count
-
-
 EDGES = (Phase.OPENING, Phase.CLOSING)
 
 
@@ -62,9 +61,8 @@ def event_statistics(
 ) -> PhaseStatistics:
     """What the innovations over a window say, phase by phase, against a healthy injector's; interval [s]."""
     phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
-    counts = np.arange(len(phases)) >= round(BURN_IN / interval)
-    if len(window.masked):
-        counts &= ~window.masked
+    counts = ~mask_of(window)
+    counts[: round(BURN_IN / interval)] = False
     limit = CLIP * innovations.sigma
     values = np.clip(innovations.values[counts], -limit, limit)
     found = phase_statistics(values, innovations.sigma, phases[counts], 0)

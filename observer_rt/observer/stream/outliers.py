@@ -136,7 +136,7 @@ def _was_let_go(observer: Observer, position: int) -> bool:
         channel = memory.channels[LIFT]
         channel.until = max(channel.until, position + LET_GO + 1)
     last = position - LET_GO - 1
-    if last - STAYED < memory.newest_break:
+    if not _follows(observer, position, LET_GO + 1 + STAYED):
         return False
     leap = _lift_over(observer, last, last + 1)
     if _lift(observer, last) < memory.lift_on:

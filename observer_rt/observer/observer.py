@@ -1,4 +1,4 @@
-"""Making an observer, handing over its events, putting what was learned into force."""
+"""Making an observer, and handing over its events."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.units import MILLISECOND
@@ -18,9 +17,10 @@ from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
-from observer_rt.observer.learning.doubts.adequacy import Innovations, Objection
+from observer_rt.observer.judge import begin_with
+from observer_rt.observer.learning.doubts.adequacy import Innovations
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
-from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
+from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
 from observer_rt.observer.stream.front_end import (
     confirming_samples,
     dead_band,
@@ -29,8 +29,6 @@ from observer_rt.observer.stream.front_end import (
     toe_samples,
 )
 from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
-from observer_rt.observer.stream.pair import FURTHEST_OFFSET
-from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
     INJECTIONS,
@@ -39,12 +37,12 @@ from observer_rt.observer.stream.state import (
     RING,
     Constants,
     Observer,
-    Reason,
     Timing,
     observer_dtype,
     sample_dtype,
 )
 from observer_rt.observer.stream.undoing import louder, undoing_of
+from observer_rt.observer.stream.verdict import no_verdicts
 
 SETTLE = 3 * MILLISECOND
 GOOD = 1 * MILLISECOND
@@ -54,7 +52,6 @@ WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
 BRIDGE = 0.5 * MILLISECOND
 QUICKEST = 2.0  # times the speeds of the injector file, of which rail pressure and wear make up to 1.4
-SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
 
 
 @dataclass(frozen=True)
@@ -121,12 +118,14 @@ def make_observer(
     constants: Constants, knowledge: Knowledge, learner: EventLearner, healthy: Healthy = NOT_FITTED
 ) -> Observer:
     """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
+    lines = len(constants.coefficients.line._fields)
     observer = Observer(
         constants,
-        np.zeros(1, observer_dtype(len(constants.coefficients.line._fields), knowledge.in_force.size)),
+        np.zeros(1, observer_dtype(lines, knowledge.in_force.size)),
         np.zeros(RING, sample_dtype(constants.coefficients.states)),
-        learner.schedule.gains.copy(),
+        np.zeros_like(learner.schedule.gains),
         learner.phi,
+        no_verdicts(lines, knowledge.in_force.size, learner.schedule, learner.phi),
     )
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
@@ -136,9 +135,9 @@ def make_observer(
     noise = knowledge.noise
     memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
     memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift * louder(constants.undoing.lift_lag))
-    _expect(memory, learner.schedule.innovation_sigma)
     memory["offset_moves"] = knowledge.colour is None
-    _put_in_force(observer, knowledge)
+    memory["waits_for_verdicts"] = True
+    begin_with(observer, knowledge, learner.schedule)
     return observer
 
 
@@ -220,91 +219,3 @@ def in_force(observer: Observer) -> NDArray[np.float64]:
     """The parameter vector theta (m,) the observer carries."""
     memory = observer.memory[0]
     return np.array(memory["theta"])
-
-
-def judge(
-    observer: Observer, objections: Sequence[Objection], outcome: Outcome | None, is_coloured: bool = False
-) -> None:
-    """Judge the oldest waiting event by what speaks against it; put into force what was learned from it, if any.
-
-    is_coloured: whether the innovations are, by what is known of the noise.
-    """
-    memory = observer.memory[0]
-    event = memory["events"][int(memory["events_taken"]) % PENDING_EVENTS]
-    memory["events_taken"] += 1
-    memory["events_judged"] += 1
-    memory["waiting"] = False
-    memory["offset_moves"] = not is_coloured
-    _note_judgement(memory, event, objections[0].reason if objections else Reason.NONE)
-    at_rest = _at_rest(observer) if is_coloured and not objections else None
-    if outcome is None:
-        if at_rest is not None:
-            _expect(memory, float(memory["innovation_sigma"]), at_rest)
-        return
-    _expect(memory, outcome.schedule.innovation_sigma, at_rest)
-    observer.gains[:] = outcome.schedule.gains
-    offset = float(memory["offset"])
-    _put_in_force(observer, outcome.knowledge)
-    furthest = FURTHEST_OFFSET / observer.constants.coefficients.pressure_scale
-    has_followed = abs(offset - float(memory["learned_offset"])) < furthest
-    if has_followed and not is_coloured:
-        memory["offset"] = offset
-    put_into(observer.phi, outcome.phi)
-    if outcome.adoption is Adoption.ADOPTED:
-        memory["phi_version"] += 1
-
-
-def _expect(memory: np.void, innovation_sigma: float, at_rest: float | None = None) -> None:
-    """What innovations are to be like; at_rest: mean square of coloured ones with the needle shut.
-
-    What is slow does not average out in the watch's mean of squares: it may be SLOW_PEAK times its own mean.
-    """
-    white = innovation_sigma**2 * memory["healthy_variance"]
-    slow = 0.0 if at_rest is None else max(at_rest - white, 0.0)
-    memory["innovation_sigma"] = innovation_sigma
-    memory["innovation_weight"] = 1.0 / (white + SLOW_PEAK * slow)
-
-
-def _at_rest(observer: Observer) -> float:
-    """Mean square of the innovations of the samples at rest that are remembered."""
-    processed = int(observer.memory["processed"][0])
-    rows = observer.ring[:processed]
-    return float(np.mean(rows["innovation"][rows["resting"]] ** 2))
-
-
-def _note_judgement(memory: np.void, event: np.void, judgement: Reason) -> None:
-    """What an event's judgement makes of the samples after it.
-
-    An event with samples that were not to be trusted, or that could not be tested, makes nothing valid; a second in a
-    row that could not be tested, though its samples were to be trusted, ends what was known. A contradiction is over
-    with an event that passed, or with the one it came in, if that was of samples that were not to be trusted.
-    """
-    is_untested = judgement is Reason.NOT_JUDGED
-    memory["doubtful_events"] += bool(event["doubtful"]) or is_untested
-    if not is_untested:
-        memory["untested"] = 0
-        memory["judgement"] = judgement
-    elif not event["doubtful"]:
-        memory["untested"] += 1
-        if memory["untested"] > 1:
-            memory["judgement"] = judgement
-    is_passed = judgement is Reason.NONE and event["number"] >= memory["contradicted_in"]
-    is_explained = bool(event["doubtful"]) and event["number"] == memory["contradicted_in"]
-    if is_passed or is_explained:
-        memory["contradicted"] = False
-
-
-def _put_in_force(observer: Observer, knowledge: Knowledge) -> None:
-    memory = observer.memory[0]
-    learned = learned_of(knowledge.in_force, observer.constants.coefficients, knowledge.scalars)
-    memory["theta"] = knowledge.in_force
-    memory["output"] = learned.network.output
-    memory["bias"] = learned.network.bias
-    memory["back_pressure"] = learned.network.back_pressure
-    sensor = observer.constants.sensor
-    memory["learned_offset"] = memory["offset"] = sensor.offset + learned.offset
-    memory["lag"] = sensor.lag + learned.lag
-    memory["line"] = learned.coefficients.line
-    noise = knowledge.noise
-    scale = observer.constants.coefficients.pressure_scale
-    memory["channels"]["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale

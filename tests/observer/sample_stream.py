@@ -11,6 +11,7 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.continuity import Break
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.observer.judge import judge
 from observer_rt.observer.learning.knowledge import Outcome, no_knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.observer import (
@@ -19,7 +20,6 @@ from observer_rt.observer.observer import (
     event_standstill,
     event_window,
     in_force,
-    judge,
     make_observer,
 )
 from observer_rt.observer.stream.standstill import Standstill, standstill_of

@@ -1,5 +1,7 @@
 """Events that nothing was learned from are judged all the same: by the innovations the live x~ had on them."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from observer_rt.estimation.phases import PhaseStatistics
@@ -19,6 +21,14 @@ from observer_rt.observer.learning.healthy import Healthy
 from observer_rt.observer.stream.state import Constants, Reason
 
 
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """What speaks against an event (empty: it passed), and the statistics over recent events with it."""
+
+    objections: tuple[Objection, ...]
+    statistics: PhaseStatistics
+
+
 class Examiner:
     """What speaks against an event with the parameters in force. Pure: no clock, no thread."""
 
@@ -28,25 +38,26 @@ class Examiner:
         self.colour = colour
         """Of the innovations; as the statistics, whoever learns from an event replaces it by what it found."""
         self.statistics = statistics
-        """Over recent events; whoever learns from an event replaces them by what it found."""
+        """Over recent events; whoever learns from an event, or has one examined, replaces them by what was found."""
 
-    def objections(
+    def examine(
         self, window: Window | None, innovations: Innovations, in_force: Theta, constants: Constants
-    ) -> tuple[Objection, ...]:
-        """Judge one event; empty: it passed.
+    ) -> Examination:
+        """Judge one event.
 
         window: None where it cannot be tested; in_force (m,) and constants: during it.
         """
         if window is None:
-            return (Objection(Reason.NOT_JUDGED),)
+            return Examination((Objection(Reason.NOT_JUDGED),), self.statistics)
         if self.colour is not None:
             innovations = Innovations(
                 self.colour.whitening.of(innovations.values, window.masked), self.colour.sigma
             )
         event = event_statistics(window, innovations, constants.interval, self._healthy)
-        self.statistics = pooled(self.statistics, event)
+        statistics = pooled(self.statistics, event)
         lag = float(in_force[Parameter.SENSOR_LAG]) * LAG_UNIT
-        return tuple(objections(self.statistics, _offset(window, constants), lag, self._healthy))
+        found = tuple(objections(statistics, _offset(window, constants), lag, self._healthy))
+        return Examination(found, statistics)
 
 
 def _offset(window: Window, constants: Constants) -> float:

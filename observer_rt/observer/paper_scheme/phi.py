@@ -68,4 +68,12 @@ def _read_free(
     return rows, balanced_rate(x[2], u[1], rows[0], c)
 
 
-carry(FreePhi, _advance_free, _read_free)
+@njit(cache=True, nogil=True)
+def _put_free(phi: FreePhi, posted: FreePhi, slot: int) -> None:
+    phi.hidden[:] = posted.hidden[slot]
+    phi.output[:] = posted.output[slot]
+    phi.bias[:] = posted.bias[slot]
+    phi.unit[:] = posted.unit[slot]
+
+
+carry(FreePhi, _advance_free, _read_free, _put_free)

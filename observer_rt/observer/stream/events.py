@@ -94,7 +94,6 @@ def close_event(observer: Observer, position: int) -> None:
     forget_other_noise(observer)
     memory.in_event = False
     event = memory.events[memory.events_closed % PENDING_EVENTS]
-    memory.events_closed += 1
     event.number = memory.event_number
     shut_at = min(memory.shut_since + timing.event_gap, observer.ring[position & _MASK].index)
     event.due_index = shut_at + timing.learning_delay
@@ -109,6 +108,8 @@ def close_event(observer: Observer, position: int) -> None:
         and position - event.window_start < MAX_EVENT
     )
     event.doubtful = memory.event_doubtful
+    event.judged_before = memory.events_judged
+    event.injections = memory.injections_begun
     event.rest_count = memory.rest_count
     event.offset_sum = memory.offset_sum
     event.difference_count = memory.difference_count
@@ -116,6 +117,7 @@ def close_event(observer: Observer, position: int) -> None:
     event.line_squares = memory.line_squares
     event.lift_count = memory.lift_count
     event.lift_variance = memory.lift_variance
+    memory.events_closed += 1  # last: from here on others may read it
 
 
 @njit(cache=True, nogil=True)

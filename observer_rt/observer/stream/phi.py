@@ -15,7 +15,7 @@ from observer_rt.model.right_hand_side import fault_and_rate
 
 
 class Phi(Protocol):
-    """A named tuple whose arrays compiled code reads; what is learned is put into them in place."""
+    """A named tuple of arrays that compiled code reads; what is learned is put into them in place."""
 
     def nozzle_wear(self, x: NDArray[np.float64], u: NDArray[np.float64], c: Coefficients) -> float | None:
         """v_H of (27) at state x (3,) and inputs u (2,); None where theta says it."""
@@ -51,20 +51,20 @@ def read_phi(
     raise NotImplementedError
 
 
-def put_into(held: Any, new: Any) -> None:
-    """Replace what an observer's phi holds, in place: compiled code keeps reading the same arrays."""
-    for array, values in zip(held, new, strict=True):
-        array[...] = values
+def put_into(phi: Any, posted: Any, slot: int) -> None:
+    """Replace what x^ carries by a slot of what was posted, in place. For compiled code."""
+    raise NotImplementedError
 
 
-def carry(kind: type, advance: Callable[..., Any], read: Callable[..., Any]) -> None:
-    """Make `advance_x_hat` and `read_phi` of this kind of phi; compiled functions with the same arguments."""
+def carry(kind: type, advance: Callable[..., Any], read: Callable[..., Any], put: Callable[..., Any]) -> None:
+    """Make `advance_x_hat`, `read_phi`, `put_into` of this kind of phi; compiled, with the same arguments."""
 
     def chosen(compiled: Any) -> Callable[..., Any]:
         return lambda phi, *_: compiled.py_func if getattr(phi, "instance_class", None) is kind else None
 
     overload(advance_x_hat, strict=False)(chosen(advance))
     overload(read_phi, strict=False)(chosen(read))
+    overload(put_into, strict=False)(chosen(put))
 
 
 @njit(cache=True, nogil=True)
@@ -91,4 +91,9 @@ def _read_structured(
     return rows, rate
 
 
-carry(StructuredPhi, _advance_structured, _read_structured)
+@njit(cache=True, nogil=True)
+def _put_structured(phi: StructuredPhi, posted: StructuredPhi, slot: int) -> None:
+    """Theta says it."""
+
+
+carry(StructuredPhi, _advance_structured, _read_structured, _put_structured)

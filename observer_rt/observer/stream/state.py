@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
-from observer_rt.model.network import ARGUMENTS, HIDDEN, OUTPUTS
+from observer_rt.model.network import ARGUMENTS, HIDDEN
 from observer_rt.model.sensor import Sensor
 from observer_rt.observer.stream.phi import Phi
+from observer_rt.observer.stream.verdict import Verdicts, carried
 
 RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
@@ -109,6 +110,9 @@ EVENT = np.dtype(
         ("opening", np.int64),
         ("learnable", np.bool_),
         ("doubtful", np.int8),  # Reason its samples are not to be trusted, 0 when they are
+        ("judged_before", np.int64),  # events, when it closed
+        ("injections", np.int64),  # begun, when it closed
+        ("taken", np.int8),  # verdict.Taken, once it was judged
         *_STANDSTILL,  # up to the event's end
     ],
     align=True,
@@ -187,14 +191,8 @@ _OBSERVER = [
     ("draining", np.bool_),  # no more samples will come: do without look-ahead
     # parameters in force
     ("hidden", np.float64, (HIDDEN, ARGUMENTS)),
-    ("output", np.float64, (OUTPUTS, HIDDEN)),
-    ("bias", np.float64, (OUTPUTS,)),
-    # and of theta:
-    ("learned_offset", np.float64),
-    ("offset", np.float64),  # the same, moved by what the standstill shows
+    ("offset", np.float64),  # the learned one, moved by what the standstill shows
     ("offset_moves", np.bool_),  # slow innovations at rest are the offset's, not the colour of the noise
-    ("lag", np.float64),  # s
-    ("back_pressure", np.float64, (2,)),
     ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
     ("untested", np.int64),  # events in a row that could not be tested
     ("doubted", np.int8),  # Reason all that comes now is not to be trusted, 0 when it is
@@ -234,6 +232,7 @@ _OBSERVER = [
     ("sinking_lift", np.float64),  # m, of a needle no longer recorded as open
     ("fall", np.float64),  # m a sample, 0 while the recorded lift counts
     ("events_judged", np.int64),
+    ("waits_for_verdicts", np.bool_),  # else an event without one when it is due is not judged
     ("waiting", np.bool_),  # the head of `events` is due and must be judged before going on
     ("events", EVENT, (PENDING_EVENTS,)),
     ("events_closed", np.int64),
@@ -285,12 +284,8 @@ def sample_dtype(states: int) -> np.dtype[np.void]:
 
 
 def observer_dtype(line_coefficients: int, parameters: int) -> np.dtype[np.void]:
-    """The observer's memory, for a line of so many coefficients and so many parameters.
-
-    line: those coefficients with what was learned of it; theta: what is in force.
-    """
-    wide = [("line", np.float64, (line_coefficients,)), ("theta", np.float64, (parameters,))]
-    return np.dtype(_OBSERVER + wide, align=True)
+    """The observer's memory, for a line of so many coefficients and so many parameters."""
+    return np.dtype(_OBSERVER + carried(line_coefficients, parameters), align=True)
 
 
 class Timing(NamedTuple):
@@ -347,3 +342,4 @@ class Observer(NamedTuple):
     ring: NDArray[np.void]  # (RING,) `sample_dtype`
     gains: NDArray[np.float64]  # (n, states) gain schedule in force
     phi: Phi  # of x^
+    verdicts: Verdicts

@@ -22,6 +22,7 @@ from observer_rt.observer.stream.front_end import (
     opens_at,
     shut_area,
 )
+from observer_rt.observer.stream.judgement import judged
 from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, take_out_zero
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
@@ -217,6 +218,8 @@ def _finish(observer: Observer) -> None:
     memory = observer.memory[0]
     break_event(observer, memory.processed - 1)
     make_all_due(observer)
+    while memory.events_taken < memory.events_closed and judged(observer):
+        pass
     memory.waiting = memory.events_taken < memory.events_closed
 
 
@@ -229,10 +232,10 @@ def _process(observer: Observer, position: int) -> bool:
         _end_segment(observer, position)
     take_out_zero(observer, position)
     opens = not memory.needle_open and opens_at(observer, position)
-    is_closed = memory.events_taken < memory.events_closed
-    if not opens and is_closed and judgement_due(observer, row.index):
-        memory.waiting = True
-        return False
+    while not opens and memory.events_taken < memory.events_closed and judgement_due(observer, row.index):
+        memory.waiting = not judged(observer)
+        if memory.waiting:
+            return False
     if row.broken != _NONE:
         _begin_segment(observer, position)
     _move_needle(observer, position, opens)

@@ -35,7 +35,7 @@ from observer_rt.service.inputs.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
 from observer_rt.service.reports.judging import Judged, Judging
 from observer_rt.service.reports.news import Listener, to_all
-from observer_rt.service.reports.worker import InlineExecutor, Training
+from observer_rt.service.reports.worker import InlineExecutor
 
 
 class Core:
@@ -83,10 +83,8 @@ class Core:
             )
         )
         """Everything compiled code works on."""
-        lockstep = executor is None or config.learning.lockstep
-        self._judging = Judging(
-            self.compiled, Training(learner, executor or InlineExecutor(), lockstep), start, healthy
-        )
+        self.compiled.observer.memory["waits_for_verdicts"] = executor is None or config.learning.lockstep
+        self._judging = Judging(self.compiled, learner, executor or InlineExecutor(), start, healthy)
         self._tell = to_all(listeners)
         self._inputs = OptionalInputs(fitted, bus, self.compiled, self._tell, fuel_temperature, is_restored)
         self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
@@ -225,14 +223,20 @@ class Core:
 
     def _go_on(self, waiting: bool) -> list[OutputFrame]:
         """Hand over closed events, judge due ones, until the observer waits for input again."""
-        self._judging.submit(self.learning, self.fuel_temperature)
+        self._follow()
         while waiting:
             self._results.collect_rates()
-            self._report(self._judging.judge())
+            self._judging.answer()
             waiting = self.compiled.proceed()
-            self._judging.submit(self.learning, self.fuel_temperature)
+            self._follow()
+        self._judging.post()
         self._inputs.look()
         return self._results.taken()
+
+    def _follow(self) -> None:
+        """Hand over closed events, report judged ones."""
+        for judged in self._judging.follow(self.learning, self.fuel_temperature):
+            self._report(judged)
 
     def _report(self, judged: Judged) -> None:
         """Say of the injections of a judged event what was found."""

@@ -1,0 +1,94 @@
+"""Posting verdicts on closed events, and what is known at the start, to where the stream takes them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from observer_rt.estimation.gain import GainSchedule
+from observer_rt.estimation.learned import learned_of
+from observer_rt.observer.learning.doubts.adequacy import Objection
+from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
+from observer_rt.observer.stream.judgement import carry_on, expect, judged
+from observer_rt.observer.stream.state import PENDING_EVENTS, RING, Observer, Reason
+from observer_rt.observer.stream.verdict import SLOTS
+
+
+def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:
+    """Carry what is known at the start."""
+    _write(observer, 0, knowledge, schedule)
+    carry_on(observer, 0)
+    observer.memory["innovation_sigma"] = schedule.innovation_sigma
+    expect(observer, 0.0)
+
+
+def has_room(observer: Observer, number: int) -> bool:
+    """Whether a verdict may be posted on the `number`-th closed event (0, 1, ..): those before it have been taken."""
+    return number < int(observer.memory["events_taken"][0]) + SLOTS
+
+
+def post_examined(
+    observer: Observer, number: int, objections: Sequence[Objection], is_coloured: bool = False
+) -> None:
+    """Post what speaks against the `number`-th closed event; is_coloured: whether the noise is."""
+    _post(observer, number, "examined", objections, is_coloured)
+
+
+def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured: bool = False) -> None:
+    """Post what was learned from the `number`-th closed event; it goes before what was only examined."""
+    slot = number % SLOTS
+    verdict = observer.verdicts.slots[slot]
+    _write(observer, slot, outcome.knowledge, outcome.schedule)
+    verdict["is_adopted"] = outcome.adoption is Adoption.ADOPTED
+    verdict["innovation_sigma"] = outcome.schedule.innovation_sigma
+    posted: tuple[np.ndarray, ...] = tuple(observer.verdicts.phi)  # type: ignore[type-arg, arg-type]
+    for array, values in zip(posted, outcome.phi, strict=True):  # type: ignore[call-overload]
+        array[slot] = values
+    _post(observer, number, "learned", outcome.objections, is_coloured)
+
+
+def judge(
+    observer: Observer, objections: Sequence[Objection], outcome: Outcome | None, is_coloured: bool = False
+) -> None:
+    """Judge the oldest closed event now."""
+    number = int(observer.memory["events_taken"][0])
+    if outcome is None:
+        post_examined(observer, number, objections, is_coloured)
+    else:
+        post_learned(observer, number, outcome, is_coloured)
+    judged(observer)
+
+
+def _post(
+    observer: Observer, number: int, kind: str, objections: Sequence[Objection], is_coloured: bool
+) -> None:
+    finding = observer.verdicts.slots[number % SLOTS][kind]
+    finding["reason"] = objections[0].reason if objections else Reason.NONE
+    finding["is_coloured"] = is_coloured
+    is_loud = is_coloured and not objections
+    finding["at_rest"] = _at_rest(observer, number) if is_loud else np.nan
+    finding["number"] = number + 1  # last: from here on the stream may take it
+
+
+def _at_rest(observer: Observer, number: int) -> float:
+    """Mean square of the innovations at rest, of half as many samples before an event's end as are remembered."""
+    end = int(observer.memory[0]["events"][number % PENDING_EVENTS]["window_end"]) + 1
+    rows = observer.ring[np.arange(max(end - RING // 2, 0), end) % RING]
+    at_rest = rows["innovation"][rows["resting"]]
+    return float(np.mean(at_rest**2)) if at_rest.size else np.nan
+
+
+def _write(observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSchedule) -> None:
+    """What the stream is to carry, into a slot."""
+    constants = observer.constants
+    learned = learned_of(knowledge.in_force, constants.coefficients, knowledge.scalars)
+    verdict = observer.verdicts.slots[slot]
+    verdict["theta"] = knowledge.in_force
+    verdict["output"] = learned.network.output
+    verdict["bias"] = learned.network.bias
+    verdict["back_pressure"] = learned.network.back_pressure
+    verdict["learned_offset"] = constants.sensor.offset + learned.offset
+    verdict["lag"] = constants.sensor.lag + learned.lag
+    verdict["line"] = learned.coefficients.line
+    noise, scale = knowledge.noise, constants.coefficients.pressure_scale
+    verdict["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale
+    observer.verdicts.gains[slot] = schedule.gains

@@ -1,0 +1,126 @@
+"""What a verdict on an event makes of the samples after it."""
+
+import math
+
+from numba import njit
+
+from observer_rt.observer.stream.pair import FURTHEST_OFFSET
+from observer_rt.observer.stream.phi import put_into
+from observer_rt.observer.stream.state import PENDING_EVENTS, Observer, Reason
+from observer_rt.observer.stream.verdict import SLOTS, Taken
+
+SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
+_PASSED = int(Reason.NONE)
+_NOT_JUDGED = int(Reason.NOT_JUDGED)
+_NOTHING, _EXAMINED, _LEARNED = (int(each) for each in Taken)
+
+
+@njit(cache=True, nogil=True)
+def judged(observer: Observer) -> bool:
+    """Judge the oldest closed event by the verdict posted on it; False, with nothing done, to wait for one.
+
+    Without a verdict, an observer that does not wait leaves the event not judged.
+    """
+    memory = observer.memory[0]
+    number = memory.events_taken
+    verdict = observer.verdicts.slots[number % SLOTS]
+    event = memory.events[number % PENDING_EVENTS]
+    if verdict.learned.number == number + 1:
+        event.taken = _LEARNED
+        _put_learned_into_force(observer, number % SLOTS)
+        _note(observer, event, verdict.learned)
+    elif verdict.examined.number == number + 1:
+        event.taken = _EXAMINED
+        _note(observer, event, verdict.examined)
+    elif memory.waits_for_verdicts:
+        return False
+    else:
+        event.taken = _NOTHING
+        _note_reason(observer, event, _NOT_JUDGED)
+    memory.waiting = False
+    memory.events_judged += 1
+    memory.events_taken += 1
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _note(observer: Observer, event, finding) -> None:  # type: ignore[no-untyped-def]
+    """What was found of an event."""
+    memory = observer.memory[0]
+    memory.offset_moves = not finding.is_coloured
+    _note_reason(observer, event, finding.reason)
+    if not math.isnan(finding.at_rest):
+        expect(observer, finding.at_rest)
+
+
+@njit(cache=True, nogil=True)
+def _note_reason(observer: Observer, event, judgement: int) -> None:  # type: ignore[no-untyped-def]
+    """Whether an event passed.
+
+    An event with samples that were not to be trusted, or that could not be tested, makes nothing valid; a second in a
+    row that could not be tested, though its samples were to be trusted, ends what was known. A contradiction is over
+    with an event that passed, or with the one it came in, if that was of samples that were not to be trusted.
+    """
+    memory = observer.memory[0]
+    is_doubtful = event.doubtful != _PASSED
+    is_untested = judgement == _NOT_JUDGED
+    if is_doubtful or is_untested:
+        memory.doubtful_events += 1
+    if not is_untested:
+        memory.untested = 0
+        memory.judgement = judgement
+    elif not is_doubtful:
+        memory.untested += 1
+        if memory.untested > 1:
+            memory.judgement = judgement
+    is_passed = judgement == _PASSED and event.number >= memory.contradicted_in
+    is_explained = is_doubtful and event.number == memory.contradicted_in
+    if is_passed or is_explained:
+        memory.contradicted = False
+
+
+@njit(cache=True, nogil=True)
+def _put_learned_into_force(observer: Observer, slot: int) -> None:
+    """What was learned, but for an offset that the standstill has moved meanwhile."""
+    memory = observer.memory[0]
+    verdict = observer.verdicts.slots[slot]
+    memory.innovation_sigma = verdict.innovation_sigma
+    expect(observer, 0.0)
+    offset = memory.offset
+    carry_on(observer, slot)
+    furthest = FURTHEST_OFFSET / observer.constants.coefficients.pressure_scale
+    has_followed = abs(offset - memory.learned_offset) < furthest
+    if has_followed and not verdict.learned.is_coloured:
+        memory.offset = offset
+    put_into(observer.phi, observer.verdicts.phi, slot)
+    if verdict.is_adopted:
+        memory.phi_version += 1
+
+
+@njit(cache=True, nogil=True)
+def carry_on(observer: Observer, slot: int) -> None:
+    """Carry the theta, gains and noise of a slot from here on."""
+    memory = observer.memory[0]
+    verdict = observer.verdicts.slots[slot]
+    memory.theta[:] = verdict.theta
+    memory.output[:] = verdict.output
+    memory.bias[:] = verdict.bias
+    memory.back_pressure[:] = verdict.back_pressure
+    memory.learned_offset = verdict.learned_offset
+    memory.offset = verdict.learned_offset
+    memory.lag = verdict.lag
+    memory.line[:] = verdict.line
+    for channel in range(3):
+        memory.channels[channel].noise = verdict.noise[channel]
+    observer.gains[:] = observer.verdicts.gains[slot]
+
+
+@njit(cache=True, nogil=True)
+def expect(observer: Observer, at_rest: float) -> None:
+    """What innovations of a standard deviation are to be like; at_rest: mean square of coloured ones, needle shut.
+
+    What is slow does not average out in the watch's mean of squares: it may be SLOW_PEAK times its own mean.
+    """
+    memory = observer.memory[0]
+    white = memory.innovation_sigma**2 * memory.healthy_variance
+    memory.innovation_weight = 1.0 / (white + SLOW_PEAK * max(at_rest - white, 0.0))

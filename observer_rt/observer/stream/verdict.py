@@ -1,0 +1,80 @@
+"""Verdicts on closed events: posted by whoever judges, taken by the stream when an event is due.
+
+Neither waits for the other, and no lock is between them: a finding counts for the event whose number it bears, and
+its number is written last.
+"""
+
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.gain import GainSchedule
+from observer_rt.model.network import HIDDEN, OUTPUTS
+from observer_rt.observer.stream.phi import Phi
+
+SLOTS = 8  # events that may have a verdict before they are taken
+
+
+class Taken(IntEnum):
+    """Which verdict the stream found when an event was due."""
+
+    NOTHING = 0  # it was not judged
+    EXAMINED = 1  # by the innovations of the live x~
+    LEARNED = 2  # with what was learned from it
+
+
+_FINDING = np.dtype(
+    [
+        ("number", np.int64),  # of the event it is on, from 1 in the order in which they closed
+        ("reason", np.int8),  # Reason it did not pass, 0 when it did
+        ("is_coloured", np.bool_),  # the innovations are, by what is known of the noise
+        ("at_rest", np.float64),  # mean square of coloured ones with the needle shut, nan: as it was
+    ],
+    align=True,
+)
+
+
+def carried(line_coefficients: int, parameters: int) -> list[tuple[Any, ...]]:
+    """Fields of theta as the loop carries it, for a line of so many coefficients and so many parameters."""
+    return [
+        ("theta", np.float64, (parameters,)),
+        ("output", np.float64, (OUTPUTS, HIDDEN)),
+        ("bias", np.float64, (OUTPUTS,)),
+        ("back_pressure", np.float64, (2,)),
+        ("learned_offset", np.float64),
+        ("lag", np.float64),  # s
+        ("line", np.float64, (line_coefficients,)),  # its coefficients with what was learned of it
+    ]
+
+
+def _verdict_dtype(line_coefficients: int, parameters: int) -> np.dtype[np.void]:
+    fields = [
+        ("examined", _FINDING),
+        ("learned", _FINDING),
+        # what was learned
+        ("is_adopted", np.bool_),
+        ("innovation_sigma", np.float64),
+        ("noise", np.float64, (3,)),  # of the channels
+        *carried(line_coefficients, parameters),
+    ]
+    return np.dtype(fields, align=True)
+
+
+class Verdicts(NamedTuple):
+    """SLOTS verdicts; the one on the n-th event is in slot n % SLOTS."""
+
+    slots: NDArray[np.void]
+    gains: NDArray[np.float64]  # (SLOTS, n, states) gain schedules
+    phi: Phi  # arrays as of what x^ carries, with a first dimension SLOTS
+
+
+def no_verdicts(line_coefficients: int, parameters: int, schedule: GainSchedule, phi: Phi) -> Verdicts:
+    """Slots for an observer that carries such a schedule and such a phi."""
+    held: Any = phi
+    return Verdicts(
+        np.zeros(SLOTS, _verdict_dtype(line_coefficients, parameters)),
+        np.zeros((SLOTS, *schedule.gains.shape)),
+        type(held)(*(np.zeros((SLOTS, *array.shape)) for array in held)),
+    )

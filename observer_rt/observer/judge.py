@@ -40,7 +40,7 @@ def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured:
     _write(observer, slot, outcome.knowledge, outcome.schedule)
     verdict["is_adopted"] = outcome.adoption is Adoption.ADOPTED
     verdict["innovation_sigma"] = outcome.schedule.innovation_sigma
-    posted: tuple[np.ndarray, ...] = tuple(observer.verdicts.phi)  # type: ignore[type-arg, arg-type]
+    posted: tuple[np.ndarray, ...] = tuple(observer.verdicts.phi)  # type: ignore[arg-type]
     for array, values in zip(posted, outcome.phi, strict=True):  # type: ignore[call-overload]
         array[slot] = values
     _post(observer, number, "learned", outcome.objections, is_coloured)

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from observer_rt.bus.database.lookup import database_hash
 from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.bus.links.receiver import BusDownError, reading
+from observer_rt.bus.links.receiver import BusDownError
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
@@ -19,6 +19,9 @@ from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.core.status import OutsideFigures, status_values
 from observer_rt.service.outbox import RETRY
 from observer_rt.service.port import Port
+from observer_rt.service.pump.compiled_pump import CompiledPump, can_pump
+from observer_rt.service.pump.pump import FramePump
+from observer_rt.service.pump.python_pump import PythonPump
 from observer_rt.service.reports.news import Listener, Notice, to_all
 from observer_rt.service.state_file import model_hash
 from observer_rt.service.watch.input_watch import PERIOD as LOOK_PERIOD
@@ -50,6 +53,7 @@ class Daemon:
         so far, of whoever writes files beside the loop; for the status.
         """
         self._links = links
+        self._bus = bus
         self._tell = tell = to_all(listeners)
         self._on_alive = on_alive
         self._failed_writes = failed_writes
@@ -88,39 +92,40 @@ class Daemon:
         a link fails otherwise.
         """
         gc.collect()
-        gc.freeze()  # a full collection would stop the loop for tens of milliseconds
+        gc.freeze()  # a full collection would stop a Python loop for tens of milliseconds
         self._last_input = self._next_status = self._next_look = time.monotonic_ns()
         self.arrivals.begin(self._last_input)
-        self._reading = reading(self._links, self.core.furthest_behind)
+        self._pump = self._make_pump()
         self.ready.set()
         try:
             while not stop.is_set():
                 self._serve_once()
             self._finish()
         finally:
-            self._reading.close()
+            self._pump.close()
             self._menders.shutdown()
             self._executor.shutdown(cancel_futures=True)
             gc.unfreeze()
 
+    def _make_pump(self) -> FramePump:
+        """The fastest that serves the links."""
+        if not can_pump(self._links, self._bus):
+            return PythonPump(self._links, self.core, self.arrivals)
+        port = self.ports[self._bus.rate.layout.bus if self._bus.rate else 0]
+        return CompiledPump(self._links, self.core, self._bus, self.arrivals, port.count_unsent)
+
     def _serve_once(self) -> None:
-        """One frame, or none within the time-out; results, and status when it is due."""
+        """What the pump has, soon; results, and status when it is due."""
         try:
-            received = self._reading.receive(RETRY if self._is_waiting else RECEIVE_TIMEOUT)
+            results = self._pump.serve(RETRY if self._is_waiting else RECEIVE_TIMEOUT)
         except BusDownError as error:
             self._lose(error.bus, error)
             return
         now = time.monotonic_ns()
-        if received is not None:
-            bus, frame = received
-            self.arrivals.note(bus, frame.frame_id, frame.is_extended, now)
-            results = self.core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, bus)
-            if self.core.frames_taken != self._frames_seen:
-                self._frames_seen, self._last_input = self.core.frames_taken, now
-            if results or self._is_waiting:
-                self._post(results)
-        elif self._is_waiting:
-            self._post(())
+        if self.core.frames_taken != self._frames_seen:
+            self._frames_seen, self._last_input = self.core.frames_taken, now
+        if results or self._is_waiting:
+            self._post(results)
         if now >= self._next_status:
             self._next_status = now + self._status_period
             self._post(self._status(now))
@@ -132,7 +137,7 @@ class Daemon:
         for bus in list(self._down):
             if self.ports[bus].mend(self._menders):
                 self._down.remove(bus)
-                self._reading.take_back(bus)
+                self._pump.take_back(bus)
                 self.arrivals.begin(now)
 
     def _look(self, now: int) -> None:
@@ -155,14 +160,14 @@ class Daemon:
 
     def _lose(self, bus: int, error: LinkDownError) -> None:
         """A link failed: go on without it until it is mended."""
-        self._reading.leave_out(bus)
+        self._pump.leave_out(bus)
         self._down.append(bus)
         self.ports[bus].go_down(error)
         self._last_input = 0  # what came before is past
 
     def _finish(self) -> None:
         """Publish what is complete, and a last status frame, as far as the links take them."""
-        self._post(self.core.finish())
+        self._post(self._pump.finish())
         self._post(self._status(time.monotonic_ns()))
         for bus, port in enumerate(self.ports):
             try:

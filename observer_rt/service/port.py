@@ -69,6 +69,10 @@ class Port:
         else:
             self._outbox.give_up(frames)
 
+    def count_unsent(self, frames: int) -> None:
+        """So many results were given up by whoever sends them without this port."""
+        self._outbox.unsent += frames
+
     def drain(self, patience: float) -> None:
         """Send what waits, for at most `patience` [s]; give up the rest. Raises as `post`."""
         if self.is_up:

@@ -74,7 +74,7 @@ class SocketCanLink(Link):
             self._configure()
         except OSError as error:
             self._socket.close()
-            raise self._failure(error) from error
+            raise self.failure(error) from error
         except RunError:
             self._socket.close()
             raise
@@ -138,14 +138,14 @@ class SocketCanLink(Link):
                     return None
                 continue
             except OSError as error:
-                raise self._failure(error) from error
+                raise self.failure(error) from error
             if not data:
-                raise self._failure(OSError(errno.ENODEV, "end of file"))
+                raise self.failure(OSError(errno.ENODEV, "end of file"))
             stamp_ns = self._read_ancillary(ancillary)
             identifier, length, flags = _HEADER.unpack_from(data)
             payload = data[_HEADER.size : _HEADER.size + length]
             if identifier & socket.CAN_ERR_FLAG:
-                self._condition = after_error_frame(self._condition, identifier, payload)
+                self.note_error_frame(identifier, payload)
                 continue
             is_extended = bool(identifier & socket.CAN_EFF_FLAG)
             is_fd = len(data) == _FD_FRAME.size
@@ -171,13 +171,20 @@ class SocketCanLink(Link):
             if level != socket.SOL_SOCKET:
                 continue
             if kind == _SO_RXQ_OVFL:
-                # The kernel counts in 32 bits; the difference is right across its wrap.
-                more = (_COUNT.unpack(value)[0] - self._dropped_by_socket) & 0xFFFFFFFF
-                self._dropped_by_socket += more
-                self._dropped += more
+                self.note_dropped(_COUNT.unpack(value)[0])
             else:
                 stamp_ns = self._stamps.read(kind, value) or stamp_ns
         return stamp_ns or time.time_ns()  # the kernel begins to stamp a moment after it was asked to
+
+    def note_dropped(self, count: int) -> None:
+        """The socket lost so many frames since it was opened, counted in 32 bits: across its wrap, too."""
+        more = (count - self._dropped_by_socket) & 0xFFFFFFFF
+        self._dropped_by_socket += more
+        self._dropped += more
+
+    def note_error_frame(self, identifier: int, data: bytes) -> None:
+        """Take what an error frame says."""
+        self._condition = after_error_frame(self._condition, identifier, data)
 
     def send(
         self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
@@ -210,12 +217,12 @@ class SocketCanLink(Link):
 
     def _try_send(self, frame: bytes) -> bool:
         try:
-            self._socket.send(frame)
+            self._socket.send(frame, socket.MSG_DONTWAIT)
         except OSError as error:
             # ENOBUFS: the queue of the interface is full, which poll() cannot wait for. EAGAIN: our own.
             if error.errno in (errno.ENOBUFS, errno.EAGAIN):
                 return False
-            raise self._failure(error) from error
+            raise self.failure(error) from error
         return True
 
     def reconnect(self) -> None:
@@ -246,7 +253,12 @@ class SocketCanLink(Link):
     def close(self) -> None:
         self._socket.close()
 
-    def _failure(self, error: OSError) -> RunError:
+    @property
+    def takes_exact_identifiers(self) -> bool:
+        """Whether every wanted frame has the very identifier of its message; not so in J1939."""
+        return not self._groups
+
+    def failure(self, error: OSError) -> RunError:
         """What the user can do about `error`."""
         name = self._channel
         if error.errno == errno.ENETDOWN:

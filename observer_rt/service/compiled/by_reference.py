@@ -5,6 +5,8 @@ samples of a frame. Here it lies in a record of compiled code that is passed as 
 called without a look at the types of its arguments, which are always the same.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit, typeof, types
 from numba.experimental import structref
@@ -55,9 +57,14 @@ class CompiledPipeline:
         self._pipeline = pipeline
         self._held = _hold(pipeline)
         held = typeof(self._held)
-        payload = types.Array(types.uint8, 1, "C", readonly=True)
+        payload = types.Array(types.uint8, 1, "C")  # written by nobody
         self._handle = _handle.compile((held, types.int64, payload, types.int64))
         self._proceed = _proceed.compile((held,))
+
+    @property
+    def held(self) -> Any:
+        """The record by which compiled code knows the pipeline."""
+        return self._held
 
     @property
     def pipeline(self) -> Pipeline:
@@ -70,7 +77,7 @@ class CompiledPipeline:
         return self._pipeline.observer
 
     def handle(self, key: int, payload: NDArray[np.uint8], stamp: int) -> bool:
-        """Take one frame, its payload read-only as `np.frombuffer` makes it of bytes: see `pipeline.handle`."""
+        """Take one frame: see `pipeline.handle`."""
         return bool(self._handle(self._held, key, payload, stamp))
 
     def proceed(self) -> bool:

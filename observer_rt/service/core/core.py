@@ -104,9 +104,31 @@ class Core:
             self.compiled.pipeline.publisher.memory["learning"] = self.learning
         return self._go_on(self.compiled.handle(key, data, stamp_ns))
 
+    def attend(self) -> list[OutputFrame]:
+        """What the stream did meanwhile, by frames given to `compiled`: hand over, judge, report.
+
+        Returns the frames to send; rates are in the publisher, for whoever gives it frames.
+        """
+        self._follow()
+        self._judging.post()
+        self._inputs.look()
+        return self._results.reports()
+
+    def answer(self) -> list[OutputFrame]:
+        """As `attend`, with the verdict that the stream waits for."""
+        self._follow()
+        self._judging.answer()
+        return self._results.reports()
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether there is nothing to attend to until an event closes."""
+        return self._judging.is_idle
+
     def finish(self) -> list[OutputFrame]:
         """No frame will come: process what waits, judge every event, publish the last block."""
         self.compiled.observer.memory["draining"] = True
+        self.compiled.observer.memory["waits_for_verdicts"] = True
         frames = self._go_on(self.compiled.proceed())
         flush(self.compiled.pipeline.publisher)
         return frames + self._results.taken()

@@ -86,6 +86,10 @@ class ResultFrames:
     def taken(self) -> list[OutputFrame]:
         """All frames since the last call."""
         self.collect_rates()
+        return self.reports()
+
+    def reports(self) -> list[OutputFrame]:
+        """The same, but for rates that nobody has collected."""
         frames, self._frames = self._frames, []
         return frames
 

@@ -143,9 +143,9 @@ class Judging:
 
     def _is_pressing(self, closed: _Closed) -> bool:
         """Whether an event is to be examined, which its predecessor must have been before."""
-        if closed.learning is None:
-            return True
         observer = self._compiled.observer
+        if closed.learning is None or observer.memory["waits_for_verdicts"][0]:
+            return closed.learning is None
         newest = int(observer.ring[(int(observer.memory["processed"][0]) - 1) % RING]["index"])
         left = int(self._event(closed.number)["due_index"]) - newest
         return left < (1.0 - PATIENCE) * observer.constants.timing.learning_delay

@@ -58,6 +58,11 @@ class Arrivals:
             heard.frames += 1
             heard.last = now
 
+    def set(self, layout: MessageLayout, frames: int, last: int) -> None:
+        """So many frames of a message came so far, the last one at a time."""
+        heard = self._heard[_key(layout)]
+        heard.frames, heard.last = frames, last
+
     def heard_of(self, source: Source) -> Heard:
         """What came of an input message."""
         return self._heard[_key(source.layout)]

@@ -1,0 +1,167 @@
+"""The pump for SocketCAN: compiled code in a thread of its own, which Python only attends to."""
+
+import os
+import select
+import socket
+import struct
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from numba import njit, typeof, types
+
+from observer_rt.bus.links.link import Link, LinkDownError
+from observer_rt.bus.links.receiver import BusDownError
+from observer_rt.bus.links.socketcan import SocketCanLink
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import OutputFrame
+from observer_rt.service.pump import libc, loop
+from observer_rt.service.pump.memory import BUS, ERRORS, Pump, make_pump
+from observer_rt.service.pump.pump import FramePump
+from observer_rt.service.watch.arrivals import Arrivals
+
+BUSY_WAIT = 2e-3  # s between two looks while events wait to be judged
+_TIMEVAL = struct.Struct("@ll")
+
+
+@njit(cache=True, nogil=True)
+def _run(pump, held, wake):  # type: ignore[no-untyped-def]
+    return loop.run(pump, held.pipeline, wake)
+
+
+def can_pump(links: Sequence[Link], bus: BusMap) -> bool:
+    """Whether the compiled pump can serve these links: raw sockets, and no optional input, which Python takes."""
+    return not bus.slow and all(
+        isinstance(link, SocketCanLink) and link.takes_exact_identifiers for link in links
+    )
+
+
+def compile_pump(core: Core, pump: Pump) -> Callable[..., bool]:
+    """The loop for a core's pipeline, compiled or loaded from the cache."""
+    compiled: Any = _run
+    entry: Callable[..., bool] = compiled.compile((typeof(pump), typeof(core.compiled.held), types.int64))
+    return entry
+
+
+class CompiledPump(FramePump):
+    """The loop runs until `close`; what it needs of Python it asks for through a descriptor."""
+
+    def __init__(
+        self,
+        links: Sequence[Link],
+        core: Core,
+        bus: BusMap,
+        arrivals: Arrivals,
+        on_unsent: Callable[[int], None] = lambda count: None,
+    ) -> None:
+        """on_unsent: hears how many rates were given up, now and then."""
+        self._links = [link for link in links if isinstance(link, SocketCanLink)]
+        self._core = core
+        self._arrivals = arrivals
+        self._on_unsent = on_unsent
+        self._layouts = (*bus.received, *bus.sent)
+        self._pump = make_pump(len(links), self._layouts, None if bus.rate is None else bus.rate.layout)
+        self._compiled = compile_pump(core, self._pump)
+        self._errors_read = [0] * len(links)
+        self._unsent = 0
+        self._left_out: set[int] = set()
+        self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._readable = select.poll()
+        self._readable.register(self._wake, select.POLLIN)
+        self._waits, self._may_go_on = threading.Event(), threading.Event()
+        self._failure: BaseException | None = None
+        for number in range(len(links)):
+            self.take_back(number)
+        self._thread = threading.Thread(target=self._loop, name="pump")
+        self._thread.start()
+
+    def serve(self, timeout_s: float) -> Sequence[OutputFrame]:
+        wait = timeout_s if self._core.is_idle else min(timeout_s, BUSY_WAIT)
+        if self._readable.poll(1e3 * wait):
+            os.eventfd_read(self._wake)
+        if self._failure is not None:
+            raise self._failure
+        self._note_what_came()
+        for number, link in enumerate(self._links):
+            self._refuse_failure(number, link)
+        if not self._waits.is_set():
+            return self._core.attend()
+        frames = self._core.answer()
+        self._waits.clear()
+        self._may_go_on.set()
+        return frames
+
+    def leave_out(self, bus: int) -> None:
+        self._left_out.add(bus)
+        self._pump.buses[bus]["failure"] = libc.ENETDOWN
+
+    def take_back(self, bus: int) -> None:
+        link = self._links[bus]
+        # wakes now and then for what Python has to say; sending never waits
+        os.set_blocking(link.descriptor, True)
+        wait = _TIMEVAL.pack(0, loop.WAIT_MS * 1000)
+        with socket.socket(fileno=os.dup(link.descriptor)) as same:
+            same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
+        state = self._pump.buses[bus]
+        for name in BUS.names or ():
+            if name not in ("failure", "errors"):
+                state[name] = 0
+        state["fd"] = link.descriptor
+        self._left_out.discard(bus)
+        state["failure"] = 0  # last: from here on the loop uses it
+
+    def finish(self) -> Sequence[OutputFrame]:
+        self._stop()
+        self._note_what_came()
+        return self._core.finish()
+
+    def close(self) -> None:
+        self._stop()
+        os.close(self._wake)
+
+    def _loop(self) -> None:
+        """The thread of the compiled loop; Python runs in it only where the stream waits for a verdict."""
+        try:
+            while self._compiled(self._pump, self._core.compiled.held, self._wake):
+                self._may_go_on.clear()
+                self._waits.set()
+                os.eventfd_write(self._wake, 1)
+                self._may_go_on.wait()
+        except BaseException as error:
+            self._failure = error
+            os.eventfd_write(self._wake, 1)
+
+    def _stop(self) -> None:
+        self._pump.memory["is_to_stop"] = True
+        self._may_go_on.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _note_what_came(self) -> None:
+        """Arrivals, error frames, lost frames and results given up, as the loop has counted them."""
+        pump = self._pump
+        for layout, arrival in zip(self._layouts, pump.arrivals, strict=True):
+            self._arrivals.set(layout, int(arrival["frames"]), int(arrival["last"]))
+        for number, link in enumerate(self._links):
+            state = pump.buses[number]
+            link.note_dropped(int(state["overflows"]))
+            errors = int(state["errors"])
+            for count in range(max(self._errors_read[number], errors - ERRORS), errors):
+                error = pump.errors[number * ERRORS + count % ERRORS]
+                link.note_error_frame(int(error["identifier"]), error["data"][: error["length"]].tobytes())
+            self._errors_read[number] = errors
+        unsent = int(pump.memory["unsent"][0])
+        if unsent > self._unsent:
+            self._on_unsent(unsent - self._unsent)
+            self._unsent = unsent
+
+    def _refuse_failure(self, number: int, link: SocketCanLink) -> None:
+        """Raise what the loop met on a bus."""
+        code = int(self._pump.buses[number]["failure"])
+        if code == 0 or number in self._left_out:
+            return
+        failure = link.failure(OSError(code, os.strerror(code)))
+        if isinstance(failure, LinkDownError):
+            raise BusDownError(number, failure)
+        raise failure

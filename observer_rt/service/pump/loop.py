@@ -1,0 +1,273 @@
+"""The compiled pump: frames from sockets through the pipeline, rates back onto the bus. It never asks Python.
+
+One turn: frames that wait, of several buses the earliest first; each through the pipeline; what it caused is sent.
+With one bus and nothing to send late, a turn is two system calls.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.bus.can_frame import FD_MTU
+from observer_rt.bus.database.frame_key import BUS as BUS_KEY
+from observer_rt.bus.database.frame_key import EXTENDED as EXTENDED_KEY
+from observer_rt.observer.stream.state import Observer
+from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
+from observer_rt.service.compiled.publisher import Publisher
+from observer_rt.service.pump import libc
+from observer_rt.service.pump.memory import BATCH, CONTROL_WORDS, ERRORS, WAITING, Pump
+
+WAIT_MS = 20  # longest time deaf to Python
+RETRY_MS = 1  # a full transmit queue cannot be polled for
+_EXTENDED_FLAG, _REMOTE_FLAG, _ERROR_FLAG = 0x80000000, 0x40000000, 0x20000000
+_EXTENDED_MASK, _STANDARD_MASK = 0x1FFFFFFF, 0x7FF
+_HEADER = 8  # bytes of a frame before its data
+_STAMP, _THREE_STAMPS, _OVERFLOWS = 35, 37, 40  # kinds of control messages at the level of the socket
+_SECOND = 1_000_000_000
+
+_recvmmsg, _send, _write, _poll = libc.recvmmsg, libc.send, libc.write, libc.poll
+_clock_gettime, _errno_location = libc.clock_gettime, libc.errno_location
+
+
+@njit(cache=True, nogil=True)
+def run(pump: Pump, pipeline: Pipeline, wake: int) -> bool:
+    """Pump until told to stop, or until the stream waits for a verdict: then True, and call it again once it has it.
+
+    wake: descriptor written to when something happened that Python waits for.
+    """
+    memory = pump.memory[0]
+    if pipeline.observer.memory[0].waiting:
+        waits = proceed(pipeline)
+        send_rates(pump, pipeline.publisher)
+        if waits:
+            return True
+    while not memory.is_to_stop:
+        if not _frame_is_there(pump):
+            _receive(pump)
+        while True:
+            bus = _earliest(pump)
+            if bus < 0:
+                break
+            if _take(pump, pipeline, bus):
+                return True
+        if memory.first_waiting < memory.end_waiting:
+            _send_waiting(pump)
+        _tell(pump, pipeline.observer, wake)
+    return False
+
+
+@njit(cache=True, nogil=True)
+def send_rates(pump: Pump, publisher: Publisher) -> None:
+    """Send the frames that the publisher has ready; what there is no room for waits, the oldest are given up."""
+    memory = pump.memory[0]
+    ready = publisher.memory[0]
+    for number in range(ready.frames):
+        if memory.end_waiting - memory.first_waiting == WAITING:
+            memory.first_waiting += 1
+            memory.unsent += 1
+        place = (memory.end_waiting % WAITING) * FD_MTU
+        frame = pump.waiting[place : place + FD_MTU]
+        identifier = memory.identifier
+        for byte in range(4):
+            frame[byte] = (identifier >> (8 * byte)) & 0xFF
+        row = publisher.out[number]
+        frame[4] = row.length
+        frame[5] = memory.flags
+        for byte in range(row.length):
+            frame[_HEADER + byte] = row.payload[byte]
+        memory.end_waiting += 1
+    ready.frames = 0
+    if memory.first_waiting < memory.end_waiting:
+        _send_waiting(pump)
+
+
+@njit(cache=True, nogil=True)
+def _send_waiting(pump: Pump) -> None:
+    """Send in order, as far as there is room; what waits when the bus goes down would be old when it is back."""
+    memory = pump.memory[0]
+    bus = pump.buses[memory.bus]
+    while memory.first_waiting < memory.end_waiting:
+        sent = -1
+        if bus.failure == 0:
+            address = pump.waiting.ctypes.data + (memory.first_waiting % WAITING) * FD_MTU
+            sent = _send(bus.fd, address, memory.size, libc.MSG_DONTWAIT)
+        if sent >= 0:
+            memory.first_waiting += 1
+            continue
+        error = _errno_location()[0]
+        if bus.failure == 0 and error == libc.EINTR:
+            continue
+        if bus.failure == 0 and (error == libc.EAGAIN or error == libc.ENOBUFS):
+            return
+        if bus.failure == 0:
+            bus.failure = error
+        memory.unsent += memory.end_waiting - memory.first_waiting
+        memory.first_waiting = memory.end_waiting
+
+
+@njit(cache=True, nogil=True)
+def _frame_is_there(pump: Pump) -> bool:
+    for number in range(pump.buses.size):
+        bus = pump.buses[number]
+        if bus.failure == 0 and bus.next < bus.count:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _receive(pump: Pump) -> None:
+    """Wait for frames of any bus, and take those that are there."""
+    memory = pump.memory[0]
+    is_late = memory.first_waiting < memory.end_waiting
+    if pump.buses.size == 1 and pump.buses[0].failure == 0 and not is_late:
+        _fill(pump, 0, libc.MSG_WAITFORONE)
+        return
+    for number in range(pump.buses.size):
+        bus = pump.buses[number]
+        pump.polled[number].fd = bus.fd if bus.failure == 0 else -1  # which poll leaves out
+        pump.polled[number].revents = 0
+    _poll(pump.polled.ctypes.data, pump.buses.size, RETRY_MS if is_late else WAIT_MS)
+    for number in range(pump.buses.size):
+        if pump.polled[number].revents != 0:
+            _fill(pump, number, libc.MSG_DONTWAIT)
+
+
+@njit(cache=True, nogil=True)
+def _fill(pump: Pump, number: int, flags: int) -> None:
+    """Take a batch of frames of a bus."""
+    bus = pump.buses[number]
+    first = number * BATCH
+    for place in range(first, first + BATCH):
+        pump.headers[place].control_length = CONTROL_WORDS * 8
+    got = _recvmmsg(bus.fd, pump.headers.ctypes.data + first * pump.headers.itemsize, BATCH, flags, 0)
+    bus.next = 0
+    bus.count = max(got, 0)
+    if got < 0:
+        error = _errno_location()[0]
+        if error != libc.EAGAIN and error != libc.EINTR:
+            bus.failure = error
+    else:
+        _note_stamp(pump, number)
+
+
+@njit(cache=True, nogil=True)
+def _earliest(pump: Pump) -> int:
+    """The bus whose next frame is the earliest of those that wait; -1: none waits."""
+    earliest = -1
+    for number in range(pump.buses.size):
+        bus = pump.buses[number]
+        if bus.failure != 0:
+            continue
+        if bus.next >= bus.count:
+            if pump.buses.size > 1:
+                _fill(pump, number, libc.MSG_DONTWAIT)
+            if bus.next >= bus.count:
+                continue
+        if earliest < 0 or bus.stamp < pump.buses[earliest].stamp:
+            earliest = number
+    return earliest
+
+
+@njit(cache=True, nogil=True)
+def _note_stamp(pump: Pump, number: int) -> None:
+    """The stamp of a bus's next frame, and what the kernel says of lost ones."""
+    bus = pump.buses[number]
+    if bus.next >= bus.count:
+        return
+    place = number * BATCH + bus.next
+    words = pump.control[place * CONTROL_WORDS : (place + 1) * CONTROL_WORDS]
+    end = pump.headers[place].control_length // 8
+    stamp = 0
+    at = 0
+    while at + 2 < end and words[at] > 16:
+        kind = words[at + 1] >> 32
+        if words[at + 1] & 0xFFFFFFFF != libc.SOL_SOCKET:
+            pass
+        elif kind == _STAMP:
+            stamp = words[at + 2] * _SECOND + words[at + 3]
+        elif kind == _THREE_STAMPS:
+            by_kernel = words[at + 2] * _SECOND + words[at + 3]
+            by_interface = words[at + 6] * _SECOND + words[at + 7]
+            stamp = by_kernel
+            if by_interface != 0:
+                if not bus.has_offset:
+                    bus.offset = (
+                        by_kernel if by_kernel != 0 else _now(pump, libc.CLOCK_REALTIME)
+                    ) - by_interface
+                    bus.has_offset = True
+                stamp = by_interface + bus.offset
+        elif kind == _OVERFLOWS:
+            bus.overflows = words[at + 2] & 0xFFFFFFFF
+        at += (words[at] + 7) // 8
+    bus.stamp = stamp if stamp != 0 else _now(pump, libc.CLOCK_REALTIME)
+
+
+@njit(cache=True, nogil=True)
+def _take(pump: Pump, pipeline: Pipeline, number: int) -> bool:
+    """Take the next frame of a bus through the pipeline; True when the stream waits for a verdict."""
+    memory = pump.memory[0]
+    bus = pump.buses[number]
+    place = number * BATCH + bus.next
+    stamp = bus.stamp
+    bus.next += 1
+    _note_stamp(pump, number)
+    if pump.headers[place].length == 0:  # a pair of sockets whose other end was closed
+        bus.failure = libc.ENODEV
+        return False
+    identifier = pump.words[place * FD_MTU // 4]
+    data = place * FD_MTU + _HEADER
+    length = pump.frames[data - 4]
+    payload = pump.frames[data : data + length]
+    if identifier & _ERROR_FLAG:
+        _note_error(pump, number, identifier, payload)
+        return False
+    if identifier & _REMOTE_FLAG:
+        return False
+    key = number * BUS_KEY
+    if identifier & _EXTENDED_FLAG:
+        key += (identifier & _EXTENDED_MASK) + EXTENDED_KEY
+    else:
+        key += identifier & _STANDARD_MASK
+    memory.frames += 1
+    for watched in range(pump.arrivals.size):
+        arrival = pump.arrivals[watched]
+        if arrival.key == key:
+            arrival.frames += 1
+            arrival.last = _now(pump, libc.CLOCK_MONOTONIC)
+            break
+    waits = handle(pipeline, key, payload, stamp)
+    send_rates(pump, pipeline.publisher)
+    return bool(waits)
+
+
+@njit(cache=True, nogil=True)
+def _note_error(pump: Pump, number: int, identifier: int, data: NDArray[np.uint8]) -> None:
+    """Keep an error frame for Python."""
+    bus = pump.buses[number]
+    error = pump.errors[number * ERRORS + bus.errors % ERRORS]
+    error.identifier = identifier
+    error.length = min(data.size, 8)
+    for byte in range(error.length):
+        error.data[byte] = data[byte]
+    bus.errors += 1
+
+
+@njit(cache=True, nogil=True)
+def _now(pump: Pump, clock: int) -> int:
+    """Time of a clock [ns]."""
+    _clock_gettime(clock, pump.clock.ctypes.data)
+    return int(pump.clock[0] * _SECOND + pump.clock[1])
+
+
+@njit(cache=True, nogil=True)
+def _tell(pump: Pump, observer: Observer, wake: int) -> None:
+    """Wake Python when something happened that it waits for."""
+    memory = pump.memory[0]
+    stream = observer.memory[0]
+    told = stream.events_closed + stream.events_taken
+    for number in range(pump.buses.size):
+        bus = pump.buses[number]
+        told += bus.errors + (bus.failure != 0)
+    if told != memory.told:
+        memory.told = told
+        _write(wake, pump.event.ctypes.data, 8)

@@ -14,6 +14,8 @@ def open_link(
 ) -> Link:
     """Connect to `channel` of a python-can interface; `socketcan` is served by a faster implementation.
 
+    `descriptor` is no interface: `channel` is the number of a socket this process was given.
+
     `fd`: allow CAN FD frames. `receive_ids`: the (identifier, is extended) pairs wanted; None means all,
     empty none. `computer_time`: stamp by the clock of this computer even if interface or driver have a better one,
     so that stamps of several links can be compared.
@@ -27,6 +29,10 @@ def open_link(
         from observer_rt.bus.links.socketcan import SocketCanLink
 
         return SocketCanLink(channel, fd, receive_ids, computer_time)
+    if interface == "descriptor":
+        from observer_rt.bus.links.descriptor import DescriptorLink
+
+        return DescriptorLink(channel, fd, receive_ids, computer_time)
     from observer_rt.bus.links.python_can import PythonCanLink
 
     return PythonCanLink(interface, channel, fd, receive_ids, computer_time)

@@ -139,6 +139,8 @@ class SocketCanLink(Link):
                 continue
             except OSError as error:
                 raise self._failure(error) from error
+            if not data:
+                raise self._failure(OSError(errno.ENODEV, "end of file"))
             stamp_ns = self._read_ancillary(ancillary)
             identifier, length, flags = _HEADER.unpack_from(data)
             payload = data[_HEADER.size : _HEADER.size + length]

@@ -1,0 +1,58 @@
+"""A link over a descriptor this process was given: CAN frames as a raw SocketCAN socket has them, without a bus."""
+
+import os
+import select
+import socket
+from collections.abc import Sequence
+
+from observer_rt.bus.links.link import Frame, LinkDownError
+from observer_rt.bus.links.socketcan import SocketCanLink
+from observer_rt.bus.links.stamps import StampReader
+from observer_rt.foundation.errors import RunError, UserError
+
+
+class DescriptorLink(SocketCanLink):
+    """One end of a pair of sockets that keep messages apart (AF_UNIX, SOCK_SEQPACKET or SOCK_DGRAM).
+
+    Each message is a `struct canfd_frame` or `struct can_frame`. `channel`: the descriptor's number. It stays open when
+    the link is closed.
+    """
+
+    def __init__(
+        self,
+        channel: str,
+        fd: bool,
+        receive_ids: Sequence[tuple[int, bool]] | None,
+        computer_time: bool = False,
+    ) -> None:
+        """See `open_link`."""
+        self._wanted = None if receive_ids is None else frozenset(receive_ids)
+        super().__init__(channel, fd, receive_ids, computer_time)
+
+    def _open(self) -> None:
+        try:
+            self._socket = socket.socket(fileno=os.dup(int(self._channel)))
+        except (ValueError, OSError) as error:
+            raise UserError(
+                "link.channel",
+                f"{self._channel!r} is not the descriptor of a socket",
+                "give the number of one that was handed to this process",
+            ) from error
+        self._socket.setblocking(False)
+        self._stamps = StampReader(self._socket, self._channel, computer_time=True)
+        self._dropped_by_socket = 0
+        self._readable = select.poll()
+        self._readable.register(self._socket, select.POLLIN)
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        # No kernel chooses here: a frame that nobody wants ends the wait early, which callers must expect anyway.
+        frame = super().receive(timeout_s)
+        if frame is None or self._wanted is None or (frame.frame_id, frame.is_extended) in self._wanted:
+            return frame
+        return None
+
+    def _failure(self, error: OSError) -> RunError:
+        failure = super()._failure(error)
+        if isinstance(failure, LinkDownError):  # nothing that comes back
+            return RunError(f"the other end of descriptor {self._channel} was closed")
+        return failure

@@ -13,7 +13,9 @@ from tools.benchmarks.speed import native
 from tools.benchmarks.speed.traffic import DATA_ID, RATES, SAMPLES, Ids, Traffic
 
 LINGER = 0.3  # s after the last answer
-BACKLOG = 1.8  # s a frame may wait for room: 20,000 frames, as many as a SocketCAN receive buffer of 16 MiB holds
+BACKLOG = (
+    1.8  # s a frame may wait for room: 20,000 frames, as many as a SocketCAN receive buffer of 16 MiB holds
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,9 @@ class Passage:
 class Pacer:
     """Sends frames to one observer; their numbers go on from one passage to the next."""
 
-    def __init__(self, folder: Path, traffic: Traffic, link: str, ids: Ids, descriptors: Sequence[int] = ()) -> None:
+    def __init__(
+        self, folder: Path, traffic: Traffic, link: str, ids: Ids, descriptors: Sequence[int] = ()
+    ) -> None:
         """link: an interface, or `fd:N` for one of the descriptors handed over."""
         self._program = native.program("pacer", folder)
         self._out = folder / f"passage_{ids.place}.bin"

@@ -30,6 +30,7 @@ _OPEN = 5e-6  # m
 RAW_FRAME = np.dtype(
     [("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("unused", "<u2"), ("data", "u1", 64)]
 )
+_LOOP, _FACTS = "loop.frames", "loop.npz"
 _SWITCHED = 1  # flag of struct canfd_frame
 DEFAULT_IDS = (256, 272, 273, 274, 512, 513, 514)
 _ID_STEP = 32
@@ -90,9 +91,18 @@ def make_traffic(folder: Path) -> Traffic:
     raw = np.zeros(len(payloads), RAW_FRAME)
     raw["id"], raw["length"], raw["flags"] = INPUT_ID, 64, _SWITCHED
     raw["data"] = np.frombuffer(b"".join(payloads), np.uint8).reshape(-1, 64)
-    path = folder / "loop.frames"
+    path = folder / _LOOP
     path.write_bytes(raw.tobytes())
-    return Traffic(path, len(payloads), recording.needle_lift > _OPEN, samples_ahead(payloads))
+    is_open, ahead = recording.needle_lift > _OPEN, samples_ahead(payloads)
+    np.savez(folder / _FACTS, is_open=is_open, ahead=ahead)
+    return Traffic(path, len(payloads), is_open, ahead)
+
+
+def load_traffic(folder: Path) -> Traffic:
+    """What `make_traffic` wrote."""
+    with np.load(folder / _FACTS) as facts:
+        is_open = facts["is_open"]
+        return Traffic(folder / _LOOP, is_open.size // SAMPLES, is_open, int(facts["ahead"]))
 
 
 def samples_ahead(payloads: Sequence[bytes]) -> int:

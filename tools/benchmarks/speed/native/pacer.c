@@ -13,7 +13,7 @@
 
 #include <poll.h>
 
-enum { SAMPLES = 9, RATES = 28, MOST_AT_ONCE = 64 };
+enum { SAMPLES = 9, RATES = 28 };
 
 static uint16_t table[256];
 
@@ -53,34 +53,35 @@ struct heard {
     int64_t last;
 };
 
-static void drain(int s, canid_t wanted, struct heard *heard)
+/* Whether there was a frame. */
+static int hear(int s, canid_t wanted, struct heard *heard)
 {
     struct canfd_frame f;
-    for (int i = 0; i < MOST_AT_ONCE; i++) {
-        ssize_t n = recv(s, &f, sizeof f, MSG_DONTWAIT);
-        if (n < 0 && (errno == EAGAIN || errno == EINTR))
-            return;
-        if (n <= 0) {
-            fprintf(stderr, "the other end is gone\n");
-            exit(3);
-        }
-        int64_t stamp = now_ns();
-        if (f.can_id != wanted)
-            continue;
-        heard->last = stamp;
-        if (heard->count < heard->room)
-            heard->rates[heard->count++] = (struct rate){get_index(&f), stamp};
+    ssize_t n = recv(s, &f, sizeof f, MSG_DONTWAIT);
+    if (n < 0 && (errno == EAGAIN || errno == EINTR))
+        return 0;
+    if (n <= 0) {
+        fprintf(stderr, "the other end is gone\n");
+        exit(3);
     }
+    int64_t stamp = now_ns();
+    if (f.can_id != wanted)
+        return 1;
+    heard->last = stamp;
+    if (heard->count < heard->room)
+        heard->rates[heard->count++] = (struct rate){get_index(&f), stamp};
+    return 1;
 }
 
-static void wait_until(int s, int64_t due, short events)
+/* Whether there is something to hear, or, where `events` asks for it, room again. */
+static int wait_until(int s, int64_t due, short events)
 {
     int64_t left = due - now_ns();
     if (left < 0)
-        return;
+        left = 0;
     struct timespec t = {left / 1000000000, left % 1000000000};
     struct pollfd p = {s, events, 0};
-    ppoll(&p, 1, &t, NULL);
+    return ppoll(&p, 1, &t, NULL) > 0 && p.revents & ~POLLOUT;
 }
 
 int main(int argc, char **argv)
@@ -92,6 +93,7 @@ int main(int argc, char **argv)
     const canid_t input_id = (canid_t)atol(argv[8]), rate_id = (canid_t)atol(argv[9]);
     const unsigned data_id = (unsigned)atol(argv[10]);
     make_table();
+    start_clock();
     prctl(PR_SET_TIMERSLACK, 1);
 
     FILE *file = fopen(argv[2], "rb");
@@ -117,13 +119,14 @@ int main(int argc, char **argv)
     const int64_t start = now_ns() + 2000000;
     int is_held = 0;
     for (long n = 0; n < count;) {
-        drain(s, rate_id, &heard);
         const int64_t due = start + n * period;
         if (now_ns() < due) {
             is_held = 0;
-            wait_until(s, due, POLLIN);
+            if (wait_until(s, due, POLLIN))
+                hear(s, rate_id, &heard);
             continue;
         }
+        hear(s, rate_id, &heard);
         struct canfd_frame f = frames[(first + n) % loop];
         f.can_id = input_id;
         put_index(&f, (uint32_t)((first + n) * SAMPLES));
@@ -134,8 +137,8 @@ int main(int argc, char **argv)
         } else if (errno == EAGAIN || errno == ENOBUFS) {
             if (now_ns() - due > backlog)
                 n++;
-            else
-                wait_until(s, now_ns() + 50000, errno == EAGAIN ? POLLIN | POLLOUT : POLLIN);
+            else if (wait_until(s, now_ns() + 50000, errno == EAGAIN ? POLLIN | POLLOUT : POLLIN))
+                hear(s, rate_id, &heard);
             is_held = 1;
         } else {
             fail("send");
@@ -143,8 +146,8 @@ int main(int argc, char **argv)
     }
     heard.last = now_ns();
     while (now_ns() < heard.last + linger) {
-        wait_until(s, heard.last + linger, POLLIN);
-        drain(s, rate_id, &heard);
+        if (wait_until(s, heard.last + linger, POLLIN))
+            hear(s, rate_id, &heard);
     }
 
     FILE *out = fopen(argv[11], "wb");

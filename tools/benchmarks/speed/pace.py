@@ -20,8 +20,8 @@ BACKLOG = (
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """What was sent and what came back. sent [ns]: of every frame, 0 where it was given up; index, heard [ns]: of every
-    rate frame; first: number of the first frame."""
+    """What was sent and what came back. first: number of the first frame; sent [ns]: of every frame,
+    0 where it was given up; index, heard [ns]: of every rate frame."""
 
     first: int
     sent: NDArray[np.int64]

@@ -1,9 +1,8 @@
 """A daemon as one writes it in Python: python-can, cantools once a frame, numpy over the block, no log.
 
-It computes less than ours: no x^ and no x~, only the rate of a nozzle whose sac is always filled, at the measured
-line pressure. A daemon with the observer's recursion in Python takes longer still.
+Less is asked of it than of ours: nothing learned or judged, no CRC, no lost or late frames.
 
-usage: python -m tools.benchmarks.speed.python_peer CHANNEL DATABASE INPUT_ID RATE_ID AHEAD
+usage: python -m tools.benchmarks.speed.python_peer CHANNEL DATABASE INPUT_ID RATE_ID AHEAD pair|quasi_static
 """
 
 import signal
@@ -14,51 +13,27 @@ from collections import deque
 import can
 import cantools
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MM3_PER_MS
-from observer_rt.model.parameters import InjectorParameters
+from tools.benchmarks.speed.python_observer import Estimator, Pair, QuasiStaticNozzle
 
 SAMPLES, RATES = 9, 28
 STAGES = ("receive", "decode", "compute", "encode", "send")
-DEAD_BAND = 2.5e-6  # m
-
-
-class QuasiStaticNozzle:
-    """Injection rate of a nozzle that passes on what its seat lets in."""
-
-    def __init__(self, injector: InjectorParameters) -> None:
-        seat, nozzle = injector.seat, injector.nozzle
-        half = np.deg2rad(seat.cone_angle) / 2.0
-        self._circumference, self._narrowing = np.pi * np.sin(half), 0.5 * np.sin(2.0 * half)
-        self._seat_diameter, self._seat_coefficient = seat.diameter, seat.flow_coefficient
-        area = nozzle.holes * np.pi / 4.0 * nozzle.hole_diameter**2
-        self._outlet = nozzle.flow_coefficient * area
-        self._density, self._chamber = injector.fluid.density_nozzle, injector.chamber.pressure
-
-    def rate(self, lift: NDArray[np.float64], line_pressure: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of a block of lifts [m] and line pressures [Pa], (n,): m3/s."""
-        lift = np.where(lift > DEAD_BAND, lift, 0.0)
-        inlet = self._seat_coefficient * self._circumference * lift
-        inlet *= self._seat_diameter - self._narrowing * lift
-        share = inlet**2 / (
-            inlet**2 + self._outlet**2
-        )  # of the pressure difference that is left to the orifices
-        difference = np.maximum(share * (line_pressure - self._chamber), 0.0)
-        return np.asarray(self._outlet * np.sqrt(2.0 * difference / self._density))
+SAMPLE_RATE = 100e3  # Hz
 
 
 class Peer:
     """Frames in, rate frames out; `spent`: seconds by stage."""
 
-    def __init__(self, database: str, input_id: int, rate_id: int, ahead: int) -> None:
+    def __init__(self, database: str, input_id: int, rate_id: int, ahead: int, estimator: Estimator) -> None:
         loaded = cantools.database.load_file(database)
         self._input, self._output = (loaded.get_message_by_frame_id(number) for number in (input_id, rate_id))
+        self._rails = [f"RailPressure_{n:02d}" for n in range(SAMPLES)]
         self._lifts = [f"NeedleLift_{n:02d}" for n in range(SAMPLES)]
         self._pressures = [f"LinePressure_{n:02d}" for n in range(SAMPLES)]
         self._rates = [f"InjectionRate_{n:02d}" for n in range(RATES)]
-        self._nozzle = QuasiStaticNozzle(load_injector())
+        self._estimator = estimator
         self._ahead = ahead
         self._known: deque[float] = deque()
         self._begin = -1  # index of the first known rate
@@ -72,14 +47,15 @@ class Peer:
         values = self._input.decode(payload, decode_choices=False)
         assert isinstance(values, dict)
         decoded = time.perf_counter()
+        rail = np.array([values[name] for name in self._rails], float) * MEGAPASCAL
         lift = np.array([values[name] for name in self._lifts], float) * MICROMETRE
-        pressure = np.array([values[name] for name in self._pressures], float) * MEGAPASCAL
-        rates = self._nozzle.rate(lift, pressure) / MM3_PER_MS
+        line = np.array([values[name] for name in self._pressures], float) * MEGAPASCAL
+        rates = [rate / MM3_PER_MS for rate in self._estimator.rates(rail, lift, line)]
         index = int(values["SampleIndex"])  # type: ignore[arg-type]
         if self._begin < 0 or index != self._begin + len(self._known):
             self._known.clear()
             self._begin = index
-        self._known.extend(rates.tolist())
+        self._known.extend(rates)
         while self._begin % RATES and self._known:
             self._known.popleft()
             self._begin += 1
@@ -98,9 +74,9 @@ class Peer:
         return results
 
 
-def serve(channel: str, database: str, input_id: int, rate_id: int, ahead: int) -> None:
+def serve(channel: str, database: str, input_id: int, rate_id: int, ahead: int, estimator: Estimator) -> None:
     """Answer until SIGTERM, then print microseconds a frame by stage."""
-    peer = Peer(database, input_id, rate_id, ahead)
+    peer = Peer(database, input_id, rate_id, ahead, estimator)
     filters: list[can.typechecking.CanFilter] = [{"can_id": input_id, "can_mask": 0x7FF, "extended": False}]
     stopped: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
@@ -131,4 +107,6 @@ def serve(channel: str, database: str, input_id: int, rate_id: int, ahead: int) 
 
 
 if __name__ == "__main__":
-    serve(sys.argv[1], sys.argv[2], *map(int, sys.argv[3:]))
+    nominal = load_injector()
+    chosen = Pair(nominal, SAMPLE_RATE) if sys.argv[6] == "pair" else QuasiStaticNozzle(nominal)
+    serve(sys.argv[1], sys.argv[2], *map(int, sys.argv[3:6]), chosen)

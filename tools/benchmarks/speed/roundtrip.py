@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,9 @@ from tools.benchmarks.speed.sustained import farewell
 from tools.benchmarks.speed.traffic import Ids, Traffic, load_traffic, write_bench
 
 ECHO, OURS, BUSY, PEER = "C echo", "observer_rt", "observer_rt, Python busy", "python-can peer"
-PARTIES = {ECHO: Ids(0), OURS: Ids(1), BUSY: Ids(2), PEER: Ids(3)}
+LEAN = "python-can, no observer"  # a lower limit of such a daemon
+ESTIMATORS = {PEER: "pair", LEAN: "quasi_static"}
+PARTIES = {ECHO: Ids(0), OURS: Ids(1), BUSY: Ids(2), PEER: Ids(3), LEAN: Ids(4)}
 PACES = {"90 us": 90e-6, "1.5 ms": 1.5e-3}
 SHARE = {"90 us": 0.2, "1.5 ms": 1.0}  # of the time
 PARTS = 5  # of what is sent to each
@@ -61,7 +62,8 @@ class RoundTrips:
 def measure_roundtrips(folder: Path, seconds: float) -> RoundTrips:
     """Send to each party for `seconds` in all at the slow pace, a fifth of it at the fast one.
 
-    The folder holds the traffic. Runs in user-mode Linux where the kernel of this machine has no CAN. Raises RunError.
+    The folder holds the traffic. Runs in user-mode Linux where the kernel of this machine has no CAN. Raises
+    RunError.
     """
     own = [sys.executable, "-m", "tools.benchmarks.speed.roundtrip", folder, CHANNEL, seconds]
     done = subprocess.run([_VCAN, *map(str, own)], check=False)
@@ -116,9 +118,17 @@ def _command(folder: Path, channel: str, party: str, ids: Ids, traffic: Traffic)
     numbers = [str(ids.input), str(ids.rate), str(traffic.ahead)]
     if party == ECHO:
         return [native.program("echo", folder), channel, *numbers]
-    if party == PEER:
+    if party in ESTIMATORS:
         module = "tools.benchmarks.speed.python_peer"
-        return [sys.executable, "-m", module, channel, bench.parent / "observer_fd.dbc", *numbers]
+        return [
+            sys.executable,
+            "-m",
+            module,
+            channel,
+            bench.parent / "observer_fd.dbc",
+            *numbers,
+            ESTIMATORS[party],
+        ]
     return [*(DISTURBED_RUN if party == BUSY else RUN), bench]
 
 

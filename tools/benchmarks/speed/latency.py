@@ -1,0 +1,30 @@
+"""Percentiles of latencies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.foundation.units import MICROSECOND
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Microseconds."""
+
+    p50: float
+    p99: float
+    p999: float
+    longest: float
+    count: int
+
+    def __str__(self) -> str:
+        return f"{self.p50:.0f} / {self.p99:.0f} / {self.p999:.0f} us ({self.count})"
+
+
+def latency_of(seconds: NDArray[np.float64]) -> Latency:
+    """Percentiles; nan of none."""
+    if not seconds.size:
+        return Latency(*4 * [float("nan")], 0)
+    found = np.percentile(seconds, [50, 99, 99.9, 100]) / MICROSECOND
+    return Latency(*map(float, found), seconds.size)

@@ -1,0 +1,77 @@
+"""Frames at a pace by the C sender, and when the answers came."""
+
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.foundation.errors import RunError
+from tools.benchmarks.speed import native
+from tools.benchmarks.speed.traffic import DATA_ID, RATES, SAMPLES, Ids, Traffic
+
+LINGER = 0.3  # s after the last answer
+BACKLOG = (
+    1.8  # s a frame may wait for room: 20,000 frames, as many as a SocketCAN receive buffer of 16 MiB holds
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """What was sent and what came back. first: number of the first frame; sent [ns]: of every frame,
+    0 where it was given up; index, heard [ns]: of every rate frame."""
+
+    first: int
+    sent: NDArray[np.int64]
+    index: NDArray[np.int64]
+    heard: NDArray[np.int64]
+
+    def latencies(self, traffic: Traffic, *, open_only: bool) -> NDArray[np.float64]:
+        """Seconds from the last input frame that a rate frame needs to that rate frame."""
+        number = traffic.trigger(self.index) - self.first
+        answers = (number >= 0) & (number < self.sent.size)
+        if open_only:
+            answers &= traffic.has_open_needle(self.index)
+        sent = self.sent[number[answers]]
+        return np.asarray((self.heard[answers] - sent)[sent > 0] * 1e-9)
+
+    def lost(self, traffic: Traffic) -> int:
+        """Samples of which no rate frame tells, of those that must have been told of."""
+        begin = -(-self.first * SAMPLES // RATES)  # of the blocks that begin and end here
+        end = ((self.first + self.sent.size) * SAMPLES - traffic.ahead) // RATES
+        told = np.unique(self.index // RATES)
+        return (end - begin - int(np.sum((told >= begin) & (told < end)))) * RATES
+
+    @property
+    def seconds(self) -> float:
+        """From the first frame to the last answer."""
+        return float(self.heard[-1] - self.sent[0]) * 1e-9 if self.heard.size else float("nan")
+
+
+class Pacer:
+    """Sends frames to one observer; their numbers go on from one passage to the next."""
+
+    def __init__(
+        self, folder: Path, traffic: Traffic, link: str, ids: Ids, descriptors: Sequence[int] = ()
+    ) -> None:
+        """link: an interface, or `fd:N` for one of the descriptors handed over."""
+        self._program = native.program("pacer", folder)
+        self._out = folder / f"passage_{ids.place}.bin"
+        self._traffic, self._link, self._ids, self._descriptors = traffic, link, ids, descriptors
+        self._next = 0
+
+    def send(self, count: int, period: float) -> Passage:
+        """`count` frames, one every `period` [s]. Raises RunError."""
+        numbers = (count, self._next, round(period * 1e9), round(LINGER * 1e3), round(BACKLOG * 1e3))
+        ids = (self._ids.input, self._ids.rate, DATA_ID)
+        words = [self._program, self._link, self._traffic.loop, *numbers, *ids, self._out]
+        done = subprocess.run(list(map(str, words)), pass_fds=self._descriptors, check=False)
+        if done.returncode:
+            raise RunError(f"the sender ended with exit code {done.returncode}")
+        raw = np.fromfile(self._out, np.int64)
+        rates = raw[2 + count :].reshape(-1, 2)
+        passage = Passage(self._next, raw[2 : 2 + count], rates[:, 0], rates[:, 1])
+        self._next += count
+        return passage

@@ -1,0 +1,168 @@
+"""From the last input frame that a rate frame needs to that rate frame, on SocketCAN: ours, a C echo, and a peer.
+
+All are on one bus, each under its own identifiers, which the kernel sorts out; a part after the other sends to them
+in turn, so that what else the machine does meets all.
+
+usage: python -m tools.benchmarks.speed.roundtrip FOLDER CHANNEL SECONDS
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, nullcontext
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.foundation.errors import RunError
+from tools.benchmarks.speed import native
+from tools.benchmarks.speed.latency import Latency, latency_of
+from tools.benchmarks.speed.observers import DISTURBED_RUN, RUN, Observer, observer
+from tools.benchmarks.speed.pace import Pacer, Passage
+from tools.benchmarks.speed.sustained import farewell
+from tools.benchmarks.speed.traffic import Ids, Traffic, load_traffic, write_bench
+
+ECHO, OURS, BUSY, PEER = "C echo", "observer_rt", "observer_rt, Python busy", "python-can peer"
+LEAN = "python-can, no observer"  # a lower limit of such a daemon
+ESTIMATORS = {PEER: "pair", LEAN: "quasi_static"}
+PARTIES = {ECHO: Ids(0), OURS: Ids(1), BUSY: Ids(2), PEER: Ids(3), LEAN: Ids(4)}
+PACES = {"90 us": 90e-6, "1.5 ms": 1.5e-3}
+SHARE = {"90 us": 0.2, "1.5 ms": 1.0}  # of the time
+PARTS = 5  # of what is sent to each
+WARMING = 1.0  # s
+CHANNEL = "vcan0"
+_VCAN = Path(__file__).parents[2] / "vcan"
+
+
+@dataclass(frozen=True)
+class RoundTrip:
+    """One party at one pace: needle open, and all frames; lost: rate frames that never came."""
+
+    open_needle: Latency
+    all_frames: Latency
+    lost_samples: int
+
+
+@dataclass(frozen=True)
+class RoundTrips:
+    """By pace and party. said: the last words of our daemons and the peer; how: where it ran."""
+
+    found: Mapping[str, Mapping[str, RoundTrip]]
+    said: Mapping[str, str]
+    latencies: Mapping[str, NDArray[np.float64]]
+
+    def ratio(self, over: str, under: str) -> float:
+        """Of medians with the needle open, the largest of all paces."""
+        return max(each[over].open_needle.p50 / each[under].open_needle.p50 for each in self.found.values())
+
+
+def measure_roundtrips(folder: Path, seconds: float) -> RoundTrips:
+    """Send to each party for `seconds` in all at the slow pace, a fifth of it at the fast one.
+
+    The folder holds the traffic. Runs in user-mode Linux where the kernel of this machine has no CAN. Raises
+    RunError.
+    """
+    own = [sys.executable, "-m", "tools.benchmarks.speed.roundtrip", folder, CHANNEL, seconds]
+    done = subprocess.run([_VCAN, *map(str, own)], check=False)
+    if done.returncode:
+        raise RunError(f"the round trip could not be measured: exit code {done.returncode}")
+    document = json.loads((folder / "roundtrip.json").read_text())
+    found = {
+        pace: {
+            party: RoundTrip(
+                Latency(**each["open_needle"]), Latency(**each["all_frames"]), each["lost_samples"]
+            )
+            for party, each in parties.items()
+        }
+        for pace, parties in document["found"].items()
+    }
+    with np.load(folder / "roundtrip.npz") as latencies:
+        return RoundTrips(found, document["said"], dict(latencies))
+
+
+def run_parties(folder: Path, channel: str, seconds: float) -> None:
+    """The measurement itself, where the channel is; results as files in the folder."""
+    traffic = load_traffic(folder)
+    with ExitStack() as stack:
+        running = {}
+        for party, ids in PARTIES.items():
+            running[party] = stack.enter_context(observer(_command(folder, channel, party, ids, traffic)))
+            if party == BUSY:
+                running[party].suspend()
+        pacers = {party: Pacer(folder, traffic, channel, ids) for party, ids in PARTIES.items()}
+        for party in PARTIES:  # meets what is met for the first time
+            _send(running[party], pacers[party], party, WARMING, PACES["1.5 ms"])
+        passages = {
+            pace: _in_turn(running, pacers, seconds * SHARE[pace] / PARTS, period)
+            for pace, period in PACES.items()
+        }
+    found = {
+        pace: {party: asdict(_round_trip(each, traffic)) for party, each in parties.items()}
+        for pace, parties in passages.items()
+    }
+    said = {party: _last_words(each) for party, each in running.items()}
+    (folder / "roundtrip.json").write_text(json.dumps({"found": found, "said": said}))
+    latencies = {
+        f"{pace}, {party}": _latencies(each, traffic, open_only=True)
+        for pace, parties in passages.items()
+        for party, each in parties.items()
+    }
+    np.savez(folder / "roundtrip.npz", **latencies)  # type: ignore[arg-type]
+
+
+def _command(folder: Path, channel: str, party: str, ids: Ids, traffic: Traffic) -> list[str | Path]:
+    bench = write_bench(folder / f"party_{ids.place}", "socketcan", channel, ids)
+    numbers = [str(ids.input), str(ids.rate), str(traffic.ahead)]
+    if party == ECHO:
+        return [native.program("echo", folder), channel, *numbers]
+    if party in ESTIMATORS:
+        module = "tools.benchmarks.speed.python_peer"
+        return [
+            sys.executable,
+            "-m",
+            module,
+            channel,
+            bench.parent / "observer_fd.dbc",
+            *numbers,
+            ESTIMATORS[party],
+        ]
+    return [*(DISTURBED_RUN if party == BUSY else RUN), bench]
+
+
+def _in_turn(
+    running: Mapping[str, Observer], pacers: Mapping[str, Pacer], seconds: float, period: float
+) -> dict[str, list[Passage]]:
+    """One part after the other to every party."""
+    passages: dict[str, list[Passage]] = {party: [] for party in PARTIES}
+    for _ in range(PARTS):
+        for party in PARTIES:
+            passages[party].append(_send(running[party], pacers[party], party, seconds, period))
+    return passages
+
+
+def _send(to: Observer, pacer: Pacer, party: str, seconds: float, period: float) -> Passage:
+    with to.resumed() if party == BUSY else nullcontext():
+        return pacer.send(round(seconds / period), period)
+
+
+def _round_trip(passages: Sequence[Passage], traffic: Traffic) -> RoundTrip:
+    return RoundTrip(
+        latency_of(_latencies(passages, traffic, open_only=True)),
+        latency_of(_latencies(passages, traffic, open_only=False)),
+        sum(each.lost(traffic) for each in passages),
+    )
+
+
+def _latencies(passages: Sequence[Passage], traffic: Traffic, *, open_only: bool) -> NDArray[np.float64]:
+    return np.concatenate([each.latencies(traffic, open_only=open_only) for each in passages])
+
+
+def _last_words(party: Observer) -> str:
+    return farewell(party) or (party.said[-1] if party.said else "")
+
+
+if __name__ == "__main__":
+    run_parties(Path(sys.argv[1]), sys.argv[2], float(sys.argv[3]))

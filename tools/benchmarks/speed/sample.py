@@ -1,0 +1,176 @@
+"""One observer sample with the needle open, x~ with its gain and x^ with phi, against the same in C."""
+
+import ctypes
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND
+from observer_rt.model.effects import sized
+from observer_rt.model.line.lump import LumpLine
+from observer_rt.model.network import ARGUMENTS, HIDDEN
+from observer_rt.observer.stream.pair import read_out, step_pair
+from observer_rt.observer.stream.state import RING, Observer
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import Event, Schedule, Shot
+from observer_rt.simulation.simulate import simulate
+from tools.benchmarks.sample_time import SAMPLE_RATE, loaded_observer, run_samples
+from tools.benchmarks.speed import native
+
+STATES = 3
+BLOCKS = 400  # each of one injection; ours, C, and the whole step in turn
+_Array = NDArray[np.float64]
+
+
+class Model(ctypes.Structure):
+    """`struct model` of observer.c."""
+
+    _fields_ = (
+        *((name, ctypes.c_double) for name in ("a1", "a2_nozzle", "a2_seat", "a3", "a4", "leak", "air")),
+        *((name, ctypes.c_double) for name in ("chamber_pressure", "a5", "a6")),
+        *((name, ctypes.c_double) for name in ("seat_transition", "nozzle_transition", "nozzle_flow")),
+        ("hidden", ctypes.c_double * (HIDDEN * ARGUMENTS)),
+        ("output", ctypes.c_double * (2 * HIDDEN)),
+        ("bias", ctypes.c_double * 2),
+        ("back_pressure", ctypes.c_double * 2),
+        ("gain", ctypes.c_double * STATES),
+        *((name, ctypes.c_double) for name in ("lag", "interval", "offset")),
+        ("substeps", ctypes.c_long),
+    )
+
+
+@dataclass(frozen=True)
+class SampleTimes:
+    """Microseconds a sample of the fastest block each; largest_difference: of the two, relative, in any rate.
+
+    whole: with events, outliers, statistics and validity, which C has not.
+    """
+
+    ours: float
+    in_c: float
+    whole: float
+    ratio: float
+    """Median over the blocks, each beside its neighbour."""
+    largest_difference: float
+    substeps: int
+
+
+@njit(cache=True, nogil=True)
+def step_samples(observer: Observer, first: int, end: int) -> None:
+    """The pair and its rate at positions [first, end) of the ring, which were gone through before."""
+    for position in range(first, end):
+        step_pair(observer, position)
+        read_out(observer, position)
+
+
+class OpenNeedle:
+    """An observer that has everything it can have learned in force, in the middle of an injection."""
+
+    def __init__(self) -> None:
+        self.observer = loaded_observer()
+        event = Event(20 * MILLISECOND, 100e6, (Shot(2.5 * MILLISECOND),))
+        worn = (sized("orifice_area", v_H=0.2),)
+        schedule = Schedule((event,), 30 * MILLISECOND)
+        recording = simulate(load_injector(), schedule, SAMPLE_RATE, worn, NoiseLevels(), seed=1).recording
+        self.inputs = np.column_stack(
+            [recording.rail_pressure, recording.needle_lift, recording.line_pressure]
+        )
+        run_samples(self.observer, self.inputs, 0)
+        area = self.observer.ring["seat_area"][: int(self.observer.memory["processed"][0])]
+        is_open = np.flatnonzero(area > 0.0)
+        self.first, self.end = int(is_open[0]) + 1, int(is_open[-1])
+        # No innovation is an outlier from here on, whatever it leaps: the C code has no such test.
+        self.observer.memory["synchronised"] = False
+
+    def ours(self) -> _Array:
+        """Injection rates [m3/s] of the open samples, by compiled Python."""
+        step_samples(self.observer, self.first, self.end)
+        rows = self.observer.ring[self.first : self.end]
+        return np.array(rows["injection_rate"])
+
+
+class CObserver:
+    """The same samples in C."""
+
+    def __init__(self, at: OpenNeedle, folder: Path) -> None:
+        self._observe = ctypes.CDLL(str(native.library("observer", folder))).observe
+        self._observe.restype = None
+        rows = at.observer.ring[at.first - 1 : at.end]
+        self._inputs = np.column_stack([rows["rail_pressure"], rows["seat_area"]])
+        self._output = np.ascontiguousarray(rows["line_pressure"])
+        self._start = np.array([rows["x_tilde"][0], rows["x_hat"][0]])
+        self._shown = float(rows["indicated"][0])
+        self._rates = np.zeros(len(rows))
+        self._model = model_of(at.observer)
+
+    def rates(self) -> _Array:
+        """As `OpenNeedle.ours`."""
+        tilde, hat = self._start[0].copy(), self._start[1].copy()
+        shown = ctypes.c_double(self._shown)
+        self._observe(
+            ctypes.byref(self._model),
+            ctypes.c_long(self._output.size),
+            *(ctypes.c_void_p(a.ctypes.data) for a in (self._inputs, self._output, tilde, hat)),
+            ctypes.byref(shown),
+            ctypes.c_void_p(self._rates.ctypes.data),
+        )
+        return self._rates[1:].copy()
+
+
+def model_of(observer: Observer) -> Model:
+    """What is in force in an observer."""
+    memory, c = observer.memory[0], observer.constants.coefficients
+    line = dict(zip(LumpLine._fields, memory["line"].tolist(), strict=True))
+    model = Model(a5=c.sac.a5, a6=c.sac.a6, nozzle_flow=c.nozzle.flow)
+    for name in ("a1", "a2_nozzle", "a2_seat", "a3", "a4", "leak", "air", "chamber_pressure"):
+        setattr(model, name, line[name])
+    model.seat_transition, model.nozzle_transition = c.seat.transition, c.nozzle.transition
+    for name in ("hidden", "output", "bias", "back_pressure"):
+        getattr(model, name)[:] = memory[name].ravel().tolist()
+    model.gain[:] = observer.gains[-1][[0, 1, 2]].tolist()
+    model.lag, model.offset = float(memory["lag"]), float(memory["offset"])
+    model.interval, model.substeps = observer.constants.interval, observer.constants.substeps
+    return model
+
+
+def measure_sample(folder: Path, blocks: int = BLOCKS) -> SampleTimes:
+    """Blocks of the two in turn, and of the whole step beside them. Raises UserError without a C compiler."""
+    at = OpenNeedle()
+    in_c = CObserver(at, folder)
+    ours, theirs = at.ours(), in_c.rates()
+    difference = float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs)))
+    number = at.end - at.first
+    times = np.array([(_timed(at.ours), _timed(in_c.rates)) for _ in range(blocks)]) / number / MICROSECOND
+    fastest = times.min(axis=0)
+    return SampleTimes(
+        float(fastest[0]),
+        float(fastest[1]),
+        _whole_step(at) / MICROSECOND,
+        float(np.median(times[:, 0] / times[:, 1])),
+        difference,
+        at.observer.constants.substeps,
+    )
+
+
+def _timed(work: Callable[[], object]) -> float:
+    begin = time.thread_time()
+    work()
+    return time.thread_time() - begin
+
+
+def _whole_step(at: OpenNeedle, blocks: int = 100) -> float:
+    """Seconds a sample of the fastest block, of the needle held open as it is in the middle of the injection."""
+    middle = at.inputs[(at.first + at.end) // 2]
+    inputs = np.tile(middle, (RING // 64, 1))
+    observer, times = loaded_observer(), []
+    for block in range(blocks):
+        begin = time.thread_time()
+        run_samples(observer, inputs, block * len(inputs))
+        times.append(time.thread_time() - begin)
+    return min(times[1:]) / len(inputs)

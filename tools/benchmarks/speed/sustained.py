@@ -1,0 +1,89 @@
+"""How much our daemon takes without a loss, on a socket pair that carries raw frames: no bus, no other kernel."""
+
+import socket
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tools.benchmarks.speed.latency import Latency, latency_of
+from tools.benchmarks.speed.observers import RUN, Observer, observer
+from tools.benchmarks.speed.pace import Pacer
+from tools.benchmarks.speed.traffic import SAMPLE_RATE, SAMPLES, Ids, Traffic, write_bench
+
+BUFFER_BYTES = 16 << 20  # as the daemon asks of a CAN socket
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two connected sockets that keep frames apart."""
+
+    sender: socket.socket
+    receiver: socket.socket
+
+
+@dataclass(frozen=True)
+class Sustained:
+    """What came of so many seconds at a rate. cpu_share: of one core, all threads of the daemon."""
+
+    seconds: float
+    sustained_khz: float
+    cpu_share: float
+    lost_samples: int
+    given_up_frames: int
+    latency: Latency
+    memory_mib: float
+    farewell: str
+    latencies: NDArray[np.float64]
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        fields = asdict(self)
+        del fields["latencies"]
+        return fields
+
+
+def socket_pair(stack: ExitStack) -> Pair:
+    """A pair with room for as many frames as the kernel allows."""
+    sender, receiver = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for each in (sender, receiver):
+        stack.enter_context(each)
+        each.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
+    return Pair(sender, receiver)
+
+
+def measure_sustained(folder: Path, traffic: Traffic, seconds: float, rate: float = SAMPLE_RATE) -> Sustained:
+    """Send samples at `rate` [Hz] for so long."""
+    with ExitStack() as stack:
+        pair = socket_pair(stack)
+        ids = Ids()
+        bench = write_bench(folder / "sustained", "descriptor", str(pair.receiver.fileno()), ids)
+        ours = stack.enter_context(observer([*RUN, bench], [pair.receiver.fileno()]))
+        pacer = Pacer(folder, traffic, f"fd:{pair.sender.fileno()}", ids, [pair.sender.fileno()])
+        period = SAMPLES / rate
+        pacer.send(round(1.0 / period), period)  # meets what is met for the first time
+        before = ours.cpu_time()
+        passage = pacer.send(round(seconds / period), period)
+        share = (ours.cpu_time() - before) / passage.seconds
+        memory = ours.memory()
+    told = passage.index.size * 28
+    latencies = passage.latencies(traffic, open_only=False)
+    return Sustained(
+        seconds,
+        told / passage.seconds / 1e3,
+        share,
+        passage.lost(traffic),
+        int(np.sum(passage.sent == 0)),
+        latency_of(latencies),
+        memory / (1 << 20),
+        farewell(ours),
+        latencies,
+    )
+
+
+def farewell(ours: Observer) -> str:
+    """What our daemon counted, by its last words."""
+    return next((line for line in reversed(ours.said) if "stopped after" in line), "")

@@ -1,0 +1,147 @@
+"""What is sent: one recording as frames, again and again, and the bench file that takes them."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_injector
+from observer_rt.foundation.units import MILLISECOND
+from observer_rt.model.effects import sized
+from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.service.core.core import Core
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import Event, Schedule, Shot
+from observer_rt.simulation.simulate import simulate
+from tools.benchmarks.scoring import bench_at
+
+SAMPLE_RATE = 100e3  # Hz
+SAMPLES, RATES = 9, 28  # of an input frame and of a rate frame
+INPUT_ID, RATE_ID, DATA_ID = 0x100, 0x200, 0x100
+_PERIOD, _ENERGIZING, _FIRST = 40 * MILLISECOND, 1.2 * MILLISECOND, 10 * MILLISECOND  # 25 injections a second
+_EVENTS = 9  # 0.36 s, a whole number of frames
+_PRESSURES = (60e6, 100e6, 140e6)  # Pa
+_WEAR = 0.2  # v_H
+_OPEN = 5e-6  # m
+RAW_FRAME = np.dtype(
+    [("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("unused", "<u2"), ("data", "u1", 64)]
+)
+_LOOP, _FACTS = "loop.frames", "loop.npz"
+_SWITCHED = 1  # flag of struct canfd_frame
+DEFAULT_IDS = (256, 272, 273, 274, 512, 513, 514)
+_ID_STEP = 32
+_ENOUGH_FRAMES = 200  # a rate frame ends at every place of an input frame
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """A loop of input frames. ahead: samples that are known beyond a rate frame's last one when it is sent."""
+
+    loop: Path
+    frames: int
+    is_open: NDArray[np.bool_]
+    """Of every sample of the loop: whether the needle is open."""
+    ahead: int
+
+    def trigger(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Number of the input frame that lets a rate frame be sent, by the index that the rate frame begins with."""
+        return (index + RATES - 1 + self.ahead) // SAMPLES
+
+    def has_open_needle(self, index: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether the needle is open at the last sample of rate frames."""
+        return np.asarray(self.is_open[(index + RATES - 1) % self.is_open.size])
+
+
+@dataclass(frozen=True)
+class Ids:
+    """Identifiers of one of several observers on the same bus."""
+
+    place: int = 0
+
+    @property
+    def shift(self) -> int:
+        """What is added to the database's."""
+        return self.place * _ID_STEP
+
+    @property
+    def input(self) -> int:
+        """Of input frames."""
+        return INPUT_ID + self.shift
+
+    @property
+    def rate(self) -> int:
+        """Of rate frames."""
+        return RATE_ID + self.shift
+
+
+def make_traffic(folder: Path) -> Traffic:
+    """Write a loop of injections of a worn injector."""
+    events = tuple(
+        Event(_FIRST + n * _PERIOD, _PRESSURES[n // 3], (Shot(_ENERGIZING),)) for n in range(_EVENTS)
+    )
+    schedule = Schedule(events, _EVENTS * _PERIOD - 1.0 / SAMPLE_RATE)
+    worn = (sized("orifice_area", v_H=_WEAR),)
+    recording = simulate(load_injector(), schedule, SAMPLE_RATE, worn, NoiseLevels(), seed=1).recording
+    bus = map_bus(bench_at(SAMPLE_RATE))
+    payloads = [frame.payload for frame in Framer(bus).frames(recording, whole(recording))]
+    raw = np.zeros(len(payloads), RAW_FRAME)
+    raw["id"], raw["length"], raw["flags"] = INPUT_ID, 64, _SWITCHED
+    raw["data"] = np.frombuffer(b"".join(payloads), np.uint8).reshape(-1, 64)
+    path = folder / _LOOP
+    path.write_bytes(raw.tobytes())
+    is_open, ahead = recording.needle_lift > _OPEN, samples_ahead(payloads)
+    np.savez(folder / _FACTS, is_open=is_open, ahead=ahead)
+    return Traffic(path, len(payloads), is_open, ahead)
+
+
+def load_traffic(folder: Path) -> Traffic:
+    """What `make_traffic` wrote."""
+    with np.load(folder / _FACTS) as facts:
+        is_open = facts["is_open"]
+        return Traffic(folder / _LOOP, is_open.size // SAMPLES, is_open, int(facts["ahead"]))
+
+
+def samples_ahead(payloads: Sequence[bytes]) -> int:
+    """Samples the core knows beyond a rate frame's last one, at least, when it publishes it."""
+    bench = bench_at(SAMPLE_RATE)
+    core = Core(bench.injector, map_bus(bench), learning=False)
+    ahead = []
+    for number, payload in enumerate(payloads[:_ENOUGH_FRAMES]):
+        newest = (number + 1) * SAMPLES - 1
+        for frame in core.handle(INPUT_ID, False, payload, number):
+            if frame.frame_id == RATE_ID:
+                ahead.append(newest - (index_of(frame.payload) + RATES - 1))
+    return min(ahead)
+
+
+def index_of(payload: bytes) -> int:
+    """The sample index in a frame."""
+    return int.from_bytes(payload[4:8], "little")
+
+
+def write_bench(folder: Path, interface: str, channel: str, ids: Ids, extra: str = "") -> Path:
+    """The example bench on another channel and under other identifiers; extra: further sections."""
+    folder.mkdir(parents=True, exist_ok=True)
+    database = (PACKAGE_DATA / "observer_fd.dbc").read_text("utf-8")
+    for number in DEFAULT_IDS:
+        database = re.sub(
+            rf"^(BO_|CM_ BO_|CM_ SG_|VAL_|SIG_VALTYPE_|BA_ \"\w+\" BO_|BA_ \"\w+\" SG_) {number} ",
+            rf"\1 {number + ids.shift} ",
+            database,
+            flags=re.MULTILINE,
+        )
+    (folder / "observer_fd.dbc").write_text(database, "utf-8")
+    text = EXAMPLE_BENCH.read_text("utf-8")
+    for old, new in (
+        ('interface = "socketcan"', f'interface = "{interface}"'),
+        ('channel = "can0"', f'channel = "{channel}"'),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "bench.toml"
+    path.write_text(text + extra, "utf-8")
+    return path

@@ -1,21 +1,20 @@
 """Findings about the machine: real-time rights, memory, processors."""
 
 import os
-import resource
 from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.check.findings import Finding, graded
+from observer_rt.service.rights import PRIORITY, Rights, rights
 
 PROCESSORS = 2  # one for the loop, one for learning
-_CAP_SYS_NICE = 1 << 23
 
 
 @dataclass(frozen=True)
 class Host:
     """What the machine grants this process."""
 
-    may_set_real_time_priority: bool
+    rights: Rights
     swap_in_use: bool
     processors: int
 
@@ -24,9 +23,7 @@ def this_host() -> Host:
     """The machine this runs on."""
     swaps = Path("/proc/swaps")
     return Host(
-        # A process may raise its soft limit to the hard one.
-        may_set_real_time_priority=any(resource.getrlimit(resource.RLIMIT_RTPRIO))
-        or bool(_effective_capabilities() & _CAP_SYS_NICE),
+        rights=rights(),
         swap_in_use=swaps.exists() and len(swaps.read_text().splitlines()) > 1,  # the first line is a heading
         processors=len(os.sched_getaffinity(0)),
     )
@@ -38,11 +35,17 @@ def real_time_findings(host: Host) -> list[Finding]:
     return [
         graded(
             topic,
-            host.may_set_real_time_priority,
-            "real-time priority allowed"
-            if host.may_set_real_time_priority
+            host.rights.may_hurry,
+            f"the loop gets real-time priority {PRIORITY}"
+            if host.rights.may_hurry
             else "no real-time priority allowed",
             "in this shell: sudo prlimit --pid $$ --rtprio=99",
+        ),
+        graded(
+            topic,
+            host.rights.may_lock_memory,
+            "memory is locked" if host.rights.may_lock_memory else "memory may not be locked",
+            "in this shell: sudo prlimit --pid $$ --memlock=unlimited",
         ),
         graded(
             topic,
@@ -57,10 +60,3 @@ def real_time_findings(host: Host) -> list[Finding]:
             f"loop and learning want {PROCESSORS}: taskset --cpu-list 0-{PROCESSORS - 1} COMMAND, where there are",
         ),
     ]
-
-
-def _effective_capabilities() -> int:
-    for line in Path("/proc/self/status").read_text().splitlines():
-        if line.startswith("CapEff:"):
-            return int(line.split()[1], 16)
-    return 0

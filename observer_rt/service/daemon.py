@@ -23,6 +23,7 @@ from observer_rt.service.pump.compiled_pump import CompiledPump, can_pump
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.pump.python_pump import PythonPump
 from observer_rt.service.reports.news import Listener, Notice, to_all
+from observer_rt.service.rights import take_time
 from observer_rt.service.state_file import model_hash
 from observer_rt.service.watch.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.service.watch.input_watch import InputWatch
@@ -67,7 +68,7 @@ class Daemon:
             )
             for number, (named, each) in enumerate(zip(bench.config.buses, self._links, strict=True))
         )
-        self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning")
+        self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning", initializer=take_time)
         self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
         self._injector = bench.injector
         self.core = Core(bench.injector, bus, knowledge, self._executor, listeners=listeners)

@@ -23,6 +23,7 @@ from observer_rt.service.notify import Notifier
 from observer_rt.service.opening import StoppedError, open_links, tell_other_senders
 from observer_rt.service.reports.news import News
 from observer_rt.service.reports.telling import Teller
+from observer_rt.service.rights import lock_memory, rights
 from observer_rt.service.show import run_with_view
 from observer_rt.service.state_file import load_knowledge, model_hash
 from observer_rt.service.view import View
@@ -92,6 +93,9 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         hearers = [tell, *keeper.listeners]
         daemon = Daemon(bench, bus, links, knowledge, hearers, notifier.alive, failed_writes)
         screen.watch(daemon)
+        granted = rights()
+        lock_memory(granted)
+        log.say(Topic.START, granted.as_text())
         log.say(Topic.START, "ready")
         with keeper.keeping(daemon.core):
             try:

@@ -1,21 +1,28 @@
 """Compile, or load from the cache, everything the loop and the training call, before the first frame needs it."""
 
 import math
+import socket
+from collections.abc import Iterable
+from contextlib import ExitStack
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.e2e import protect
+from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import NO_RATE, NO_SLOPES, Setting, Window, follow
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.seat import normalised_area
-from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.core import Core
+from observer_rt.service.pump.compiled_pump import CompiledPump, is_pumped
+from observer_rt.service.watch.arrivals import Arrivals
 from observer_rt.simulation.needle import lift_of_stroke, strokes
 from observer_rt.simulation.schedule import Event, Schedule, Shot
 
@@ -24,6 +31,7 @@ _RAIL_PRESSURE = 60e6  # Pa
 _ENERGIZING = 1e-3  # s
 _REST = 1500  # samples before an injection: enough for a first guess of the offset
 _AFTER = 10e-3  # s, in which needle and line come to rest
+_ROOM = 1e-3  # s to wait for room in a socket
 
 
 def warm_up(bench: Bench, bus: BusMap) -> Core:
@@ -34,7 +42,11 @@ def warm_up(bench: Bench, bus: BusMap) -> Core:
     """
     recording = _injections(bench.injector)
     core = Core(bench.injector, bus)
-    for frame in Framer(bus).frames(recording, whole(recording)):
+    frames = Framer(bus).frames(recording, whole(recording))
+    if is_pumped(bench, bus):
+        _pump(core, bus, frames, len(bench.config.buses))
+        return core
+    for frame in frames:
         core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, frame.bus)
     for layout, frame in ((slow.layout, slow.frame[0]) for slow in bus.slow):
         payload = np.zeros(layout.length, np.uint8)
@@ -42,6 +54,36 @@ def warm_up(bench: Bench, bus: BusMap) -> Core:
         core.handle(layout.frame_id, layout.is_extended, payload.tobytes(), 0, layout.bus)
     core.finish()
     return core
+
+
+def _pump(core: Core, bus: BusMap, frames: Iterable[TimedFrame], buses: int) -> None:
+    """The frames through sockets and the compiled loop."""
+    with ExitStack() as stack:
+        pairs = [socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET) for _ in range(buses)]
+        for end in chain.from_iterable(pairs):
+            stack.enter_context(end)
+            end.setblocking(False)
+        links = [
+            stack.enter_context(DescriptorLink(str(ours.fileno()), True, bus.received_on(number)))
+            for number, (ours, _) in enumerate(pairs)
+        ]
+        devices = [
+            stack.enter_context(DescriptorLink(str(theirs.fileno()), True, None)) for _, theirs in pairs
+        ]
+        pump = CompiledPump(links, core, bus, Arrivals(bus))
+        stack.callback(pump.close)
+        sent = 0
+        for frame in frames:
+            device = devices[frame.bus]
+            while not device.try_send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd):
+                pump.serve(_ROOM)
+            sent += 1
+            pump.serve(0.0)
+            while device.receive(0.0) is not None:
+                pass
+        while core.frames_taken < sent:
+            pump.serve(_ROOM)
+        pump.finish()
 
 
 def _injections(fitted: BenchInjector) -> Recording:

@@ -253,11 +253,6 @@ class SocketCanLink(Link):
     def close(self) -> None:
         self._socket.close()
 
-    @property
-    def takes_exact_identifiers(self) -> bool:
-        """Whether every wanted frame has the very identifier of its message; not so in J1939."""
-        return not self._groups
-
     def failure(self, error: OSError) -> RunError:
         """What the user can do about `error`."""
         name = self._channel

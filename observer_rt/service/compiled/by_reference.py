@@ -5,6 +5,7 @@ samples of a frame. Here it lies in a record of compiled code that is passed as 
 called without a look at the types of its arguments, which are always the same.
 """
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -56,10 +57,15 @@ class CompiledPipeline:
     def __init__(self, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
         self._held = _hold(pipeline)
-        held = typeof(self._held)
+
+    @cached_property
+    def _handle(self) -> Any:
         payload = types.Array(types.uint8, 1, "C")  # written by nobody
-        self._handle = _handle.compile((held, types.int64, payload, types.int64))
-        self._proceed = _proceed.compile((held,))
+        return _handle.compile((typeof(self._held), types.int64, payload, types.int64))
+
+    @cached_property
+    def _proceed(self) -> Any:
+        return _proceed.compile((typeof(self._held),))
 
     @property
     def held(self) -> Any:

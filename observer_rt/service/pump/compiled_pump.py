@@ -10,18 +10,22 @@ from typing import Any
 
 from numba import njit, typeof, types
 
+from observer_rt.bus.j1939 import GroupIdentifier
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.receiver import BusDownError
 from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.config.bench import Bench
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.pump import libc, loop
 from observer_rt.service.pump.memory import BUS, ERRORS, Pump, make_pump
 from observer_rt.service.pump.pump import FramePump
+from observer_rt.service.rights import hurry
 from observer_rt.service.watch.arrivals import Arrivals
 
 BUSY_WAIT = 2e-3  # s between two looks while events wait to be judged
+_RAW = ("socketcan", "descriptor")  # interfaces
 _TIMEVAL = struct.Struct("@ll")
 
 
@@ -30,11 +34,19 @@ def _run(pump, held, wake):  # type: ignore[no-untyped-def]
     return loop.run(pump, held.pipeline, wake)
 
 
+def is_pumped(bench: Bench, bus: BusMap) -> bool:
+    """Whether the daemon of a bench will use the compiled pump."""
+    return can_pump_messages(bus) and all(link.config.interface in _RAW for link in bench.config.buses)
+
+
 def can_pump(links: Sequence[Link], bus: BusMap) -> bool:
-    """Whether the compiled pump can serve these links: raw sockets, and no optional input, which Python takes."""
-    return not bus.slow and all(
-        isinstance(link, SocketCanLink) and link.takes_exact_identifiers for link in links
-    )
+    """Whether the compiled pump can serve these links."""
+    return can_pump_messages(bus) and all(isinstance(link, SocketCanLink) for link in links)
+
+
+def can_pump_messages(bus: BusMap) -> bool:
+    """No optional input, which Python takes, and no J1939, where identifiers change with the sender."""
+    return not bus.slow and not any(isinstance(each.received_id, GroupIdentifier) for each in bus.received)
 
 
 def compile_pump(core: Core, pump: Pump) -> Callable[..., bool]:
@@ -123,6 +135,7 @@ class CompiledPump(FramePump):
     def _loop(self) -> None:
         """The thread of the compiled loop; Python runs in it only where the stream waits for a verdict."""
         try:
+            hurry()
             while self._compiled(self._pump, self._core.compiled.held, self._wake):
                 self._may_go_on.clear()
                 self._waits.set()

@@ -2,6 +2,7 @@
 
 import socket
 import struct
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,12 +14,16 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import RunError
+from observer_rt.observer.stream.verdict import Taken
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.pump.compiled_pump import CompiledPump
-from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded
+from observer_rt.service.watch.arrivals import Arrivals
+from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded, published_rates
 from tests.service.participants import bench_file, serving, until, worn_recording
 
+BLOCK = 9  # samples of a frame
 FD_FRAME = struct.Struct("=IBB2x64s")
 
 
@@ -33,6 +38,9 @@ class Device:
         for frame in frames:
             self._end.send(FD_FRAME.pack(frame.frame_id, len(frame.payload), 1, frame.payload))
             self.read()
+
+    def close(self) -> None:
+        self._end.close()
 
     def read(self) -> None:
         while True:
@@ -74,9 +82,34 @@ def test_same_frames_as_evaluate(tmp_path: Path) -> None:
     assert daemon.core.counters.adoptions >= 2
 
 
-def test_device_that_goes_away_is_said(tmp_path: Path) -> None:
-    with connected(bench_file(tmp_path, "0")) as (device, daemon), pytest.raises(RunError, match="closed"):
-        with serving(daemon):
-            daemon.ready.wait()
-            device._end.close()
-            until(lambda: False if daemon.ready.is_set() and isinstance(daemon._pump, CompiledPump) else True)
+def test_rates_need_no_attention(tmp_path: Path) -> None:
+    """Rates come while nothing of Python runs for the pump, which does not wait for verdicts nobody posts."""
+    path = bench_file(tmp_path, "0")
+    recording = worn_recording(2)
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours, theirs, DescriptorLink(str(ours.fileno()), True, bus.received_on(0)) as link:
+        device = Device(theirs)
+        core = Core(bench.injector, bus)
+        core.compiled.observer.memory["waits_for_verdicts"] = False
+        pump = CompiledPump([link], core, bus, Arrivals(bus))
+        try:
+            frames = list(Framer(bus).frames(recording, whole(recording)))
+            device.send(frames)
+            until(lambda: core.counters.frames == len(frames))
+            device.read()
+        finally:
+            pump.close()
+        device.read()
+        assert core.compiled.observer.memory["events_taken"] == 1
+        assert core.compiled.observer.memory["events"][0][0]["taken"] == Taken.NOTHING
+    _, count = published_rates(device.received[RATE.frame_id], recording.samples)
+    assert (count[: core.processed // BLOCK * BLOCK] == 1).all()
+
+
+def test_a_device_that_goes_away_is_said(tmp_path: Path) -> None:
+    with connected(bench_file(tmp_path, "0")) as (device, daemon):
+        device.close()
+        with pytest.raises(RunError, match="closed"):
+            daemon.run(threading.Event())

@@ -102,8 +102,9 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
         finally:
             pump.close()
         device.read()
-        assert core.compiled.observer.memory["events_taken"] == 1
-        assert core.compiled.observer.memory["events"][0][0]["taken"] == Taken.NOTHING
+        memory = core.compiled.observer.memory[0]
+        assert memory["events_taken"] > 0
+        assert (memory["events"]["taken"][: int(memory["events_taken"])] == Taken.NOTHING).all()
     _, count = published_rates(device.received[RATE.frame_id], recording.samples)
     assert (count[: core.processed // BLOCK * BLOCK] == 1).all()
 

@@ -184,7 +184,7 @@ def advance_stream(observer: Observer) -> bool:
         if not _process(observer, position):
             return True
         memory.processed += 1
-    if memory.draining and not memory.waiting:
+    if memory.draining:
         _finish(observer)
     return bool(memory.waiting)
 

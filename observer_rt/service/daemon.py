@@ -148,7 +148,8 @@ class Daemon:
                 self._tell(notice)
         for notice in self._state_watch.look(now, self.state(now)):
             self._tell(notice)
-        self._on_alive()
+        if self._pump.goes_round():
+            self._on_alive()
 
     def _post(self, frames: Sequence[OutputFrame]) -> None:
         """Results to their buses, behind those that wait there."""

@@ -77,6 +77,7 @@ class CompiledPump(FramePump):
         self._compiled = compile_pump(core, self._pump)
         self._errors_read = [0] * len(links)
         self._unsent = 0
+        self._turns = -1
         self._left_out: set[int] = set()
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._readable = select.poll()
@@ -103,6 +104,10 @@ class CompiledPump(FramePump):
         self._waits.clear()
         self._may_go_on.set()
         return frames
+
+    def goes_round(self) -> bool:
+        before, self._turns = self._turns, int(self._pump.memory["turns"][0])
+        return self._turns != before or self._waits.is_set()
 
     def leave_out(self, bus: int) -> None:
         self._left_out.add(bus)

@@ -42,6 +42,7 @@ def run(pump: Pump, pipeline: Pipeline, wake: int) -> bool:
         if waits:
             return True
     while not memory.is_to_stop:
+        memory.turns += 1
         if not _frame_is_there(pump):
             _receive(pump)
         while True:

@@ -39,6 +39,7 @@ PUMP = np.dtype(
             "told",
             np.int64,
         ),  # what Python knows: events closed and taken, failures, errors; of a change it is told
+        ("turns", np.int64),
         ("frames", np.int64),  # received
         ("unsent", np.int64),
         # results

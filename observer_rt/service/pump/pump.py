@@ -30,10 +30,9 @@ class FramePump(ABC):
     def finish(self) -> Sequence[OutputFrame]:
         """No frame will come: what is complete, for the caller to send."""
 
-    @property
-    def unsent(self) -> int:
-        """Results given up that were not for the caller to send."""
-        return 0
+    def goes_round(self) -> bool:
+        """Whether what runs beside has done something since the last call."""
+        return True
 
     @abstractmethod
     def close(self) -> None:

@@ -3,7 +3,7 @@
 import socket
 import struct
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -38,7 +38,7 @@ class Device:
         self._end = end
         self.received: dict[int, list[bytes]] = {}
 
-    def send(self, frames: list[TimedFrame]) -> None:
+    def send(self, frames: Iterable[TimedFrame | Frame]) -> None:
         for frame in frames:
             self._end.send(FD_FRAME.pack(frame.frame_id, len(frame.payload), 1, frame.payload))
             self.read()
@@ -98,9 +98,9 @@ def through_pump(path: Path, frames: Sequence[Frame]) -> dict[int, list[bytes]]:
         out: list[OutputFrame] = []
         try:
             for frame in frames:
-                device.send([TimedFrame(0.0, frame.frame_id, frame.payload)])
+                device.send([frame])
                 out += pump.serve(0.0)
-            while sum(arrivals.heard_of(source).frames for source in arrivals.sources) < len(frames):
+            while arrivals.frames < len(frames):
                 out += pump.serve(1e-3)
             device.read()
             out += pump.finish()

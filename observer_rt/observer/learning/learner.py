@@ -52,7 +52,7 @@ from observer_rt.observer.learning.doubts.adequacy import (
     pooled,
     tempering,
 )
-from observer_rt.observer.learning.doubts.lateness import LagDoubt, lag_score
+from observer_rt.observer.learning.doubts.lateness import LagDoubt, lag_score, lateness_of
 from observer_rt.observer.learning.doubts.lift_lateness import LiftLag, LiftLagSearch, lift_lag_of
 from observer_rt.observer.learning.doubts.mistrust import Freezer, Mistrust
 from observer_rt.observer.learning.familiarity import UNSEEN, operating_point, remembered, unfamiliarity
@@ -192,7 +192,9 @@ class Learner:
         )
         is_clipped |= self._is_range_ending_in(window)
         is_disturbed = self._is_disturbed_before_openings(event)
-        doubts = self._doubts(event, lag)
+        again = self._resimulated(event.window, carried, strange)
+        self._lag_doubt.take_in(None if lag is None else lateness_of(lag, again.run))
+        doubts = self._doubts(event)
         now = _Past(event.window, self._constants, found)
         better = self._is_better([now] if self._previous is None else [self._previous, now], in_force)
         self._previous = now
@@ -209,7 +211,7 @@ class Learner:
             nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
             reasons = outcome.objections or (because,)
             return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=reasons)
-        again = self._resimulated(event.window, carried, strange)
+        again = replace(again, systematic=math.hypot(again.systematic, self._lag_doubt.volume_share))
         masked = int(event.window.masked.sum()) - int(window.masked.sum())
         return replace(outcome, resimulated=again, outliers=masked)
 
@@ -247,10 +249,10 @@ class Learner:
                 return None
         return _Explained(window, offset, cost, fit, colour)
 
-    def _doubts(self, event: _Explained, lag: float | None) -> list[Reason]:
-        """What an event brings up beside its innovations; lag: how much it looks like one of the sensor."""
+    def _doubts(self, event: _Explained) -> list[Reason]:
+        """What an event brings up beside its innovations."""
         doubts = []
-        if self._lag_doubt.is_no_lag_after(lag):
+        if self._lag_doubt.is_relevant:
             doubts.append(Reason.TIME_BASE)
         if event.fit.contradicts:
             doubts.append(Reason.SUDDEN_CHANGE)

@@ -1,8 +1,8 @@
 """Whether what was identified as a lag of the line-pressure sensor is one, or its channel is recorded late.
 
 Both move p_L by nearly the same: nozzle and seat terms adapt, mass stays right, but the shape of Q_H does not, and
-the innovations stay almost white. What tells them apart is asked for directly; so is what the mistake would make of the
-rate. A filter of 10 us and a delay of 10 us can be told apart by quiet sensors, and it does not matter which it is.
+the innovations stay almost white. What tells them apart is asked for directly; so is what the mistake would make of
+the rate. Quiet sensors tell a filter of 10 us from a delay of 10 us, and it does not matter which it is.
 """
 
 import math
@@ -24,8 +24,8 @@ from observer_rt.observer.learning.trend import RecentScores
 LEAST_LAG = 5e-6  # s, below which the two are the same to the eye
 REMEMBERED = 0.85  # weight of the score before this event
 SIGNIFICANT = 4.5  # standard deviations: below 1e-5 an event where it is a lag
-# Of the rate's peak, root mean square over the injection: what a lag in place of a delay may make of the rate. A tenth of
-# it is its share of the mass. About 25 us of delay do this.
+# Of the rate's peak, root mean square over the injection: what a lag in place of a delay may make of the rate. Of the
+# mass it is about a third. Some 25 us of delay do this.
 RELEVANT_RATE = 0.01
 LEAST_RATE = 0.02  # of the peak, from which on it counts as injection
 
@@ -94,7 +94,7 @@ def lag_score(
     if not length > 0.0:
         return None
     score = float(direction @ np.clip(fit.innovations[first:] / cost.sigma, -HUBER, HUBER)) / length
-    return LagScore(score, change)
+    return LagScore(score, np.asarray(change, np.float64))
 
 
 def lateness_of(found: LagScore, run: OpenLoop) -> Lateness:

@@ -46,6 +46,7 @@ from observer_rt.observer.learning.doubts.adequacy import (
     Innovations,
     Objection,
     event_statistics,
+    is_worn_beyond_limits,
     looks_like_inertance,
     objections,
     of_standstill,
@@ -473,6 +474,8 @@ class Learner:
         result = objections(self._statistics, offset, lag, self._healthy)
         if self._pressure_gains.is_too_large and Objection(Reason.PRESSURE_OFFSET) not in result:
             result.insert(0, Objection(Reason.PRESSURE_OFFSET))
+        if is_worn_beyond_limits(self._theta, self._scalars):
+            result.append(Objection(Reason.MODEL_INADEQUATE, Phase.OPEN))
         result.extend(Objection(reason) for reason in doubts)
         if looks_like_inertance(self._open_nozzle_change(window), float(self._theta[Parameter.BULK_MODULUS])):
             result.append(Objection(Reason.AMBIGUOUS_SCALE))

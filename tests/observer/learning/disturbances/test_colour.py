@@ -58,24 +58,25 @@ def test_white_noise_has_none(seed: int) -> None:
     assert all(found_in(white(seed, events)) is None for events in (1, 3, 8))
 
 
-def pink(seed: int, events: int = 12) -> list[NDArray[np.float64]]:
-    """White noise, and as much whose power falls with the frequency."""
+def behind_a_line(seed: int) -> list[NDArray[np.float64]]:
+    """White noise, and what a line passes on of pink noise of the rail: it falls more steeply with the frequency."""
     random = np.random.default_rng(seed)
-    frequency = np.fft.rfftfreq(200_000)
-    shape = np.append(0.0, frequency[1:] ** -0.5)
-    slow = np.fft.irfft(shape * np.fft.rfft(random.normal(size=200_000)))
-    slow *= 0.8 / np.std(slow)
-    starts = random.integers(0, 200_000 - REST, events)
+    shape = np.append(0.0, np.fft.rfftfreq(200_000)[1:] ** -0.75)
+    pink = np.fft.irfft(shape * np.fft.rfft(random.normal(size=200_000)))
+    slow = lfilter([0.1], [1.0, -0.9], pink)
+    slow *= 5.0 / np.std(slow)
+    starts = random.integers(0, slow.size - REST, 20)
     return [slow[start : start + REST] + random.normal(size=REST) for start in starts]
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_what_is_left_of_pink_noise_is_white_over_blocks_too(seed: int) -> None:
-    events = pink(seed)
+    """Single samples tell little of the slow part: by them alone a filter would do that leaves 1.66 with seed 1."""
+    events = behind_a_line(seed)
     colour = found_in(events)
     assert colour is not None
     left = [colour.whitening.of(values)[60:] / colour.sigma for values in events]
-    blocks = np.concatenate([values[: values.size // 20 * 20].reshape(-1, 20).mean(axis=1) for values in left])
+    blocks = np.concatenate([values.reshape(-1, 20).mean(axis=1) for values in left])
     assert 20.0 * np.mean(blocks**2) < 1.45
 
 

@@ -19,6 +19,7 @@ SEGMENT = 3e-3  # s, of rest without break from which on it tells a colour
 REMEMBERED = 0.85  # weight of the events before an event
 RAIL_MOTION = 0.66e-3  # s: what is slower is the rail's own motion
 RAIL_BLOCK = 0.16e-3  # s: what is faster the line does not hear
+LOUDEST = 4.0  # times the mean square of those before, or of the newest: no event counts for more, for it may be none
 MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
 QUIET = 0.7  # of the expected standard deviation
 # Of the BIC, within which the fastest high pass is taken: hum that keeps step with the events is steeper elsewhere
@@ -110,16 +111,30 @@ class RestingNoise:
 
     def add(self, segments: Sequence[NDArray[np.float64]]) -> None:
         """Take in an event's innovations [p_0], a stretch of rest each."""
-        self._products *= REMEMBERED
-        self._by_lag *= REMEMBERED
+        weight, before = self._weights(segments)
+        self._products *= REMEMBERED * before
+        self._by_lag *= REMEMBERED * before
         self._count *= REMEMBERED
         for values in segments:
             for choice, forgetting in enumerate(self._choices):
-                passed = _passed(values, forgetting)
+                passed = weight * _passed(values, forgetting)
                 lagged = np.lib.stride_tricks.sliding_window_view(passed, ORDERS + 1)[:, ::-1]
                 self._products[choice] += lagged.T @ lagged
                 self._by_lag[choice] += _autocovariances(passed) * (len(values) - ORDERS)
             self._count += len(values) - ORDERS
+
+    def _weights(self, segments: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
+        """What makes up for how loud an event is: a factor of its innovations, and of the squares before it.
+
+        By what the slowest high pass lets through: levels differ from event to event.
+        """
+        if not (segments and self._count > 0.0):
+            return 1.0, 1.0
+        passed = np.concatenate([_passed(values, self._choices[1]) for values in segments])
+        square, known = float(np.mean(passed**2)), float(self._products[1, 0, 0] / self._count)
+        if not min(square, known) > 0.0:
+            return 1.0, 1.0
+        return math.sqrt(min(1.0, LOUDEST * known / square)), min(1.0, LOUDEST * square / known)
 
     def colour(self, before: Colour | None, expected: float = 0.0) -> Colour | None:
         """The filter that explains them best by the BIC, None where white noise does about as well.

@@ -16,14 +16,14 @@ AT = slice(500, 700)
 
 def swinging() -> NDArray[np.float64]:
     """A line pressure that swings by a tenth at 1.3 kHz."""
-    return 1.0 + 0.1 * np.sin(2.0 * np.pi * np.arange(COUNT) / 77.0)
+    return np.asarray(1.0 + 0.1 * np.sin(2.0 * np.pi * np.arange(COUNT) / 77.0), np.float64)
 
 
 def noisy(seed: int, burst: float = 0.0, at: slice = AT) -> NDArray[np.float64]:
     random = np.random.default_rng(seed)
     sigmas = np.full(COUNT, NOISE)
     sigmas[at] = np.hypot(NOISE, burst)
-    return swinging() + random.normal(size=COUNT) * sigmas
+    return np.asarray(swinging() + random.normal(size=COUNT) * sigmas, np.float64)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -461,7 +461,8 @@ class Learner:
             objections=self._objections(adoption, window, doubts),
             estimate=self._theta.copy(),
             covariance=gated_covariance(self._belief, self._scalars.gate, self._active)
-            + np.diag(self._pressure_gains.wear_variance(self._scalars.width)),
+            + np.diag(self._pressure_gains.wear_variance(self._scalars.width))
+            + np.diag(self._lag_doubt.variance(self._scalars.width)),
         )
 
     def _objections(

@@ -43,12 +43,13 @@ class LagScore(NamedTuple):
 class Lateness(NamedTuple):
     """How much an event's lag looks like none (`LagScore`), and what the mistake makes of its rate, if it is one.
 
-    rate_share: of the peak, root mean square over the injection; volume_share: of the volume.
+    rate_share: of the peak, root mean square over the injection; volume_share: of the volume; change: of theta (m,).
     """
 
     score: float
     rate_share: float
     volume_share: float
+    change: NDArray[np.float64]
 
 
 def lag_score(
@@ -102,9 +103,9 @@ def lateness_of(found: LagScore, run: OpenLoop) -> Lateness:
     moved, peak = run.slopes @ found.change, float(np.max(run.rate))
     injecting = run.rate > LEAST_RATE * peak
     if not injecting.any():
-        return Lateness(found.score, 0.0, 0.0)
+        return Lateness(found.score, 0.0, 0.0, found.change)
     share = math.sqrt(float(np.mean(moved[injecting] ** 2))) / peak
-    return Lateness(found.score, share, float(np.sum(moved) / np.sum(run.rate)))
+    return Lateness(found.score, share, float(np.sum(moved) / np.sum(run.rate)), found.change)
 
 
 class LagDoubt:
@@ -113,17 +114,20 @@ class LagDoubt:
     def __init__(self) -> None:
         self._scores = RecentScores(REMEMBERED, 1)
         self._events, self._rate_squares, self._volume_squares = 0.0, 0.0, 0.0
+        self._change_squares: NDArray[np.float64] | float = 0.0
 
     def take_in(self, event: Lateness | None) -> None:
         """An event more; None: there is no lag, all is forgotten."""
         if event is None:
             self._scores.forget()
             self._events, self._rate_squares, self._volume_squares = 0.0, 0.0, 0.0
+            self._change_squares = 0.0
             return
         self._scores.add(np.array([event.score]))
         self._events = REMEMBERED * self._events + 1.0
         self._rate_squares = REMEMBERED * self._rate_squares + event.rate_share**2
         self._volume_squares = REMEMBERED * self._volume_squares + event.volume_share**2
+        self._change_squares = REMEMBERED * self._change_squares + event.change**2
 
     @property
     def is_no_lag(self) -> bool:
@@ -139,3 +143,7 @@ class LagDoubt:
     def volume_share(self) -> float:
         """By what a volume may be wrong where it is no lag, 0 where it seems to be one."""
         return math.sqrt(self._volume_squares / self._events) if self.is_no_lag else 0.0
+
+    def variance(self, width: int) -> NDArray[np.float64]:
+        """The same of theta, as variances (width,)."""
+        return np.zeros(width) + (self._change_squares / self._events if self.is_no_lag else 0.0)

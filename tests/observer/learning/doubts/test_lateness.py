@@ -69,7 +69,7 @@ def test_score_of_a_fit_is_not_changed_by_what_was_tried_after_it() -> None:
 
 
 def doubted(doubt: LagDoubt, score: float, rate_share: float = 2.0 * RELEVANT_RATE) -> bool:
-    doubt.take_in(Lateness(score, rate_share, 0.004))
+    doubt.take_in(Lateness(score, rate_share, 0.004, np.array([0.01, 0.0])))
     return doubt.is_relevant
 
 
@@ -98,6 +98,7 @@ def test_a_delay_too_short_to_matter_only_widens_the_interval() -> None:
     doubt = LagDoubt()
     assert not any(doubted(doubt, -3.0, 0.5 * RELEVANT_RATE) for _ in range(8))
     assert doubt.volume_share == pytest.approx(0.004)
+    assert doubt.variance(2) == pytest.approx([1e-4, 0.0])
 
 
 def test_a_lag_widens_nothing() -> None:

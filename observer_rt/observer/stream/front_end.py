@@ -24,6 +24,7 @@ FOOT = 0.3  # of the dead band, above which these samples are the foot of a ramp
 RAMP = 30e-6  # s of a ramp from which its slope is taken, behind its first sample
 LONGEST_RAMP = LOOK_BACK + FEWEST_OPENING - 2  # samples; so many are known when the slope is needed
 SLOWEST_OPENING = 0.3  # m/s
+LOWEST = 15e-6  # m, below which a needle does not stop when it opens
 _MASK = RING - 1
 
 
@@ -128,10 +129,31 @@ def _opens_within(observer: Observer, position: int, samples: int) -> bool:
         if lift > threshold:
             run += 1
             if run == observer.constants.timing.confirm:
-                return True
+                return not _stays_low(observer, position + ahead)
         elif run > 0 or lift < FOOT * threshold:
             return False
     return False
+
+
+@njit(cache=True, nogil=True)
+def _stays_low(observer: Observer, last: int) -> bool:
+    """Whether a needle long at rest has left the dead band without rising on, up to `last`.
+
+    Then its zero has stepped: no needle stops just off its seat.
+    """
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    ring = observer.ring
+    if memory.needle_open or ring[last & _MASK].index - memory.shut_since <= timing.bounce + timing.confirm:
+        return False
+    half = timing.confirm // 2
+    earlier, later = 0.0, 0.0
+    for k in range(half):
+        later += ring[(last - k) & _MASK].lift
+        earlier += ring[(last - timing.confirm + 1 + k) & _MASK].lift
+    rises = (later - earlier) / half
+    slowest = 0.5 * SLOWEST_OPENING * observer.constants.interval * (timing.confirm - half)
+    return bool(rises < min(memory.lift_on, slowest) and 0.5 * (earlier + later) < LOWEST * half)
 
 
 @njit(cache=True, nogil=True)

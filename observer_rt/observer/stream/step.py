@@ -26,7 +26,7 @@ from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, 
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
-from observer_rt.observer.stream.state import LIFT, MAX_EVENT, RING, WAITING, Observer, Reason, State
+from observer_rt.observer.stream.state import LINE, MAX_EVENT, RAIL, RING, WAITING, Observer, Reason, State
 from observer_rt.observer.stream.undoing import keep_waiting, true_lift, true_rail_pressure
 
 _MASK = RING - 1
@@ -340,8 +340,10 @@ def _is_only_rest_held(observer: Observer, position: int) -> bool:
     """
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
-    is_at_rest = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.bounce
-    return bool(is_at_rest and row.doubt == _FROZEN and row.bridged == 1 << LIFT)
+    timing = observer.constants.timing
+    is_at_rest = not memory.needle_open and row.index - memory.shut_since > timing.bounce
+    others = max(memory.channels[RAIL].bridged, memory.channels[LINE].bridged)
+    return bool(is_at_rest and row.doubt == _FROZEN and others <= timing.bridge)
 
 
 @njit(cache=True, nogil=True)

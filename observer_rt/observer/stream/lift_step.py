@@ -10,8 +10,10 @@ from numba import njit
 from observer_rt.observer.stream.front_end import LOWEST
 from observer_rt.observer.stream.state import RING, Observer
 
-QUICK = 80e-6  # s, of the mean that shows a step; as long it must last
+QUICK = 80e-6  # s, of the mean that shows a step
+LASTS = 60e-6  # s, of a step; every second sample is looked at
 FEWEST = 2  # samples of that
+QUICK_RATE = 1.0 / QUICK  # 1/s
 STANDS_OUT = 6.0  # standard deviations of that mean, as it was lately
 LEAST = 0.5e-6  # m
 QUICK_MEMORY = 40e-3  # s
@@ -25,38 +27,46 @@ _MASK = RING - 1
 
 
 @njit(cache=True, nogil=True, inline="always")
-def follow_step(observer: Observer, position: int) -> None:
-    """At a sample of a needle at rest: look for a step of its lift, and have the zero follow it at once."""
+def follow_step(observer: Observer, position: int, share: float) -> None:
+    """At a sample of a needle at rest: look for a step of its lift, and have the zero follow it at once.
+
+    share: of the sample in the quick mean.
+    """
     memory = observer.memory[0]
     lift = observer.ring[position & _MASK].lift
     if not abs(lift) < START_LIMIT + memory.lift_on:
         memory.quick = 0.0
         memory.quiet = position
         return
-    share = min(observer.constants.interval / QUICK, 1.0)
     memory.quick += share * (lift - memory.quick)
     square = memory.quick * memory.quick
-    by_noise = 0.5 * share * max(memory.lift_variance, memory.spread)
-    limit = max(STANDS_OUT**2 * max(memory.quick_squares, by_noise), LEAST**2)
-    memory.quick_squares += (min(square, limit) - memory.quick_squares) * (
-        observer.constants.interval / QUICK_MEMORY
-    )
-    if square <= limit:
+    if square <= memory.quick_limit:
         memory.quiet = position
-    elif position - memory.quiet >= _samples(observer) and memory.lift_count >= BEGINNING:
+        memory.quick_squares += QUICK / QUICK_MEMORY * share * (square - memory.quick_squares)
+        return
+    memory.quick_squares += QUICK / QUICK_MEMORY * share * (memory.quick_limit - memory.quick_squares)
+    if position - memory.quiet >= _samples(observer) and memory.lift_count >= BEGINNING:
         _take_step(observer, position)
 
 
 @njit(cache=True, nogil=True)
+def expect_steps(observer: Observer) -> None:
+    """How far the noise at rest moves the mean that shows a step."""
+    memory = observer.memory[0]
+    by_noise = 0.5 * QUICK_RATE * observer.constants.interval * max(memory.lift_variance, memory.spread)
+    memory.quick_limit = max(STANDS_OUT**2 * max(memory.quick_squares, by_noise), LEAST**2)
+
+
+@njit(cache=True, nogil=True)
 def _samples(observer: Observer) -> int:
-    return max(round(QUICK / observer.constants.interval), FEWEST)
+    return max(round(LASTS / observer.constants.interval), FEWEST)
 
 
 @njit(cache=True, nogil=True)
 def _take_step(observer: Observer, position: int) -> None:
     """The lift has been another one for some samples up to a position: from there on that is the zero."""
     memory = observer.memory[0]
-    count = _samples(observer)
+    count = min(position - memory.quiet, 2 * _samples(observer))
     step = 0.0
     for k in range(count):
         step += observer.ring[(position - k) & _MASK].lift / count

@@ -8,7 +8,9 @@ from observer_rt.foundation.continuity import Break
 from observer_rt.observer.stream.events import forget_opening
 from observer_rt.observer.stream.front_end import dead_band, known
 from observer_rt.observer.stream.lift_step import (
+    QUICK_RATE,
     START_LIMIT,
+    expect_steps,
     follow_step,
     forget_step,
     shift_lifts,
@@ -41,6 +43,7 @@ CROSSTALK_SAMPLES = 2000
 FOUND, LOST = 8.0, 5.0  # standard deviations from which on it is taken out, and below which no more
 LEAST_NOISE = 0.1e-6  # m
 MOST_CROSSTALK = 0.5e-12  # m/Pa
+RECENT = 4000  # samples since a step, by when its mean is the running one
 _WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
 _BEGINNING = 1000  # samples; afterwards every second one is looked at
 _LOOK = 32  # of these after which dead band and crosstalk are worked out
@@ -79,6 +82,7 @@ def follow_lift(observer: Observer, position: int) -> None:
     Else into what is known of its stop.
     """
     memory = observer.memory[0]
+    interval = observer.constants.interval
     row = observer.ring[position & _MASK]
     shut_for = row.index - memory.shut_since
     if memory.needle_open:
@@ -91,16 +95,16 @@ def follow_lift(observer: Observer, position: int) -> None:
     if shut_for <= observer.constants.timing.bounce:
         _move_on(observer, position)
         return
-    follow_step(observer, position)
     has_begun = memory.zero_count >= _BEGINNING
     if row.interpolated or (has_begun and position % 2):
         return
+    follow_step(observer, position, min((2.0 if has_begun else 1.0) * QUICK_RATE * interval, 1.0))
     lift = row.needle_lift - memory.zero
     if not math.isfinite(lift):
         return
     swing = _swing(observer, row.line_pressure)
     memory.zero_count += 1
-    share = 2.0 * ZERO_RATE * observer.constants.interval
+    share = 2.0 * ZERO_RATE * interval
     if not has_begun:
         share = max(1.0 / memory.zero_count, 0.5 * share)
     memory.line_mean += share * swing
@@ -117,6 +121,7 @@ def follow_lift(observer: Observer, position: int) -> None:
         opens, shuts = dead_band(math.sqrt(max(memory.lift_variance, memory.spread)))
         if memory.lift_count >= ENOUGH_SAMPLES or opens > memory.lift_on:
             memory.lift_on, memory.lift_off = opens, shuts
+        expect_steps(observer)
         _find_crosstalk(observer)
 
 
@@ -125,7 +130,8 @@ def _follow(observer: Observer, position: int, lift: float, share: float) -> Non
     """The zero after a shut needle's lift [m], taken into its mean by a share: the mean, or where it moves to."""
     memory = observer.memory[0]
     interval = observer.constants.interval
-    share = max(share, since_step(observer, position))
+    if position - memory.stepped < RECENT:
+        share = max(share, since_step(observer, position))
     near = max(share, 2.0 * NEAR_RATE * interval)
     memory.zero_mean += share * (lift - memory.zero_mean)
     memory.zero_near += near * (lift - memory.zero_near)

@@ -251,6 +251,7 @@ _OBSERVER = [
     ("followed", np.int64),  # position of the last sample in them
     ("quick", np.float64),  # m, mean over some samples of the lift about its zero
     ("quick_squares", np.float64),  # m2, running mean of its square
+    ("quick_limit", np.float64),  # m2, of its square: more is a step
     ("quiet", np.int64),  # position of the last sample at which it was small
     ("stepped", np.int64),  # position at which a step of the zero was found
     ("before_step", np.float64),  # m, the zero before it

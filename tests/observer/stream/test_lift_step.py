@@ -59,7 +59,7 @@ def test_a_zero_that_steps_is_another_one_at_once(step: float) -> None:
 
 @pytest.mark.parametrize(
     ("height", "before"),
-    [(3 * UM, 14), (6 * UM, 14), (1.5 * UM, 25), (3 * UM, 25), (-3 * UM, 25), (1.5 * UM, 45), (6 * UM, 45)],
+    [(3 * UM, 16), (6 * UM, 14), (1.5 * UM, 25), (3 * UM, 25), (-3 * UM, 25), (1.5 * UM, 45), (6 * UM, 45)],
 )
 def test_the_current_through_the_coil_opens_no_needle(height: float, before: int) -> None:
     """It flows from before the opening until the needle is about to close."""

@@ -129,31 +129,37 @@ def _opens_within(observer: Observer, position: int, samples: int) -> bool:
         if lift > threshold:
             run += 1
             if run == observer.constants.timing.confirm:
-                return not _stays_low(observer, position + ahead)
+                return True
         elif run > 0 or lift < FOOT * threshold:
             return False
     return False
 
 
 @njit(cache=True, nogil=True)
-def _stays_low(observer: Observer, last: int) -> bool:
-    """Whether a needle long at rest has left the dead band without rising on, up to `last`.
+def stays_low(observer: Observer, position: int) -> bool:
+    """Whether a needle long at rest that is recorded as open from `position` on does not rise on.
 
-    Then its zero has stepped: no needle stops just off its seat.
+    Then its zero has stepped: no needle stops just off its seat. (Asked for at an opening only, for calls cost much.)
     """
     memory = observer.memory[0]
     timing = observer.constants.timing
     ring = observer.ring
-    if memory.needle_open or ring[last & _MASK].index - memory.shut_since <= timing.bounce + timing.confirm:
+    if ring[position & _MASK].index - memory.shut_since <= timing.bounce:
         return False
-    half = timing.confirm // 2
+    ahead = known(observer, position)
+    first = 0
+    while first < ahead and not ring[(position + first) & _MASK].lift > memory.lift_on:
+        first += 1
+    last = min(first + timing.confirm - 1, ahead)
+    half = (last - first + 1) // 2
+    if half == 0:
+        return False
     earlier, later = 0.0, 0.0
     for k in range(half):
-        later += ring[(last - k) & _MASK].lift
-        earlier += ring[(last - timing.confirm + 1 + k) & _MASK].lift
-    rises = (later - earlier) / half
-    slowest = 0.5 * SLOWEST_OPENING * observer.constants.interval * (timing.confirm - half)
-    return bool(rises < min(memory.lift_on, slowest) and 0.5 * (earlier + later) < LOWEST * half)
+        earlier += ring[(position + first + k) & _MASK].lift / half
+        later += ring[(position + last - k) & _MASK].lift / half
+    slowest = 0.5 * SLOWEST_OPENING * observer.constants.interval * half
+    return bool(later - earlier < min(memory.lift_on, slowest) and 0.5 * (earlier + later) < LOWEST)
 
 
 @njit(cache=True, nogil=True)

@@ -21,6 +21,7 @@ from observer_rt.observer.stream.front_end import (
     open_from,
     opens_at,
     shut_area,
+    stays_low,
 )
 from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, take_out_zero
 from observer_rt.observer.stream.outliers import inspect
@@ -230,6 +231,8 @@ def _process(observer: Observer, position: int) -> bool:
         _end_segment(observer, position)
     take_out_zero(observer, position)
     opens = not memory.needle_open and opens_at(observer, position)
+    if opens and stays_low(observer, position):
+        opens = False
     is_closed = memory.events_taken < memory.events_closed
     if not opens and is_closed and judgement_due(observer, row.index):
         memory.waiting = True

@@ -307,7 +307,8 @@ def test_nor_is_a_spike_of_the_lift(at: int) -> None:
 def first_event(channels: list[NDArray[np.float64]]) -> np.void:
     """As it closed."""
     stream, _ = observed(channels, events_required=0)
-    return stream.observer.memory["events"][0][0]
+    event: np.void = stream.observer.memory["events"][0][0]
+    return event
 
 
 @pytest.mark.parametrize("held", [slice(4850, 4920), slice(4850, 5150)])

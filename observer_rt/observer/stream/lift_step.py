@@ -30,10 +30,10 @@ _MASK = RING - 1
 def follow_step(observer: Observer, position: int, share: float) -> None:
     """At a sample of a needle at rest: look for a step of its lift, and have the zero follow it at once.
 
-    share: of the sample in the quick mean.
+    share: of the sample, with the one before it, in the quick mean.
     """
     memory = observer.memory[0]
-    lift = observer.ring[position & _MASK].lift
+    lift = 0.5 * (observer.ring[position & _MASK].lift + observer.ring[(position - 1) & _MASK].lift)
     if not abs(lift) < START_LIMIT + memory.lift_on:
         memory.quick = 0.0
         memory.quiet = position

@@ -28,6 +28,7 @@ from observer_rt.observer.stream.front_end import (
     samples_ahead,
     toe_samples,
 )
+from observer_rt.observer.stream.lift_step import LONG_PAST
 from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
 from observer_rt.observer.stream.pair import FURTHEST_OFFSET
 from observer_rt.observer.stream.phi import put_into
@@ -138,6 +139,7 @@ def make_observer(
     memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift * louder(constants.undoing.lift_lag))
     _expect(memory, learner.schedule.innovation_sigma)
     memory["offset_moves"] = knowledge.colour is None
+    memory["stepped"] = LONG_PAST
     _put_in_force(observer, knowledge)
     return observer
 

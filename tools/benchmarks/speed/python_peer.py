@@ -51,7 +51,7 @@ class Peer:
         lift = np.array([values[name] for name in self._lifts], float) * MICROMETRE
         line = np.array([values[name] for name in self._pressures], float) * MEGAPASCAL
         rates = [rate / MM3_PER_MS for rate in self._estimator.rates(rail, lift, line)]
-        index = int(values["SampleIndex"])  # type: ignore[arg-type]
+        index = int(values["SampleIndex"])
         if self._begin < 0 or index != self._begin + len(self._known):
             self._known.clear()
             self._begin = index
@@ -109,4 +109,5 @@ def serve(channel: str, database: str, input_id: int, rate_id: int, ahead: int, 
 if __name__ == "__main__":
     nominal = load_injector()
     chosen = Pair(nominal, SAMPLE_RATE) if sys.argv[6] == "pair" else QuasiStaticNozzle(nominal)
-    serve(sys.argv[1], sys.argv[2], *map(int, sys.argv[3:6]), chosen)
+    input_number, rate_number, samples_ahead = map(int, sys.argv[3:6])
+    serve(sys.argv[1], sys.argv[2], input_number, rate_number, samples_ahead, chosen)

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,15 +49,40 @@ class RoundTrip:
 
 @dataclass(frozen=True)
 class RoundTrips:
-    """By pace and party. said: the last words of our daemons and the peer; how: where it ran."""
+    """By pace and party. said: the last words of each; latencies [s]: with the needle open, by `pace, party`."""
 
+    link: str
     found: Mapping[str, Mapping[str, RoundTrip]]
     said: Mapping[str, str]
     latencies: Mapping[str, NDArray[np.float64]]
 
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        found = {
+            pace: {party: asdict(each) for party, each in parties.items()}
+            for pace, parties in self.found.items()
+        }
+        return {"link": self.link, "found": found, "said": dict(self.said)}
+
     def ratio(self, over: str, under: str) -> float:
         """Of medians with the needle open, the largest of all paces."""
         return max(each[over].open_needle.p50 / each[under].open_needle.p50 for each in self.found.values())
+
+    def speedup(self, peer: str) -> float | None:
+        """How many times faster ours is, the least of the paces at which the peer loses nothing; None: of none."""
+        found = [
+            each[peer].open_needle.p50 / each[OURS].open_needle.p50
+            for each in self.found.values()
+            if each[peer].lost_samples == 0
+        ]
+        return min(found, default=None)
+
+    def excess(self, party: str) -> float:
+        """By how many of its medians its 99.9 % are beyond those of the echo, the most of all paces."""
+        return max(
+            (each[party].all_frames.p999 - each[ECHO].all_frames.p999) / each[party].all_frames.p50
+            for each in self.found.values()
+        )
 
 
 def measure_roundtrips(folder: Path, seconds: float) -> RoundTrips:
@@ -80,7 +106,12 @@ def measure_roundtrips(folder: Path, seconds: float) -> RoundTrips:
         for pace, parties in document["found"].items()
     }
     with np.load(folder / "roundtrip.npz") as latencies:
-        return RoundTrips(found, document["said"], dict(latencies))
+        return RoundTrips(_link(), found, document["said"], dict(latencies))
+
+
+def _link() -> str:
+    done = subprocess.run([_VCAN, "--how"], capture_output=True, text=True, check=True)
+    return f"{CHANNEL} in user-mode Linux, one CPU" if done.stdout.strip() == "uml" else CHANNEL
 
 
 def run_parties(folder: Path, channel: str, seconds: float) -> None:

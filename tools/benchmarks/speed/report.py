@@ -1,0 +1,90 @@
+"""A run of `tools/bench speed` as tables and as a document."""
+
+from dataclasses import asdict
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from tools.benchmarks.speed.bars import figures
+from tools.benchmarks.speed.measure import Speed
+from tools.benchmarks.speed.roundtrip import RoundTrips
+from tools.benchmarks.speed.training import USUAL, TrainingTimes
+
+_NOT_MEASURED = "-"
+
+
+def print_speed(speed: Speed, console: Console) -> None:
+    """Every table there is something for."""
+    console.print(_figures_table(speed))
+    if speed.roundtrips:
+        console.print(_round_trip_table(speed.roundtrips))
+    if speed.sustained:
+        console.print(f"socket pair: {speed.sustained.latency}; {speed.sustained.farewell}", highlight=False)
+    if speed.sample:
+        times = speed.sample
+        text = f"open sample: {times.ours:.2f} us, in C {times.in_c:.2f}, whole step {times.whole:.2f}"
+        console.print(f"{text}; the same rates to {times.largest_difference:.1e}", highlight=False)
+    if speed.training:
+        console.print(_training_table(speed.training))
+        ours, theirs = speed.training.costs
+        text = f"J of {USUAL} samples falls to {ours:.1e} and {theirs:.1e} of what it was"
+        default = f"an event of the default training takes {speed.training.default_ms:.1f} ms"
+        console.print(f"{text}; {default}", highlight=False)
+    if speed.scaling:
+        table = Table("grows", "to", "us a sample", title="scaling", title_justify="left")
+        for row in speed.scaling:
+            table.add_row(row.what, f"{row.value:g}", f"{row.us_a_sample:.2f}")
+        console.print(table)
+
+
+def speed_document(speed: Speed) -> dict[str, Any]:
+    """`figures` by name, `details` of what was measured."""
+    return {
+        "figures": {each.name: each.value for each in figures(speed)} | {"link": link_of(speed)},
+        "details": {
+            "load": speed.load,
+            "missed": [each.name for each in figures(speed) if each.is_met is False],
+            "roundtrip": speed.roundtrips and speed.roundtrips.document(),
+            "sustained": speed.sustained and speed.sustained.document(),
+            "sample": speed.sample and asdict(speed.sample),
+            "training": speed.training and asdict(speed.training),
+            "startup": speed.startup and asdict(speed.startup),
+            "scaling": [asdict(row) for row in speed.scaling],
+        },
+    }
+
+
+def link_of(speed: Speed) -> str | None:
+    """Where the round trip was measured."""
+    return speed.roundtrips.link if speed.roundtrips else None
+
+
+def _figures_table(speed: Speed) -> Table:
+    load = f"load {speed.load[0]:.1f} before, {speed.load[1]:.1f} after"
+    table = Table("figure", "value", "bar", "", "against", title=f"speed ({load})", title_justify="left")
+    for each in figures(speed):
+        value = _NOT_MEASURED if each.value is None else f"{each.value:.4g}"
+        verdict = {None: "", True: "met", False: "MISSED"}[each.is_met]
+        table.add_row(each.name, value, each.bar, verdict, each.peer)
+    return table
+
+
+def _round_trip_table(found: RoundTrips) -> Table:
+    title = f"round trip on {found.link}: p50 / p99 / p99.9 (answers)"
+    table = Table("pace", "", "needle open", "all", "lost samples", title=title, title_justify="left")
+    for pace, parties in found.found.items():
+        for party, each in parties.items():
+            table.add_row(pace, party, str(each.open_needle), str(each.all_frames), str(each.lost_samples))
+        table.add_section()
+    for party, text in found.said.items():
+        if "us a frame" in text:
+            table.add_row("stages", party, text)
+    return table
+
+
+def _training_table(times: TrainingTimes) -> Table:
+    table = Table("samples", "ours", "scipy", title="30 epochs, ms", title_justify="left")
+    for samples, ms in times.ours.items():
+        table.add_row(str(samples), f"{ms:.2f}", f"{times.scipy[samples]:.2f}")
+    return table

@@ -48,6 +48,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 app.command(epilog=wave_command.EXAMPLE)(wave_command.wave_recordings)
 app.command(epilog=realism_command.EXAMPLE)(realism_command.realism)
 app.command(epilog=speed_command.EXAMPLE)(speed_command.speed)
+app.command(epilog=speed_command.SOAK_EXAMPLE)(speed_command.soak)
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
 WorkersOption = Annotated[int, typer.Option(min=1, help="Processes.")]
 OutOption = Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")]

@@ -18,7 +18,9 @@ _END_TIMEOUT = 30.0
 _TICK = os.sysconf("SC_CLK_TCK")
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 RUN = (sys.executable, "-m", "observer_rt", "run", "--bench")
-DISTURBED_RUN = (sys.executable, "-m", "tools.benchmarks.speed.disturbed", "run", "--bench")
+_DISTURBED = (sys.executable, "-m", "tools.benchmarks.speed.disturbed")
+BUSY_RUN = (*_DISTURBED, "busy", *RUN[-2:])
+PAUSED_RUN = (*_DISTURBED, "paused", *RUN[-2:])
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,11 @@ class Passage:
         return (end - begin - int(np.sum((told >= begin) & (told < end)))) * RATES
 
     @property
+    def repeated(self) -> int:
+        """Samples told of more than once."""
+        return (self.index.size - np.unique(self.index).size) * RATES
+
+    @property
     def seconds(self) -> float:
         """From the first frame to the last answer."""
         return float(self.heard[-1] - self.sent[0]) * 1e-9 if self.heard.size else float("nan")

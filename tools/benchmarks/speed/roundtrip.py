@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import RunError
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.latency import Latency, latency_of
-from tools.benchmarks.speed.observers import DISTURBED_RUN, RUN, Observer, observer
+from tools.benchmarks.speed.observers import BUSY_RUN, RUN, Observer, observer
 from tools.benchmarks.speed.pace import Pacer, Passage
 from tools.benchmarks.speed.sustained import farewell
 from tools.benchmarks.speed.traffic import Ids, Traffic, load_traffic, write_bench
@@ -119,8 +119,8 @@ def run_parties(folder: Path, channel: str, seconds: float) -> None:
     traffic = load_traffic(folder)
     with ExitStack() as stack:
         running = {}
-        for party, ids in PARTIES.items():
-            running[party] = stack.enter_context(observer(_command(folder, channel, party, ids, traffic)))
+        for party in PARTIES:
+            running[party] = stack.enter_context(observer(command_of(folder, channel, party, traffic)))
             if party == BUSY:
                 running[party].suspend()
         pacers = {party: Pacer(folder, traffic, channel, ids) for party, ids in PARTIES.items()}
@@ -144,7 +144,9 @@ def run_parties(folder: Path, channel: str, seconds: float) -> None:
     np.savez(folder / "roundtrip.npz", **latencies)  # type: ignore[arg-type]
 
 
-def _command(folder: Path, channel: str, party: str, ids: Ids, traffic: Traffic) -> list[str | Path]:
+def command_of(folder: Path, channel: str, party: str, traffic: Traffic) -> list[str | Path]:
+    """What starts a party; what it needs is written into the folder."""
+    ids = PARTIES[party]
     bench = write_bench(folder / f"party_{ids.place}", "socketcan", channel, ids)
     numbers = [str(ids.input), str(ids.rate), str(traffic.ahead)]
     if party == ECHO:
@@ -160,7 +162,7 @@ def _command(folder: Path, channel: str, party: str, ids: Ids, traffic: Traffic)
             *numbers,
             ESTIMATORS[party],
         ]
-    return [*(DISTURBED_RUN if party == BUSY else RUN), bench]
+    return [*(BUSY_RUN if party == BUSY else RUN), bench]
 
 
 def _in_turn(

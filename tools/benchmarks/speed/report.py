@@ -8,7 +8,7 @@ from rich.table import Table
 
 from tools.benchmarks.speed.bars import figures
 from tools.benchmarks.speed.measure import Speed
-from tools.benchmarks.speed.roundtrip import RoundTrips
+from tools.benchmarks.speed.roundtrip import ECHO, RoundTrips
 from tools.benchmarks.speed.training import USUAL, TrainingTimes
 
 _NOT_MEASURED = "-"
@@ -19,6 +19,9 @@ def print_speed(speed: Speed, console: Console) -> None:
     console.print(_figures_table(speed))
     if speed.roundtrips:
         console.print(_round_trip_table(speed.roundtrips))
+        for party, text in speed.roundtrips.said.items():
+            if "us a frame" in text:
+                console.print(f"{party}, {text}", highlight=False)
     if speed.sustained:
         console.print(f"socket pair: {speed.sustained.latency}; {speed.sustained.farewell}", highlight=False)
     if speed.sample:
@@ -72,14 +75,14 @@ def _figures_table(speed: Speed) -> Table:
 
 def _round_trip_table(found: RoundTrips) -> Table:
     title = f"round trip on {found.link}: p50 / p99 / p99.9 (answers)"
-    table = Table("pace", "", "needle open", "all", "lost samples", title=title, title_justify="left")
+    columns = ("pace", "", "needle open", "x echo", "all", "lost samples")
+    table = Table(*columns, title=title, title_justify="left")
     for pace, parties in found.found.items():
         for party, each in parties.items():
-            table.add_row(pace, party, str(each.open_needle), str(each.all_frames), str(each.lost_samples))
+            ratio = f"{each.open_needle.p50 / parties[ECHO].open_needle.p50:.1f}"
+            lost = str(each.lost_samples)
+            table.add_row(pace, party, str(each.open_needle), ratio, str(each.all_frames), lost)
         table.add_section()
-    for party, text in found.said.items():
-        if "us a frame" in text:
-            table.add_row("stages", party, text)
     return table
 
 

@@ -23,7 +23,9 @@ def print_speed(speed: Speed, console: Console) -> None:
             if "us a frame" in text:
                 console.print(f"{party}, {text}", highlight=False)
     if speed.sustained:
-        console.print(f"socket pair: {speed.sustained.latency}; {speed.sustained.farewell}", highlight=False)
+        shares = ", ".join(f"{share:.2f}" for share in speed.sustained.thread_shares[:4])
+        text = f"socket pair: {speed.sustained.latency}; busiest threads {shares} of a core"
+        console.print(f"{text}; {speed.sustained.farewell}", highlight=False)
     if speed.sample:
         times = speed.sample
         text = f"open sample: {times.ours:.2f} us, in C {times.in_c:.2f}, whole step {times.whole:.2f}"
@@ -32,8 +34,17 @@ def print_speed(speed: Speed, console: Console) -> None:
         console.print(_training_table(speed.training))
         ours, theirs = speed.training.costs
         text = f"J of {USUAL} samples falls to {ours:.1e} and {theirs:.1e} of what it was"
+        (values, gradients), (_, at_once) = speed.training.evaluations
+        text += f", ours by {values} values and {gradients} gradients, scipy by {at_once} of both"
         default = f"an event of the default training takes {speed.training.default_ms:.1f} ms"
         console.print(f"{text}; {default}", highlight=False)
+    if speed.startup:
+        started = speed.startup
+        parts = (
+            f"{started.imports_s:.1f} s until its first word, {started.warm_cpu_s:.1f} s of processor time"
+        )
+        cold = "" if started.cold_cpu_s is None else f"; cold {started.cold_cpu_s:.0f} s"
+        console.print(f"start-up: of the warm one {parts}{cold}", highlight=False)
     if speed.scaling:
         table = Table("grows", "to", "us a sample", title="scaling", title_justify="left")
         for row in speed.scaling:

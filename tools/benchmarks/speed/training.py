@@ -42,7 +42,8 @@ _FINE = 1e6  # Hz
 class TrainingTimes:
     """Milliseconds of the fastest training each, by samples; ratio: median over turns at 500.
 
-    exponent: of the samples, by which ours grows from 500 on; costs: J that each came to, over that of the start.
+    exponent: of the samples, by which ours grows from 500 on; costs: J that each came to, over that of the start;
+    evaluations: of J alone and of J with its gradient, that each needed at 500.
     """
 
     ours: dict[int, float]
@@ -50,6 +51,7 @@ class TrainingTimes:
     ratio: float
     exponent: float
     costs: tuple[float, float]
+    evaluations: tuple[tuple[int, int], tuple[int, int]]
     default_ms: float
 
 
@@ -66,11 +68,16 @@ def measure_training(traffic: Traffic, repeats: int = REPEATS) -> TrainingTimes:
             costs = _ours(cost) / start, _scipy(cost) / start
     many = [n for n in SAMPLES if n >= USUAL]
     exponent = float(np.polyfit(np.log(many), np.log([ours[n] for n in many]), 1)[0])
-    return TrainingTimes(ours, theirs, ratio, exponent, costs, _default_training_ms(traffic))
+    evaluations = _evaluations(_ours), _evaluations(_scipy)
+    return TrainingTimes(ours, theirs, ratio, exponent, costs, evaluations, _default_training_ms(traffic))
 
 
 def fault_cost(samples: int) -> FaultCost:
     """The cost (10) of so many samples of an injection whose phi is known."""
+    return FaultCost(*_training_data(samples), GAIN)
+
+
+def _training_data(samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     injector = load_injector()
     schedule = Schedule((Event(1e-3, 100e6, (Shot(1.9e-3),)),), 5e-3)
     truth = simulate(injector, schedule, _FINE, (sized("orifice_area", v_H=WEAR),)).truth
@@ -87,7 +94,28 @@ def fault_cost(samples: int) -> FaultCost:
     z = np.column_stack([line, flow, sac, rail, area, np.ones(samples)])
     worn = constant_network(nozzle=WEAR)
     target = np.array([fault_and_rate(tuple(x[:3]), (x[3], x[4]), c, worn)[0] for x in z])
-    return FaultCost(z, target, GAIN)
+    return z, target
+
+
+class _CountingCost(FaultCost):
+    """Counts how often it is asked for."""
+
+    values = 0
+    gradients = 0
+
+    def value(self, theta: NDArray[np.float64]) -> float:
+        self.values += 1
+        return super().value(theta)
+
+    def value_and_gradient(self, theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        self.gradients += 1
+        return super().value_and_gradient(theta)
+
+
+def _evaluations(train: Callable[[FaultCost], float]) -> tuple[int, int]:
+    cost = _CountingCost(*_training_data(USUAL), GAIN)
+    train(cost)
+    return cost.values, cost.gradients
 
 
 def _ours(cost: FaultCost) -> float:

@@ -170,21 +170,28 @@ def test_latency_counts_from_the_frame_that_was_needed(traffic: Traffic) -> None
     sent = 1000 + 90_000 * np.arange(20)
     index = np.array([28, 56])
     trigger = (index + 27 + traffic.ahead) // 9 - 3
-    passage = Passage(3, sent, index, sent[trigger] + 50_000)
+    passage = Passage(3, 27, sent, index, sent[trigger] + 50_000)
     np.testing.assert_allclose(passage.latencies(traffic, open_only=False), 50e-6)
 
 
 def test_what_is_missing_is_lost_and_what_is_given_up_has_no_latency(traffic: Traffic) -> None:
     sent = 1000 + 90_000 * np.arange(28)  # nine blocks, but what is known ahead of the last
     index = np.arange(0, 8 * RATES, RATES)
-    whole = Passage(0, sent, index, np.full(8, 10_000_000))
-    assert whole.lost(traffic) == 0
-    assert Passage(0, sent, index[1:], np.full(7, 10_000_000)).lost(traffic) == RATES
-    twice = np.append(index, 28)
-    assert Passage(0, sent, twice, np.full(9, 10_000_000)).repeated == RATES
+
+    def passage(index: NDArray[np.int64], begin: int = 0, sent: NDArray[np.int64] = sent) -> Passage:
+        return Passage(0, begin, sent, index, np.full(index.size, 10_000_000))
+
+    assert passage(index).lost(traffic) == 0
+    assert passage(index[1:]).lost(traffic) == RATES
+    assert passage(index[:-1]).lost(traffic) == 28 * SAMPLES - traffic.ahead - 27 - 7 * RATES
+    assert passage(np.delete(index, 3)).lost(traffic) == RATES
+    shifted = np.append(index[:4], 5 + index[4:])  # begun anew after a gap
+    assert passage(shifted).lost(traffic) == 5
+    assert passage(index[1:], begin=RATES).lost(traffic) == 0
+    assert passage(np.append(index, 28)).repeated == RATES
     given_up = sent.copy()
     given_up[traffic.trigger(index[:1])] = 0
-    assert Passage(0, given_up, index, np.full(8, 10_000_000)).latencies(traffic, open_only=False).size == 7
+    assert passage(index, sent=given_up).latencies(traffic, open_only=False).size == 7
 
 
 def test_observers_on_one_bus_have_identifiers_of_their_own(tmp_path: Path) -> None:

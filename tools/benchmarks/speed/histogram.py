@@ -14,7 +14,7 @@ from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.roundtrip import BUSY, ECHO, LEAN, OURS, PACES, PEER
 
 _STYLE = {OURS: 0, ECHO: 1, PEER: 2, LEAN: 3, BUSY: 4}
-_BINS = 120
+_BINS = 60
 
 
 def save_histograms(speed: Speed, folder: Path) -> Path | None:
@@ -32,7 +32,7 @@ def save_histograms(speed: Speed, folder: Path) -> Path | None:
     folder.mkdir(parents=True, exist_ok=True)
     height = 3.0 * len(panels)
     figure, axes = plt.subplots(
-        len(panels), 1, figsize=(9.0, height), layout="constrained", squeeze=False, sharex=True
+        len(panels), 1, figsize=(12.0, height), layout="constrained", squeeze=False, sharex=True
     )
     for axis, (title, found) in zip(axes[:, 0], panels.items(), strict=True):
         _panel(axis, title, found)
@@ -54,4 +54,4 @@ def _panel(axis: Axes, title: str, found: Mapping[str, NDArray[np.float64]]) -> 
             colour = COLOURS[_STYLE[party]]
             axis.hist(microseconds, bins, weights=share, histtype="step", label=label, color=colour, lw=1.4)
     axis.set(title=title, xscale="log", ylabel="share of answers")
-    axis.legend(fontsize=8, loc="upper right")
+    axis.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))

@@ -1,5 +1,6 @@
 """`tools/bench speed`: its peers compute what ours computes, its sender sends what it should, its counts count."""
 
+import json
 import socket
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from observer_rt.service.core.core import Core
 from tools.benchmarks.scoring import bench_at
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.bars import Figure
+from tools.benchmarks.speed.document import finite
 from tools.benchmarks.speed.latency import latency_of
 from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.observers import observer
@@ -242,6 +244,11 @@ def test_document_has_the_keys_it_is_judged_by() -> None:
         "training_speedup_vs_scipy ready_warm_s ready_cold_s link block_samples substeps"
     )
     assert set(expected.split()) <= document["figures"].keys()
+
+
+def test_what_is_no_number_is_null() -> None:
+    document = finite({"a": float("nan"), "b": [1.0, float("inf")], "c": (2, "x")})
+    assert json.loads(json.dumps(document, allow_nan=False)) == {"a": None, "b": [1.0, None], "c": [2, "x"]}
 
 
 def test_growth_is_that_of_the_settled_part() -> None:

@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from observer_rt.foundation.errors import UserError
+from tools.benchmarks.speed.document import finite
 from tools.benchmarks.speed.histogram import save_histograms
 from tools.benchmarks.speed.measure import Part, SpeedPlan, measure_speed
 from tools.benchmarks.speed.report import print_speed, speed_document
@@ -44,7 +45,7 @@ def speed(
     if figures is not None and (figure := save_histograms(found, figures)):
         messages.print(f"figure: {figure}", highlight=False)
     if as_json:
-        print(json.dumps(speed_document(found), indent=2))
+        print(json.dumps(finite(speed_document(found)), indent=2))
     else:
         console = Console()
         print_speed(found, console if console.is_terminal else Console(width=TABLE_WIDTH))
@@ -58,7 +59,7 @@ def soak(
     with tempfile.TemporaryDirectory(prefix="soak-") as folder:
         found = run_soak(Path(folder), minutes)
     if as_json:
-        print(json.dumps(found.document(), indent=2))
+        print(json.dumps(finite(found.document()), indent=2))
     else:
         console = Console()
         (console if console.is_terminal else Console(width=TABLE_WIDTH)).print(soak_table(found))

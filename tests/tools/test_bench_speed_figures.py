@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,6 +38,19 @@ def test_ratios_take_the_worst_pace_and_no_peer_that_loses() -> None:
     assert found.ratio(OURS, ECHO) == pytest.approx(3.0)
     assert found.speedup(PEER) == pytest.approx(8.0)
     assert found.excess(OURS) == pytest.approx(80 / 120)
+
+
+def test_no_verdict_at_a_pace_the_echo_does_not_keep() -> None:
+    found = made_round_trips()
+    fast = {
+        **found.found["90 us"],
+        ECHO: RoundTrip(latency_of(np.full(10, 1.0)), latency_of(np.full(10, 1.0)), 0),
+    }
+    busy = replace(found, found={**found.found, "90 us": fast})
+    assert busy.ratio(OURS, ECHO) == pytest.approx(1.5)  # of the other pace
+    assert busy.excess(OURS) == pytest.approx(20 / 60)
+    none = replace(found, found={"90 us": fast})
+    assert none.ratio(OURS, ECHO) is none.excess(OURS) is none.speedup(PEER) is None
 
 
 def test_bars() -> None:

@@ -27,14 +27,32 @@ def has_room(observer: Observer, number: int) -> bool:
 
 
 def post_examined(
-    observer: Observer, number: int, objections: Sequence[Objection], is_coloured: bool = False
+    observer: Observer,
+    number: int,
+    objections: Sequence[Objection],
+    is_coloured: bool = False,
+    earlier: Outcome | None = None,
 ) -> None:
-    """Post what speaks against the `number`-th closed event; is_coloured: whether the noise is."""
+    """Post what speaks against the `number`-th closed event; is_coloured: whether the noise is.
+
+    earlier: what was learned from an event before, to be put into force with this one.
+    """
+    if earlier is not None:
+        _write_learned(observer, number, earlier)
+        observer.verdicts.slots[number % SLOTS]["from_earlier"] = number + 1
     _post(observer, number, "examined", objections, is_coloured)
 
 
 def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured: bool = False) -> None:
-    """Post what was learned from the `number`-th closed event; it goes before what was only examined."""
+    """Post what was learned from the `number`-th closed event; it goes before what was only examined.
+
+    Not where something learned earlier was posted with that: it may be being taken.
+    """
+    _write_learned(observer, number, outcome)
+    _post(observer, number, "learned", outcome.objections, is_coloured)
+
+
+def _write_learned(observer: Observer, number: int, outcome: Outcome) -> None:
     slot = number % SLOTS
     verdict = observer.verdicts.slots[slot]
     _write(observer, slot, outcome.knowledge, outcome.schedule)
@@ -43,7 +61,6 @@ def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured:
     posted: tuple[np.ndarray, ...] = tuple(observer.verdicts.phi)  # type: ignore[arg-type]
     for array, values in zip(posted, outcome.phi, strict=True):  # type: ignore[call-overload]
         array[slot] = values
-    _post(observer, number, "learned", outcome.objections, is_coloured)
 
 
 def judge(

@@ -173,5 +173,5 @@ def _farewell(daemon: Daemon, log: ServiceLog) -> None:
         f"stopped after {counters.samples} samples, {counters.injections} injections; {counters.lost_samples} "
         f"samples lost, {daemon.dropped} frames dropped, {daemon.unsent} results unsent, "
         f"{daemon.arrivals.foreign_frames} frames of other senders, {counters.adoptions} phi adopted, "
-        f"{counters.late_adoptions} late{lost}",
+        f"{counters.late_adoptions} late, {counters.passed_over} events not learned from in time{lost}",
     )

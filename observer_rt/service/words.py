@@ -171,7 +171,7 @@ COUNTERS: Mapping[str, Words] = {
         "corrections learned and refused", "nothing, if seldom; else as MODEL_INADEQUATE"
     ),
     "late_adoptions": Words(
-        "corrections that came too late for their injection",
+        "corrections late for their injection, in force with a later one",
         "a faster computer, or a longer learning_delay_ms",
     ),
     "foreign_frames": Words("frames of another node under our identifiers", "as SECOND_SENDER"),

@@ -27,10 +27,12 @@ def judged(observer: Observer) -> bool:
     event = memory.events[number % PENDING_EVENTS]
     if verdict.learned.number == number + 1:
         event.taken = _LEARNED
-        _put_learned_into_force(observer, number % SLOTS)
+        _put_learned_into_force(observer, number % SLOTS, verdict.learned.is_coloured)
         _note(observer, event, verdict.learned)
     elif verdict.examined.number == number + 1:
         event.taken = _EXAMINED
+        if verdict.from_earlier == number + 1:
+            _put_learned_into_force(observer, number % SLOTS, verdict.examined.is_coloured)
         _note(observer, event, verdict.examined)
     elif memory.waits_for_verdicts:
         return False
@@ -80,7 +82,7 @@ def _note_reason(observer: Observer, event, judgement: int) -> None:  # type: ig
 
 
 @njit(cache=True, nogil=True)
-def _put_learned_into_force(observer: Observer, slot: int) -> None:
+def _put_learned_into_force(observer: Observer, slot: int, is_coloured: bool) -> None:
     """What was learned, but for an offset that the standstill has moved meanwhile."""
     memory = observer.memory[0]
     verdict = observer.verdicts.slots[slot]
@@ -90,7 +92,7 @@ def _put_learned_into_force(observer: Observer, slot: int) -> None:
     carry_on(observer, slot)
     furthest = FURTHEST_OFFSET / observer.constants.coefficients.pressure_scale
     has_followed = abs(offset - memory.learned_offset) < furthest
-    if has_followed and not verdict.learned.is_coloured:
+    if has_followed and not is_coloured:
         memory.offset = offset
     put_into(observer.phi, observer.verdicts.phi, slot)
     if verdict.is_adopted:

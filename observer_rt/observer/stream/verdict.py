@@ -21,7 +21,9 @@ class Taken(IntEnum):
     """Which verdict the stream found when an event was due."""
 
     NOTHING = 0  # it was not judged
-    EXAMINED = 1  # by the innovations of the live x~
+    EXAMINED = (
+        1  # by the innovations of the live x~; with what was learned from an earlier one, if that is new
+    )
     LEARNED = 2  # with what was learned from it
 
 
@@ -53,7 +55,8 @@ def _verdict_dtype(line_coefficients: int, parameters: int) -> np.dtype[np.void]
     fields = [
         ("examined", _FINDING),
         ("learned", _FINDING),
-        # what was learned
+        # what was learned: from this event, or
+        ("from_earlier", np.int64),  # .. from one before, if this is the event's number
         ("is_adopted", np.bool_),
         ("innovation_sigma", np.float64),
         ("noise", np.float64, (3,)),  # of the channels

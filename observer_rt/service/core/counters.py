@@ -29,6 +29,8 @@ class Counters:
     adoptions: int
     rejected_adoptions: int
     late_adoptions: int
+    passed_over: int
+    """Events judged, and not learned from since more came than can be."""
     commands: int
     """Energizings of the injector; 0, as the next, where that is no input."""
     missing_injections: int
@@ -71,6 +73,7 @@ def counted(pipeline: Pipeline, inputs: OptionalInputs, judging: Judging) -> Cou
         adoptions=judging.adoptions,
         rejected_adoptions=judging.rejected,
         late_adoptions=judging.late,
+        passed_over=judging.passed_over,
         commands=energizing.commands if energizing else 0,
         missing_injections=energizing.missing if energizing else 0,
         uncommanded_injections=energizing.uncommanded if energizing else 0,

@@ -16,6 +16,7 @@ from observer_rt.observer.learning.healthy import Healthy
 from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
 from observer_rt.observer.observer import event_innovations, event_standstill, event_window, in_force
 from observer_rt.observer.stream.phi import Phi
+from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import INJECTIONS, PENDING_EVENTS, RING, Constants, Reason
 from observer_rt.observer.stream.verdict import Taken
 from observer_rt.service.compiled.by_reference import CompiledPipeline
@@ -35,18 +36,29 @@ class Fuel:
 class _Closed:
     """What is kept of a closed event until it is judged.
 
-    number: in the order in which they closed, from 0; in_force: theta (m,) the observer carried; learning: what is
-    being learned from it, None: nothing; examined: once it was; is_posted: the best verdict there will be is.
+    number: in the order in which they closed, from 0; in_force: theta (m,) the observer carried; standstill: until it
+    ended; learning: what is being learned from it, None: nothing; examined: once it was, with what was learned from
+    an earlier one.
     """
 
     number: int
     fuel: Fuel
     window: Window | None
+    standstill: Standstill
     innovations: Innovations
     in_force: NDArray[np.float64]
-    learning: Future[Outcome] | None
+    learning: Future[Outcome] | None = None
     examined: Examination | None = None
-    is_posted: bool = False
+    earlier: Outcome | None = None
+    is_taken: bool = False
+
+    @property
+    def information(self) -> float:
+        """What it tells of the injector, in no particular unit: the square of the flow, summed up."""
+        if self.window is None:
+            return 0.0
+        rail_pressure, area = self.window.inputs.T
+        return float(np.sum(rail_pressure * np.maximum(area, 0.0) ** 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +100,9 @@ class Judging:
         self.rejected = 0
         """Outcomes that were not adopted."""
         self.late = 0
-        """Outcomes that came too late and were left out."""
+        """Outcomes that came too late for their event and were put into force with a later one."""
+        self.passed_over = 0
+        """Events that were judged and not learned from, since more came than can be learned from."""
         self._compiled = compiled
         self._learner = learner
         self._executor = executor
@@ -96,6 +110,9 @@ class Judging:
         self._submitted = self._taken = 0
         self._carried = in_force(compiled.observer)
         self._waiting: deque[_Closed] = deque()
+        self._learned_from: _Closed | None = None
+        self._next: _Closed | None = None
+        self._late: Outcome | None = None  # to be put into force with the next event
         interval = compiled.observer.constants.interval
         self._examiner = Examiner(start.statistics, healthy, start.colour_at(interval))
 
@@ -133,75 +150,127 @@ class Judging:
 
     def post(self) -> None:
         """Post the verdicts that are known, on events that the stream will come to."""
-        for place, closed in enumerate(self._waiting):
-            if closed.is_posted or not has_room(self._compiled.observer, closed.number):
-                continue
-            if closed.learning is not None and closed.learning.done():
-                self._post_learned(closed, closed.learning.result())
-            elif place == 0 and closed.examined is None and self._is_pressing(closed):
-                self._post_examined(closed)
+        if self._waits:
+            for closed in self._waiting:
+                if closed.learning is not None and closed.learning.done():
+                    self._post_learned(closed, closed.learning.result())
+            return
+        self._end_learning()
+        if self._waiting and self._waiting[0].examined is None and self._is_pressing(self._waiting[0]):
+            self._post_examined(self._waiting[0])
+
+    @property
+    def _waits(self) -> bool:
+        """Whether the stream waits for verdicts: then every event is learned from."""
+        return bool(self._compiled.observer.memory["waits_for_verdicts"][0])
 
     def _is_pressing(self, closed: _Closed) -> bool:
-        """Whether an event is to be examined, which its predecessor must have been before."""
+        """Whether an event, whose predecessors were all taken, is to be examined in case its learning is late."""
+        if closed.learning is None:
+            return True
         observer = self._compiled.observer
-        if closed.learning is None or observer.memory["waits_for_verdicts"][0]:
-            return closed.learning is None
         newest = int(observer.ring[(int(observer.memory["processed"][0]) - 1) % RING]["index"])
         left = int(self._event(closed.number)["due_index"]) - newest
         return left < (1.0 - PATIENCE) * observer.constants.timing.learning_delay
 
     def _submit(self, learning: bool, fuel_temperature: float | None) -> None:
+        """Take over the next closed event."""
         observer, number = self._compiled.observer, self._submitted
         window = event_window(observer, number)
-        learned = None
-        if learning and window is not None:
-            learned = self._executor.submit(
-                self._learner.learn,
-                window,
-                event_standstill(observer, number),
-                self._carried,
-                observer.constants,
-            )
-        fuel = Fuel(fuel_temperature, observer.constants)
-        innovations = event_innovations(observer, number)
-        self._waiting.append(_Closed(number, fuel, window, innovations, self._carried, learned))
+        closed = _Closed(
+            number,
+            Fuel(fuel_temperature, observer.constants),
+            window,
+            event_standstill(observer, number),
+            event_innovations(observer, number),
+            self._carried,
+        )
+        self._waiting.append(closed)
         self._submitted += 1
+        if not learning or window is None:
+            return
+        if self._waits or self._learned_from is None:
+            self._learn(closed)
+        elif self._next is None or closed.information >= self._next.information:
+            self.passed_over += self._next is not None
+            self._next = closed
+        else:
+            self.passed_over += 1
+
+    def _learn(self, closed: _Closed) -> None:
+        """Have an event learned from."""
+        assert closed.window is not None
+        self._learned_from = closed
+        closed.learning = self._executor.submit(
+            self._learner.learn, closed.window, closed.standstill, closed.in_force, closed.fuel.constants
+        )
+
+    def _end_learning(self) -> None:
+        """What was learned, to its event or, when that was taken, to the next one; then the next learning."""
+        closed = self._learned_from
+        if closed is None or closed.learning is None or not closed.learning.done():
+            return
+        outcome = closed.learning.result()
+        if (
+            closed.is_taken
+            or closed.earlier is not None
+            or not has_room(self._compiled.observer, closed.number)
+        ):
+            self._late = outcome
+        else:
+            self._post_learned(closed, outcome)
+        self._learned_from = None
+        if self._next is not None:
+            self._learn(self._next)
+            self._next = None
 
     def _post_examined(self, closed: _Closed) -> None:
         examiner = self._examiner
         closed.examined = examiner.examine(
             closed.window, closed.innovations, closed.in_force, closed.fuel.constants
         )
-        is_coloured = examiner.colour is not None
-        post_examined(self._compiled.observer, closed.number, closed.examined.objections, is_coloured)
-        closed.is_posted = closed.learning is None
+        closed.earlier, self._late = self._late, None
+        objections = closed.examined.objections or (closed.earlier.objections if closed.earlier else ())
+        is_coloured = (closed.earlier.knowledge.colour if closed.earlier else examiner.colour) is not None
+        post_examined(self._compiled.observer, closed.number, objections, is_coloured, closed.earlier)
 
     def _post_learned(self, closed: _Closed, outcome: Outcome) -> None:
+        self._late = None  # this knows of it
         is_coloured = outcome.knowledge.colour is not None
         post_learned(self._compiled.observer, closed.number, outcome, is_coloured)
-        closed.is_posted = True
 
     def _judged(self) -> Judged:
         """The next event that the stream took, with the verdict that it found."""
         closed = self._waiting.popleft()
+        closed.is_taken = True
         self._taken += 1
         event = self._event(closed.number).copy()
         taken = Taken(int(event["taken"]))
         outcome: Outcome | None = None
         objections: tuple[Objection, ...] = (Objection(Reason.NOT_JUDGED),)
-        if taken is Taken.LEARNED and closed.learning is not None:
-            outcome = closed.learning.result()
-            objections = outcome.objections
-            self._adopt(outcome)
+        learned = closed.learning.result() if closed.learning and closed.learning.done() else None
+        if taken is Taken.LEARNED and learned is not None:
+            outcome = learned
+            objections = learned.objections
+            self._examiner.statistics = learned.knowledge.statistics
+            self._put_into_force(learned)
         elif taken is Taken.EXAMINED and closed.examined is not None:
             objections = closed.examined.objections
             self._examiner.statistics = closed.examined.statistics
-        self.late += closed.learning is not None and outcome is None
+            if closed.earlier is not None:
+                objections = objections or closed.earlier.objections
+                self._put_into_force(closed.earlier)
+        elif closed.earlier is not None:
+            self._late = closed.earlier
+        if taken is not Taken.LEARNED and closed.learning is not None:
+            self.late += 1
+            if closed is not self._learned_from and learned is not None:
+                self._late = learned  # it was posted just after
         return Judged(event, objections, outcome, self._carried, self._compiled.observer.phi, closed.fuel)
 
-    def _adopt(self, outcome: Outcome) -> None:
+    def _put_into_force(self, outcome: Outcome) -> None:
+        """The stream carries it from now on."""
         knowledge = outcome.knowledge
-        self._examiner.statistics = knowledge.statistics
         self._examiner.colour = knowledge.colour
         is_adopted = outcome.adoption is Adoption.ADOPTED
         self.rejected += not is_adopted

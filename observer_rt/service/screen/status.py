@@ -104,7 +104,9 @@ def _figures(daemon: Daemon) -> list[Text]:
     ]
     if counters.outliers:
         told.append(_line(f" {counters.outliers}"))
-    refused = f"{counters.rejected_adoptions} refused, {counters.late_adoptions} too late"
+    refused = f"{counters.rejected_adoptions} refused, {counters.late_adoptions} late"
+    if counters.passed_over:
+        refused += f", {counters.passed_over} events passed over"
     learned = f" learned {counters.adoptions} times in {counters.events} events ({refused})"
     told.append(_line(learned if core.learning else f"{learned}; learning is off"))
     if core.fuel_temperature is not None:

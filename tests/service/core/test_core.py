@@ -175,12 +175,16 @@ class NeverDone(Executor):
         return Future()
 
 
-def test_learning_that_is_late_is_skipped_and_counted(bench: Path, frames: list[Frame]) -> None:
+def test_learning_that_never_ends_is_counted_and_keeps_nothing_from_being_judged(
+    bench: Path, frames: list[Frame]
+) -> None:
     loaded = load_bench(bench)
     core = Core(loaded.injector, map_bus(loaded), executor=NeverDone())
     for frame in frames:
         core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
-    assert core.counters.late_adoptions == 3
+    assert core.counters.events == 3
+    assert core.counters.late_adoptions == 1
+    assert core.counters.passed_over == 1  # and one would be next
     assert core.counters.adoptions == 0
     assert core.counters.samples > 14_900
 

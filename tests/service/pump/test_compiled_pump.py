@@ -1,5 +1,6 @@
 """The compiled pump on a pair of sockets that carries what a raw CAN socket does: same frames in, same frames out."""
 
+import select
 import socket
 import struct
 import threading
@@ -42,6 +43,10 @@ class Device:
         for frame in frames:
             self._end.send(FD_FRAME.pack(frame.frame_id, len(frame.payload), 1, frame.payload))
             self.read()
+
+    def has_room(self) -> bool:
+        """Whether a frame can be sent now."""
+        return bool(select.select([], [self._end], [], 0.0)[1])
 
     def close(self) -> None:
         self._end.close()
@@ -98,6 +103,8 @@ def through_pump(path: Path, frames: Sequence[Frame]) -> dict[int, list[bytes]]:
         out: list[OutputFrame] = []
         try:
             for frame in frames:
+                while not device.has_room():  # the loop may wait for a verdict
+                    out += pump.serve(1e-3)
                 device.send([frame])
                 out += pump.serve(0.0)
             while arrivals.frames < len(frames):

@@ -1,0 +1,85 @@
+"""Events that come faster than they can be learned from: each is judged, and what was learned takes force."""
+
+from collections import deque
+from concurrent.futures import Executor, Future
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.model.effects import sized
+from observer_rt.observer.stream.state import Reason
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.reports.news import Notes
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device, bench_text
+
+INJECTIONS = 8
+V_H = 0.25
+
+
+class Slow(Executor):
+    """Does what it is asked for when the test says so, one job after the other."""
+
+    def __init__(self) -> None:
+        self.jobs: deque[tuple[Future[Any], Any, Any]] = deque()
+        self.most = 0
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        self.jobs.append((future, fn, args))
+        self.most = max(self.most, len(self.jobs))
+        return future
+
+    def work(self) -> None:
+        while self.jobs:
+            future, fn, args = self.jobs.popleft()
+            future.set_result(fn(*args))
+
+
+@pytest.fixture(scope="module")
+def worn() -> Recording:
+    schedule = make_schedule([100e6], INJECTIONS, 0.05, [1.1e-3])
+    effects = (sized("orifice_area", v_H=V_H),)
+    return simulate(load_injector(), schedule, SAMPLE_RATE, effects, NoiseLevels(), seed=5).recording
+
+
+def served(folder: Path, recording: Recording, work_after: range) -> tuple[Core, Notes, Slow]:
+    """A core that learns after the events given only, by number, and then long after they were due."""
+    path = folder / "bench.toml"
+    path.write_text(bench_text(ONE_MESSAGE))
+    bench, notes, slow = load_bench(path), Notes(), Slow()
+    core = Core(bench.injector, map_bus(bench), executor=slow, listeners=[notes])
+    for frame in Device(ONE_MESSAGE).send(recording):
+        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+        if core.counters.events in work_after:
+            slow.work()
+    return core, notes, slow
+
+
+def test_every_event_is_judged_without_any_learning(tmp_path: Path, worn: Recording) -> None:
+    core, notes, slow = served(tmp_path, worn, range(0))
+    reasons = [report.reason for report in notes.injections]
+    assert len(reasons) >= INJECTIONS - 1
+    assert Reason.NOT_JUDGED not in reasons
+    assert slow.most == 1  # no queue grows
+    assert core.counters.adoptions == 0
+    assert core.counters.passed_over >= INJECTIONS - 3
+
+
+def test_what_is_late_takes_force_with_the_next_event(tmp_path: Path, worn: Recording) -> None:
+    """Learning ends after its event was taken, always."""
+    core, notes, _ = served(tmp_path, worn, range(3, INJECTIONS))
+    assert core.counters.adoptions > 0
+    assert core.counters.late_adoptions > 0
+    last = notes.injections[-1]
+    assert last.phi_version > 0
+    assert core.knowledge.phi_version == core.counters.adoptions
+    true_scale = 1.0 + V_H
+    first_volume, last_volume = notes.injections[0].volume, last.volume
+    assert abs(last_volume / first_volume - true_scale) < 0.1

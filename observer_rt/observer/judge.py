@@ -38,22 +38,18 @@ def post_examined(
     earlier: what was learned from an event before, to be put into force with this one.
     """
     if earlier is not None:
-        _write_learned(observer, number, earlier)
-        observer.verdicts.slots[number % SLOTS]["from_earlier"] = number + 1
+        _write_learned(observer, SLOTS + number % SLOTS, earlier)
+        observer.verdicts.slots[number % SLOTS]["earlier"] = number + 1
     _post(observer, number, "examined", objections, is_coloured)
 
 
 def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured: bool = False) -> None:
-    """Post what was learned from the `number`-th closed event; it goes before what was only examined.
-
-    Not where something learned earlier was posted with that: it may be being taken.
-    """
-    _write_learned(observer, number, outcome)
+    """Post what was learned from the `number`-th closed event; it goes before what was only examined."""
+    _write_learned(observer, number % SLOTS, outcome)
     _post(observer, number, "learned", outcome.objections, is_coloured)
 
 
-def _write_learned(observer: Observer, number: int, outcome: Outcome) -> None:
-    slot = number % SLOTS
+def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
     verdict = observer.verdicts.slots[slot]
     _write(observer, slot, outcome.knowledge, outcome.schedule)
     verdict["is_adopted"] = outcome.adoption is Adoption.ADOPTED

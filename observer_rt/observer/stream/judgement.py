@@ -31,8 +31,8 @@ def judged(observer: Observer) -> bool:
         _note(observer, event, verdict.learned)
     elif verdict.examined.number == number + 1:
         event.taken = _EXAMINED
-        if verdict.from_earlier == number + 1:
-            _put_learned_into_force(observer, number % SLOTS, verdict.examined.is_coloured)
+        if verdict.earlier == number + 1:
+            _put_learned_into_force(observer, SLOTS + number % SLOTS, verdict.examined.is_coloured)
         _note(observer, event, verdict.examined)
     elif memory.waits_for_verdicts:
         return False

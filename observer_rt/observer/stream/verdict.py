@@ -55,8 +55,11 @@ def _verdict_dtype(line_coefficients: int, parameters: int) -> np.dtype[np.void]
     fields = [
         ("examined", _FINDING),
         ("learned", _FINDING),
-        # what was learned: from this event, or
-        ("from_earlier", np.int64),  # .. from one before, if this is the event's number
+        (
+            "earlier",
+            np.int64,
+        ),  # the event's number, if what was learned from one before is to take force with it
+        # what was learned
         ("is_adopted", np.bool_),
         ("innovation_sigma", np.float64),
         ("noise", np.float64, (3,)),  # of the channels
@@ -66,18 +69,18 @@ def _verdict_dtype(line_coefficients: int, parameters: int) -> np.dtype[np.void]
 
 
 class Verdicts(NamedTuple):
-    """SLOTS verdicts; the one on the n-th event is in slot n % SLOTS."""
+    """Two times SLOTS; the one on the n-th event is in slot n % SLOTS, what an earlier one taught SLOTS further."""
 
     slots: NDArray[np.void]
-    gains: NDArray[np.float64]  # (SLOTS, n, states) gain schedules
-    phi: Phi  # arrays as of what x^ carries, with a first dimension SLOTS
+    gains: NDArray[np.float64]  # (2 SLOTS, n, states) gain schedules
+    phi: Phi  # arrays as of what x^ carries, with a first dimension 2 SLOTS
 
 
 def no_verdicts(line_coefficients: int, parameters: int, schedule: GainSchedule, phi: Phi) -> Verdicts:
     """Slots for an observer that carries such a schedule and such a phi."""
     held: Any = phi
     return Verdicts(
-        np.zeros(SLOTS, _verdict_dtype(line_coefficients, parameters)),
-        np.zeros((SLOTS, *schedule.gains.shape)),
-        type(held)(*(np.zeros((SLOTS, *array.shape)) for array in held)),
+        np.zeros(2 * SLOTS, _verdict_dtype(line_coefficients, parameters)),
+        np.zeros((2 * SLOTS, *schedule.gains.shape)),
+        type(held)(*(np.zeros((2 * SLOTS, *array.shape)) for array in held)),
     )

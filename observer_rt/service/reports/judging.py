@@ -211,11 +211,7 @@ class Judging:
         if closed is None or closed.learning is None or not closed.learning.done():
             return
         outcome = closed.learning.result()
-        if (
-            closed.is_taken
-            or closed.earlier is not None
-            or not has_room(self._compiled.observer, closed.number)
-        ):
+        if closed.is_taken or not has_room(self._compiled.observer, closed.number):
             self._late = outcome
         else:
             self._post_learned(closed, outcome)

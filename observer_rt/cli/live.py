@@ -11,6 +11,7 @@ from observer_rt.cli.options import (
     BenchOption,
     EffectsOption,
     FromChannelOption,
+    InjectorOption,
     JsonOption,
     LenientOption,
     ModelOption,
@@ -62,6 +63,7 @@ def run(
         bool, typer.Option("--json", help="Every injection as a line of JSON on stdout.")
     ] = False,
     log: Annotated[Path | None, file_option("--log", "File that log lines are appended to, too.")] = None,
+    injector: InjectorOption = None,
     lenient: LenientOption = False,
     print_example_bench: Annotated[
         bool, typer.Option("--print-example-bench", help="Print a complete, commented bench file.")
@@ -71,7 +73,7 @@ def run(
     ] = False,
     effects: EffectsOption = None,
 ) -> None:
-    """Run the daemon: frames in, injection rate out, until SIGINT or SIGTERM."""
+    """Run the daemon of all injectors of a bench: frames in, injection rate out, until SIGINT or SIGTERM."""
     for wanted, path in ((print_example_bench, EXAMPLE_BENCH), (print_example_injector, NOMINAL_INJECTOR)):
         if wanted:
             print(path.read_text(encoding="utf-8"), end="")
@@ -84,7 +86,8 @@ def run(
         )
     from observer_rt.service.run import RunOptions, serve
 
-    serve(load_bench(bench, lenient=lenient), RunOptions(state, view, as_json, log, journal), messages)
+    chosen = load_bench(bench, lenient=lenient).of(injector)
+    serve(chosen, RunOptions(state, view, as_json, log, journal), messages)
 
 
 def check(
@@ -96,6 +99,7 @@ def check(
     recording: Annotated[
         Path | None, file_option("--recording", "Recording: columns, units, rate, gaps, ranges.")
     ] = None,
+    injector: InjectorOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
     effects: EffectsOption = None,
@@ -105,7 +109,7 @@ def check(
     from observer_rt.check.log import log_findings
     from observer_rt.check.recording import recording_findings
 
-    chosen = load_bench(bench, model, lenient)
+    chosen = load_bench(bench, model, lenient).of(injector)
     findings = checkup(chosen, state)
     if log is not None:
         findings += log_findings(chosen, log, from_channel or ())

@@ -30,7 +30,7 @@ from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.compiled.constants import injector_at
 from observer_rt.service.core.learners import doubt_about_fit, refuse_state
 from observer_rt.service.keeping.lock import sole_writer
-from observer_rt.service.run import restored_knowledge
+from observer_rt.service.restoring import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import (

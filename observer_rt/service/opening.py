@@ -28,7 +28,9 @@ def open_links(
 ) -> Iterator[Link]:
     """The links of all buses in order, each as soon as it can be opened; own identifiers are listened to, too.
 
-    A bus that is none of this injector's is neither opened nor waited for. Raises `StoppedError` when `stop` is set meanwhile, `UserError` or `RunError` for what waiting does not mend.
+    A bus that is none of this injector's is neither opened nor waited for.
+
+    Raises `StoppedError` when `stop` is set meanwhile, `UserError` or `RunError` for what waiting does not mend.
     """
     used = buses_of(bus)
     for number, named in enumerate(bench.config.buses):

@@ -115,8 +115,8 @@ class PhaseStatistics:
         0 without samples. The sums of few blocks have a long tail, which a normal distribution would ignore.
         """
         return max(
-            _deviate(self.squares[phase], self.samples[phase]),
-            *(_deviate(self.block_squares[phase, i], self.blocks[phase, i]) for i in range(len(BLOCKS))),
+            deviate(self.squares[phase], self.samples[phase]),
+            *(deviate(self.block_squares[phase, i], self.blocks[phase, i]) for i in range(len(BLOCKS))),
         )
 
 
@@ -176,12 +176,12 @@ def _quotient(total: float, count: float) -> float:
 
 
 def _sum_at(deviate: float, count: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The sum of `count` squares whose `_deviate` is `deviate` (but for counts below 1)."""
+    """The sum of `count` squares whose `deviate` is `deviate` (but for counts below 1)."""
     variance = 2.0 / (9.0 * np.maximum(count, 1.0))
     return np.asarray(count * (1.0 - variance + deviate * np.sqrt(variance)) ** 3, np.float64)
 
 
-def _deviate(total: float, count: float) -> float:
+def deviate(total: float, count: float) -> float:
     """Normal deviate as improbable as a sum `total` of `count` squares of standard normal numbers.
 
     By the cube root of Wilson and Hilferty (1931), Proc. Natl. Acad. Sci. 17, 684.

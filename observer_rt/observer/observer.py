@@ -28,6 +28,7 @@ from observer_rt.observer.stream.front_end import (
     samples_ahead,
     toe_samples,
 )
+from observer_rt.observer.stream.lift_step import LONG_PAST
 from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
@@ -136,6 +137,7 @@ def make_observer(
     memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
     memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift * louder(constants.undoing.lift_lag))
     memory["offset_moves"] = knowledge.colour is None
+    memory["stepped"] = LONG_PAST
     memory["waits_for_verdicts"] = True
     begin_with(observer, knowledge, learner.schedule)
     return observer

@@ -2,7 +2,7 @@
 
 import math
 import socket
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from itertools import chain
 
@@ -42,21 +42,26 @@ def warm_up(bench: Bench, bus: BusMap) -> Core:
     """
     recording = _injections(bench.injector)
     core = Core(bench.injector, bus)
-    frames = Framer(bus).frames(recording, whole(recording))
+    frames = [*Framer(bus).frames(recording, whole(recording)), *_slow_frames(bus)]
     if is_pumped(bench, bus):
         _pump(core, bus, frames, len(bench.config.buses))
         return core
     for frame in frames:
         core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, frame.bus)
-    for layout, frame in ((slow.layout, slow.frame[0]) for slow in bus.slow):
-        payload = np.zeros(layout.length, np.uint8)
-        protect(payload, layout.length, int(frame["e2e_profile"]), int(frame["data_id"]), 0)
-        core.handle(layout.frame_id, layout.is_extended, payload.tobytes(), 0, layout.bus)
     core.finish()
     return core
 
 
-def _pump(core: Core, bus: BusMap, frames: Iterable[TimedFrame], buses: int) -> None:
+def _slow_frames(bus: BusMap) -> Iterator[TimedFrame]:
+    """One of every message with optional inputs."""
+    for layout, frame in ((slow.layout, slow.frame[0]) for slow in bus.slow):
+        payload = np.zeros(layout.length, np.uint8)
+        protect(payload, layout.length, int(frame["e2e_profile"]), int(frame["data_id"]), 0)
+        identifier, is_extended = layout.frame_id, layout.is_extended
+        yield TimedFrame(0.0, identifier, is_extended, layout.is_fd, payload.tobytes(), bus=layout.bus)
+
+
+def _pump(core: Core, bus: BusMap, frames: Sequence[TimedFrame], buses: int) -> None:
     """The frames through sockets and the compiled loop."""
     with ExitStack() as stack:
         pairs = [socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET) for _ in range(buses)]
@@ -70,18 +75,17 @@ def _pump(core: Core, bus: BusMap, frames: Iterable[TimedFrame], buses: int) -> 
         devices = [
             stack.enter_context(DescriptorLink(str(theirs.fileno()), True, None)) for _, theirs in pairs
         ]
-        pump = CompiledPump(links, core, bus, Arrivals(bus))
+        arrivals = Arrivals(bus)
+        pump = CompiledPump(links, core, bus, arrivals)
         stack.callback(pump.close)
-        sent = 0
         for frame in frames:
             device = devices[frame.bus]
             while not device.try_send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd):
                 pump.serve(_ROOM)
-            sent += 1
             pump.serve(0.0)
             while device.receive(0.0) is not None:
                 pass
-        while core.frames_taken < sent:
+        while arrivals.frames < len(frames):
             pump.serve(_ROOM)
         pump.finish()
 

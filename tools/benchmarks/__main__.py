@@ -36,6 +36,7 @@ from tools.benchmarks.kills.tables import kills_document, kills_table
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.realism import command as realism_command
 from tools.benchmarks.runs import Plan
+from tools.benchmarks.speed import command as speed_command
 from tools.benchmarks.surgery import findings_table, operate, surgeries
 from tools.benchmarks.tables import json_document
 from tools.benchmarks.tier import Tier
@@ -46,6 +47,8 @@ from tools.benchmarks.wave_plant import Variant
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 app.command(epilog=wave_command.EXAMPLE)(wave_command.wave_recordings)
 app.command(epilog=realism_command.EXAMPLE)(realism_command.realism)
+app.command(epilog=speed_command.EXAMPLE)(speed_command.speed)
+app.command(epilog=speed_command.SOAK_EXAMPLE)(speed_command.soak)
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
 WorkersOption = Annotated[int, typer.Option(min=1, help="Processes.")]
 OutOption = Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")]

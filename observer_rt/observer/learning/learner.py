@@ -28,6 +28,7 @@ from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.adoption import Rehearsed, is_better
 from observer_rt.observer.learning.disturbances.clipping import EndsOfRange
+from observer_rt.observer.learning.disturbances.coil_current import CoilCurrent
 from observer_rt.observer.learning.disturbances.colour import (
     SEGMENT,
     Colour,
@@ -46,13 +47,14 @@ from observer_rt.observer.learning.doubts.adequacy import (
     Innovations,
     Objection,
     event_statistics,
+    is_worn_beyond_limits,
     looks_like_inertance,
     objections,
     of_standstill,
     pooled,
     tempering,
 )
-from observer_rt.observer.learning.doubts.lateness import LagDoubt, lag_score
+from observer_rt.observer.learning.doubts.lateness import LagDoubt, lag_score, lateness_of
 from observer_rt.observer.learning.doubts.lift_lateness import LiftLag, LiftLagSearch, lift_lag_of
 from observer_rt.observer.learning.doubts.mistrust import Freezer, Mistrust
 from observer_rt.observer.learning.familiarity import UNSEEN, operating_point, remembered, unfamiliarity
@@ -141,6 +143,7 @@ class Learner:
         self._outliers = OutlierSearch()
         self._range = EndsOfRange()
         self._edges = EdgeSearch(constants.interval)
+        self._current = CoilCurrent(constants.interval)
         self._pressure_gains = PressureGains()
 
     @property
@@ -169,7 +172,8 @@ class Learner:
         if standstill.noise is not None:
             self._hear(standstill.noise)
         self._schedule = self._gains()
-        window = window._replace(output=self._pressure_gains.undone(window.output))
+        recorded = window._replace(output=self._pressure_gains.undone(window.output))
+        window = self._current.undone(recorded)
         rail_pressure = float(window.inputs[:, 0].mean())
         offset = self._offset_since.after(standstill)
         if offset is not None:
@@ -191,8 +195,10 @@ class Learner:
             event.window, event.fit.innovations, self._sigmas, event.cost.burn_in
         )
         is_clipped |= self._is_range_ending_in(window)
-        is_disturbed = self._is_disturbed_before_openings(event)
-        doubts = self._doubts(event, lag)
+        is_disturbed = self._is_disturbed_before_openings(event, recorded)
+        again = self._resimulated(event.window, carried, strange)
+        self._lag_doubt.take_in(None if lag is None else lateness_of(lag, again.run))
+        doubts = self._doubts(event)
         now = _Past(event.window, self._constants, found)
         better = self._is_better([now] if self._previous is None else [self._previous, now], in_force)
         self._previous = now
@@ -209,7 +215,7 @@ class Learner:
             nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
             reasons = outcome.objections or (because,)
             return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=reasons)
-        again = self._resimulated(event.window, carried, strange)
+        again = replace(again, systematic=math.hypot(again.systematic, self._lag_doubt.volume_share))
         masked = int(event.window.masked.sum()) - int(window.masked.sum())
         return replace(outcome, resimulated=again, outliers=masked)
 
@@ -247,10 +253,10 @@ class Learner:
                 return None
         return _Explained(window, offset, cost, fit, colour)
 
-    def _doubts(self, event: _Explained, lag: float | None) -> list[Reason]:
-        """What an event brings up beside its innovations; lag: how much it looks like one of the sensor."""
+    def _doubts(self, event: _Explained) -> list[Reason]:
+        """What an event brings up beside its innovations."""
         doubts = []
-        if self._lag_doubt.is_no_lag_after(lag):
+        if self._lag_doubt.is_relevant:
             doubts.append(Reason.TIME_BASE)
         if event.fit.contradicts:
             doubts.append(Reason.SUDDEN_CHANGE)
@@ -275,6 +281,7 @@ class Learner:
     def _resimulated(self, window: Window, carried: NDArray[np.float64], strange: float) -> Resimulated:
         """An event with what was learned from it; carried (m, m): covariance of the theta in force before."""
         now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active)
+        now, carried = now + self._current.covariance, carried + self._current.covariance
         event = resimulated(window, self._setting(), self._noise, self._theta, now, carried, self._scalars)
         shares = self._healthy.mass_share, UNSEEN * strange, self._pressure_gains.flow_share
         return replace(event, systematic=math.hypot(*shares))
@@ -370,16 +377,43 @@ class Learner:
         found = self._outliers.masked(window, np.where(ended, 0.0, innovations), self._sigmas, self._burn_in)
         return ended if found is None and more else found
 
-    def _is_disturbed_before_openings(self, event: _Explained) -> bool:
-        """Whether something couples into the line pressure before the needle opens."""
+    def _is_disturbed_before_openings(self, event: _Explained, recorded: Window) -> bool:
+        """Whether something couples into the line pressure before the needle opens that was not taken out.
+
+        recorded: the event with all of it.
+        """
         first = event.window.opening - self._edges.longest
         if first <= 0:
             return False
-        sigma = event.cost.sigma
-        cost = self._cost(with_step(event.window, first, sigma), None)
-        cost.value(event.fit.linearisation.theta)
-        response = event.cost.whitened((cost.unfiltered - event.fit.unfiltered) / sigma)
-        return self._edges.is_found_after(event.window, event.fit.innovations, response, sigma)
+        sigma, theta = event.cost.sigma, event.fit.linearisation.theta
+
+        def left(window: Window) -> NDArray[np.float64]:
+            """Innovations in standard deviations, at the fit."""
+            cost = self._cost(window, None)
+            cost.value(theta)
+            counts = cost.innovations / sigma
+            counts[: event.cost.burn_in] = 0.0
+            return counts
+
+        whole = event.window._replace(output=recorded.output)
+        before = left(whole)
+        response = left(with_step(whole, first, sigma)) - before
+        edge = self._edges.found_after(whole, sigma * before, response, sigma)
+        was_known = self._current.pulse is not None
+        if edge is None:
+            self._current.forget()
+            return was_known
+        self._current.take_in(whole, edge, left, event.fit.slopes / sigma, self._scalars.prior(self._scale))
+        if not was_known and self._current.pulse is not None:
+            self._unlearn()
+        return not was_known
+
+    def _unlearn(self) -> None:
+        """What was learned and said so far was of other line pressures than those that come."""
+        self._belief = self._belief.widened(self._scalars.prior(self._scale))
+        self._statistics, self._mistrust, self._trend = no_statistics(), Mistrust(), Trend()
+        self._colour, self._at_rest = None, RestingNoise(self._constants.interval)
+        self._previous = None
 
     def _is_range_ending_in(self, window: Window) -> bool:
         """Whether the line pressure's range is known to end, after an event.
@@ -458,7 +492,8 @@ class Learner:
             objections=self._objections(adoption, window, doubts),
             estimate=self._theta.copy(),
             covariance=gated_covariance(self._belief, self._scalars.gate, self._active)
-            + np.diag(self._pressure_gains.wear_variance(self._scalars.width)),
+            + np.diag(self._pressure_gains.wear_variance(self._scalars.width))
+            + np.diag(self._lag_doubt.variance(self._scalars.width)),
         )
 
     def _objections(
@@ -471,6 +506,8 @@ class Learner:
         result = objections(self._statistics, offset, lag, self._healthy)
         if self._pressure_gains.is_too_large and Objection(Reason.PRESSURE_OFFSET) not in result:
             result.insert(0, Objection(Reason.PRESSURE_OFFSET))
+        if is_worn_beyond_limits(self._theta, self._scalars):
+            result.append(Objection(Reason.MODEL_INADEQUATE, Phase.OPEN))
         result.extend(Objection(reason) for reason in doubts)
         if looks_like_inertance(self._open_nozzle_change(window), float(self._theta[Parameter.BULK_MODULUS])):
             result.append(Objection(Reason.AMBIGUOUS_SCALE))

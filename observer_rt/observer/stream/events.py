@@ -48,13 +48,16 @@ def part_events(observer: Observer, position: int) -> None:
     """The shut needle is about to open at `position`: an event that has lasted its gap ends here.
 
     Not while the sac may still be filled: only after a needle that was shut long enough for x^ to follow x~. One that
-    goes on without such a pause ends when it is too long to be learned from.
+    goes on without such a pause ends when it is too long to be learned from. The first ones, before which nothing is
+    valid, need not last: openings every 4 ms would make three of them an event, and the learning wait for it.
     """
     memory = observer.memory[0]
     timing = observer.constants.timing
     lasted = position - memory.event_opening
     is_at_rest = observer.ring[position & _MASK].index - memory.shut_since > timing.settle
-    if memory.in_event and (lasted > MAX_EVENT or (is_at_rest and lasted >= timing.event_gap)):
+    is_first = memory.events_closed < observer.constants.events_required
+    is_over = is_at_rest and (is_first or lasted >= timing.event_gap)
+    if memory.in_event and (lasted > MAX_EVENT or is_over):
         close_event(observer, position - 1)
 
 

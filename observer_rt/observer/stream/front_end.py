@@ -24,6 +24,7 @@ FOOT = 0.3  # of the dead band, above which these samples are the foot of a ramp
 RAMP = 30e-6  # s of a ramp from which its slope is taken, behind its first sample
 LONGEST_RAMP = LOOK_BACK + FEWEST_OPENING - 2  # samples; so many are known when the slope is needed
 SLOWEST_OPENING = 0.3  # m/s
+LOWEST = 15e-6  # m, below which a needle does not stop when it opens
 _MASK = RING - 1
 
 
@@ -132,6 +133,33 @@ def _opens_within(observer: Observer, position: int, samples: int) -> bool:
         elif run > 0 or lift < FOOT * threshold:
             return False
     return False
+
+
+@njit(cache=True, nogil=True)
+def stays_low(observer: Observer, position: int) -> bool:
+    """Whether a needle long at rest that is recorded as open from `position` on does not rise on.
+
+    Then its zero has stepped: no needle stops just off its seat. (Asked for at an opening only, for calls cost much.)
+    """
+    memory = observer.memory[0]
+    timing = observer.constants.timing
+    ring = observer.ring
+    if ring[position & _MASK].index - memory.shut_since <= timing.bounce:
+        return False
+    ahead = known(observer, position)
+    first = 0
+    while first < ahead and not ring[(position + first) & _MASK].lift > memory.lift_on:
+        first += 1
+    last = min(first + timing.confirm - 1, ahead)
+    half = (last - first + 1) // 2
+    if half == 0:
+        return False
+    earlier, later = 0.0, 0.0
+    for k in range(half):
+        earlier += ring[(position + first + k) & _MASK].lift / half
+        later += ring[(position + last - k) & _MASK].lift / half
+    slowest = 0.5 * SLOWEST_OPENING * observer.constants.interval * half
+    return bool(later - earlier < min(memory.lift_on, slowest) and 0.5 * (earlier + later) < LOWEST)
 
 
 @njit(cache=True, nogil=True)

@@ -7,6 +7,16 @@ from numba import njit
 from observer_rt.foundation.continuity import Break
 from observer_rt.observer.stream.events import forget_opening
 from observer_rt.observer.stream.front_end import dead_band, known
+from observer_rt.observer.stream.lift_step import (
+    QUICK_RATE,
+    START_LIMIT,
+    expect_steps,
+    follow_step,
+    forget_step,
+    shift_lifts,
+    shift_zero,
+    since_step,
+)
 from observer_rt.observer.stream.lift_stop import follow_opening, take_opening
 from observer_rt.observer.stream.standstill import (
     DIFFERENCE_GAIN,
@@ -17,9 +27,14 @@ from observer_rt.observer.stream.standstill import (
 from observer_rt.observer.stream.state import RING, Observer
 
 ZERO_RATE = 800.0  # 1/s: share of a sample in the running zero over the sample interval
+# of a zero that moves on too fast for a mean, as hum lets it: its level and slope are those of a mean and its mean
+NEAR_RATE = 1600.0  # 1/s
+MOVES = 0.2e-6  # m, rms of a mean over its own mean, from which on the zero moves; and ..
+MOVES_BEYOND = 0.2  # .. standard deviations of a sample: eight times what white noise does at 100 kHz
+MOVES_RATE = 25.0  # 1/s, of that mean square
+MOVES_ON = 5e-3  # s without standstill in which the zero goes on as before
 CLIP = 0.6  # of the dead band, three sigma: by more a sample does not count
 LIMIT = 40e-6  # m, of a zero that is followed
-START_LIMIT = 15e-6  # m, of a lift that is taken for the zero of a shut needle when the samples begin
 CALM = 0.7e6  # Pa, rms of a line pressure in which no injection rings
 # of the line pressure in the lift:
 LEAST_SWING = 0.5e6  # Pa about its mean, from which on a sample counts: hum is less
@@ -28,6 +43,7 @@ CROSSTALK_SAMPLES = 2000
 FOUND, LOST = 8.0, 5.0  # standard deviations from which on it is taken out, and below which no more
 LEAST_NOISE = 0.1e-6  # m
 MOST_CROSSTALK = 0.5e-12  # m/Pa
+RECENT = 4000  # samples since a step, by when its mean is the running one
 _WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
 _BEGINNING = 1000  # samples; afterwards every second one is looked at
 _LOOK = 32  # of these after which dead band and crosstalk are worked out
@@ -66,28 +82,35 @@ def follow_lift(observer: Observer, position: int) -> None:
     Else into what is known of its stop.
     """
     memory = observer.memory[0]
+    interval = observer.constants.interval
     row = observer.ring[position & _MASK]
     shut_for = row.index - memory.shut_since
     if memory.needle_open:
+        _move_on(observer, position)
         follow_opening(observer, position)
+        forget_step(observer, position)
         return
     if memory.highest > 0.0:
         take_opening(observer)
-    has_begun = memory.zero_count >= _BEGINNING
-    if shut_for <= observer.constants.timing.bounce or row.interpolated or (has_begun and position % 2):
+    if shut_for <= observer.constants.timing.bounce:
+        _move_on(observer, position)
         return
+    has_begun = memory.zero_count >= _BEGINNING
+    if row.interpolated or (has_begun and position % 2):
+        return
+    follow_step(observer, position, min((2.0 if has_begun else 1.0) * QUICK_RATE * interval, 1.0))
     lift = row.needle_lift - memory.zero
     if not math.isfinite(lift):
         return
     swing = _swing(observer, row.line_pressure)
     memory.zero_count += 1
-    share = 2.0 * ZERO_RATE * observer.constants.interval
+    share = 2.0 * ZERO_RATE * interval
     if not has_begun:
         share = max(1.0 / memory.zero_count, 0.5 * share)
     memory.line_mean += share * swing
     clip = CLIP * memory.lift_on
     left = min(max(lift - memory.crosstalk * swing, -clip), clip)
-    memory.zero = min(max(memory.zero + share * left, -LIMIT), LIMIT)
+    _follow(observer, position, memory.zero + left, share)
     if abs(swing) * observer.constants.coefficients.pressure_scale > LEAST_SWING:
         memory.swing_squares += swing * swing - FADE * memory.swing_squares
         memory.swing_lifts += swing * lift - FADE * memory.swing_lifts
@@ -98,7 +121,39 @@ def follow_lift(observer: Observer, position: int) -> None:
         opens, shuts = dead_band(math.sqrt(max(memory.lift_variance, memory.spread)))
         if memory.lift_count >= ENOUGH_SAMPLES or opens > memory.lift_on:
             memory.lift_on, memory.lift_off = opens, shuts
+        expect_steps(observer)
         _find_crosstalk(observer)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _follow(observer: Observer, position: int, lift: float, share: float) -> None:
+    """The zero after a shut needle's lift [m], taken into its mean by a share: the mean, or where it moves to."""
+    memory = observer.memory[0]
+    interval = observer.constants.interval
+    if position - memory.stepped < RECENT:
+        share = max(share, since_step(observer, position))
+    near = max(share, 2.0 * NEAR_RATE * interval)
+    memory.zero_mean += share * (lift - memory.zero_mean)
+    memory.zero_near += near * (lift - memory.zero_near)
+    memory.zero_behind += near * (memory.zero_near - memory.zero_behind)
+    ahead = memory.zero_near - memory.zero_behind
+    memory.zero_moves += 2.0 * MOVES_RATE * interval * (ahead * ahead - memory.zero_moves)
+    memory.followed = position
+    if memory.zero_moves > max(MOVES**2, MOVES_BEYOND**2 * memory.lift_variance):
+        memory.zero = memory.zero_near + ahead
+        memory.zero_slope = 0.5 * ahead * near / (1.0 - near)
+    else:
+        memory.zero = memory.zero_mean
+        memory.zero_slope = 0.0
+    memory.zero = min(max(memory.zero, -LIMIT), LIMIT)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _move_on(observer: Observer, position: int) -> None:
+    """The zero at a sample that does not show it."""
+    memory = observer.memory[0]
+    if memory.zero_slope != 0.0 and (position - memory.followed) * observer.constants.interval < MOVES_ON:
+        shift_zero(observer, memory.zero_slope)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -173,9 +228,8 @@ def look_at_start(observer: Observer, position: int) -> None:
         if not (steady < memory.lift_on**2 and abs(lifts / count) < START_LIMIT):
             return
         forget_opening(observer)
-        memory.zero = lifts / count
-        for k in range(start, memory.lifted):
-            observer.ring[k & _MASK].lift -= memory.zero
+        shift_zero(observer, lifts / count)
+        shift_lifts(observer, start, lifts / count)
         observer.ring[position & _MASK].lift_area = 0.0
         observer.ring[position & _MASK].seat_area = 0.0
     memory.shut_since = observer.ring[start & _MASK].index - observer.constants.timing.settle

@@ -34,6 +34,8 @@ OFF_SEAT = (
     40e-6  # m, by which a lift may leap from its seat: where its sensor's offset is not that of the seat
 )
 BACK = 0.5  # of the leap: less is left after a spike
+WIDE = 0.5  # of the lift at the stop, above which the seat is so wide that a lift held there changes no flow
+ENOUGH_OPENINGS = 3  # that tell the stop
 LEAP = 10.0  # of e~ from one sample to the next; a wrong model's grows over several
 _MASK = RING - 1
 _NONE, _FROZEN, _CLIPPED = int(Doubt.NONE), int(Doubt.FROZEN), int(Doubt.CLIPPED)
@@ -106,7 +108,7 @@ def _look(observer: Observer, position: int, number: int, value: float) -> int:
         channel.bridged -= 1
     if channel.bridged > 0:
         channel.until = max(channel.until, position + 2)
-    if _was_held(channel, number, value) or (number == LIFT and _was_let_go(observer, position)):
+    if number == LIFT and (_was_held(observer, value) or _was_let_go(observer, position)):
         return _FROZEN
     if number == LIFT:
         _mend_open_lift(observer, position)
@@ -116,12 +118,21 @@ def _look(observer: Observer, position: int, number: int, value: float) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _was_held(channel, number: int, value: float) -> bool:  # type: ignore[no-untyped-def]
+def _was_held(observer: Observer, value: float) -> bool:
     """Whether a lift that moves again has moved while it was held: a needle cannot be bridged."""
-    if number != LIFT or channel.run > 0 or not channel.is_held:
+    memory = observer.memory[0]
+    channel = memory.channels[LIFT]
+    if channel.run > 0 or not channel.is_held:
         return False
     channel.is_held = False
-    return bool(not channel.is_dropout and abs(value - channel.held) > DROPOUT * channel.noise)
+    has_moved = abs(value - channel.held) > DROPOUT * channel.noise
+    return bool(has_moved and not channel.is_dropout and not _is_wide_open(memory, min(value, channel.held)))
+
+
+@njit(cache=True, nogil=True)
+def _is_wide_open(memory, lift: float) -> bool:  # type: ignore[no-untyped-def]
+    """Whether at a lift, as recorded [m], the seat limits no flow."""
+    return bool(memory.stop_openings >= ENOUGH_OPENINGS and lift - memory.zero > WIDE * memory.stop)
 
 
 @njit(cache=True, nogil=True)
@@ -141,7 +152,7 @@ def _was_let_go(observer: Observer, position: int) -> bool:
     leap = _lift_over(observer, last, last + 1)
     if _lift(observer, last) < memory.lift_on:
         quickest += OFF_SEAT
-    if not abs(leap) > quickest:
+    if not abs(leap) > quickest or _is_wide_open(memory, _lowest(observer, last)):
         return False
     for k in range(1, STAYED):
         if not abs(_lift_over(observer, last, last - k)) < memory.lift_on:
@@ -151,6 +162,13 @@ def _was_let_go(observer: Observer, position: int) -> bool:
         if is_repeated or not _lift_over(observer, last, last + k) / leap > BACK:
             return False
     return True
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _lowest(observer: Observer, position: int) -> float:
+    """Of the recorded lifts [m] at a position and the one after it."""
+    ring = observer.ring
+    return float(min(ring[position & _MASK].needle_lift, ring[(position + 1) & _MASK].needle_lift))
 
 
 @njit(cache=True, nogil=True, inline="always")

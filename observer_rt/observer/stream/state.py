@@ -241,7 +241,20 @@ _OBSERVER = [
     ("injections_begun", np.int64),
     ("injections_reported", np.int64),
     # what the lift shows of a shut needle
-    ("zero", np.float64),  # m, running mean
+    ("zero", np.float64),  # m
+    ("zero_mean", np.float64),  # m, running mean
+    ("zero_near", np.float64),  # m, a shorter one, and
+    ("zero_behind", np.float64),  # .. the running mean of that
+    ("zero_moves", np.float64),  # m2, mean square of their difference
+    ("zero_slope", np.float64),  # m a sample, 0 while that is noise
+    ("followed", np.int64),  # position of the last sample in them
+    ("quick", np.float64),  # m, mean over some samples of the lift about its zero
+    ("quick_squares", np.float64),  # m2, running mean of its square
+    ("quick_limit", np.float64),  # m2, of its square: more is a step
+    ("quiet", np.int64),  # position of the last sample at which it was small
+    ("stepped", np.int64),  # position at which a step of the zero was found
+    ("before_step", np.float64),  # m, the zero before it
+    ("summit", np.float64),  # m, highest lift since it opened
     ("zero_count", np.int64),
     ("spread", np.float64),  # m2, mean square of the lift about it: noise of any colour
     ("line_mean", np.float64),  # of the line pressure, running as `zero` does

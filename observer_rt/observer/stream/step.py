@@ -21,13 +21,14 @@ from observer_rt.observer.stream.front_end import (
     open_from,
     opens_at,
     shut_area,
+    stays_low,
 )
 from observer_rt.observer.stream.judgement import judged
 from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, take_out_zero
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
-from observer_rt.observer.stream.state import MAX_EVENT, RING, WAITING, Observer, Reason, State
+from observer_rt.observer.stream.state import LINE, MAX_EVENT, RAIL, RING, WAITING, Observer, Reason, State
 from observer_rt.observer.stream.undoing import keep_waiting, true_lift, true_rail_pressure
 
 _MASK = RING - 1
@@ -46,6 +47,7 @@ _NEEDLE_STUCK = int(Reason.NEEDLE_STUCK)
 _NO_STANDSTILL = int(Reason.NO_STANDSTILL)
 _LIFT_ZERO = int(Reason.LIFT_ZERO)
 _TOO_FEW_EVENTS = int(Reason.TOO_FEW_EVENTS)
+_FROZEN = int(Doubt.FROZEN)
 _STARTING = int(State.STARTING)
 _NOMINAL = int(State.RUNNING_NOMINAL)
 _ADAPTED = int(State.ADAPTED)
@@ -232,6 +234,8 @@ def _process(observer: Observer, position: int) -> bool:
         _end_segment(observer, position)
     take_out_zero(observer, position)
     opens = not memory.needle_open and opens_at(observer, position)
+    if opens and stays_low(observer, position):
+        opens = False
     while not opens and memory.events_taken < memory.events_closed and judgement_due(observer, row.index):
         memory.waiting = not judged(observer)
         if memory.waiting:
@@ -335,6 +339,20 @@ def _settle(observer: Observer, position: int) -> None:
 
 
 @njit(cache=True, nogil=True)
+def _is_only_rest_held(observer: Observer, position: int) -> bool:
+    """Whether all that is wrong with a sample is that the lift of a needle at rest is held.
+
+    Had the needle moved meanwhile, the lift would leap when it is let go, or the line would ring.
+    """
+    memory = observer.memory[0]
+    row = observer.ring[position & _MASK]
+    timing = observer.constants.timing
+    is_at_rest = not memory.needle_open and row.index - memory.shut_since > timing.bounce
+    others = max(memory.channels[RAIL].bridged, memory.channels[LINE].bridged)
+    return bool(is_at_rest and row.doubt == _FROZEN and others <= timing.bridge)
+
+
+@njit(cache=True, nogil=True)
 def _mark(observer: Observer, position: int) -> None:
     """Validity, reason and state of the processed sample; its rate is not available while not synchronised."""
     memory = observer.memory[0]
@@ -344,8 +362,9 @@ def _mark(observer: Observer, position: int) -> None:
         row.injection_rate = np.nan
     elif row.doubt != _NO_DOUBT:
         row.reason = row.doubt
-        memory.event_learnable = False
-        memory.event_doubtful = row.reason
+        if not _is_only_rest_held(observer, position):
+            memory.event_learnable = False
+            memory.event_doubtful = row.reason
     elif memory.doubted != _NO_REASON:
         row.reason = memory.doubted
         memory.event_learnable = False

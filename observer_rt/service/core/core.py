@@ -31,7 +31,7 @@ from observer_rt.service.core.learners import LearnerFactory, healthy_injector, 
 from observer_rt.service.core.messages import OutputFrame, ResultFrames
 from observer_rt.service.core.noise import slow_noise_of
 from observer_rt.service.inputs.energizing import EnergizingFigures
-from observer_rt.service.inputs.optional_inputs import OptionalInputs
+from observer_rt.service.inputs.optional_inputs import Again, OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
 from observer_rt.service.reports.judging import Judged, Judging
 from observer_rt.service.reports.news import Listener, to_all
@@ -100,9 +100,14 @@ class Core:
         key = frame_key(frame_id, is_extended, bus)
         data = np.frombuffer(payload, np.uint8)
         if self._bus.slow:
-            self._inputs.take(key, data, stamp_ns)
-            self.compiled.pipeline.publisher.memory["learning"] = self.learning
+            self.take_inputs(key, data, stamp_ns)
         return self._go_on(self.compiled.handle(key, data, stamp_ns))
+
+    def take_inputs(self, key: int, data: NDArray[np.uint8], stamp_ns: int) -> Again:
+        """Look at the optional inputs before a frame is taken; when to do so again, frames that bring one apart."""
+        self._inputs.take(key, data, stamp_ns)
+        self.compiled.pipeline.publisher.memory["learning"] = self.learning
+        return self._inputs.again()
 
     def attend(self) -> list[OutputFrame]:
         """What the stream did meanwhile, by frames given to `compiled`: hand over, judge, report.

@@ -30,6 +30,8 @@ class FuelFollower(OptionalInput[float]):
         self._constants_at = constants_at
         self._measured = HeldValue(timeout)
         self._last_change = -math.inf
+        self._change_at = math.inf
+        self._waits_for_rest = False
         self._is_assumed = assumed is not None
 
     def take(self, reading: float, now: float) -> None:
@@ -44,15 +46,21 @@ class FuelFollower(OptionalInput[float]):
         """Bring the fuel in force near the measured one, unless within an event; doubt all while it is not known."""
         memory = self._compiled.observer.memory[0]
         measured = self._measured.at(now)
-        if not memory["in_event"] and self._is_far(measured, now):
+        is_far = self.temperature is None or abs(measured - self.temperature) >= STEP
+        is_wanted = is_far and not math.isnan(measured)
+        is_too_soon = 0.0 <= now - self._last_change < PERIOD
+        self._change_at = self._last_change + PERIOD if is_wanted and is_too_soon else math.inf
+        self._waits_for_rest = bool(is_wanted and not is_too_soon and memory["in_event"])
+        if is_wanted and not is_too_soon and not memory["in_event"]:
             self._compiled.change_constants(self._constants_at(measured))
             self.temperature = measured
             self._last_change = now
         is_measured = not math.isnan(measured) and self.temperature is not None
         memory["doubted"] = Reason.NONE if self._is_assumed or is_measured else Reason.INPUT_STALE
 
-    def _is_far(self, measured: float, now: float) -> bool:
-        """Whether the fuel in force is far from the measured one, and was not changed just before."""
-        if math.isnan(measured) or 0.0 <= now - self._last_change < PERIOD:
-            return False
-        return self.temperature is None or abs(measured - self.temperature) >= STEP
+    def heeded_by(self, now: float) -> float:
+        return min(self._change_at, self._measured.counts_until(now))
+
+    @property
+    def waits_for_rest(self) -> bool:
+        return self._waits_for_rest

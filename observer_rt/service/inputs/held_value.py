@@ -24,6 +24,11 @@ class HeldValue:
         self.at(now)
         self._left = min(self._left, GRACE)
 
+    def counts_until(self, now: float) -> float:
+        """When the value counts no longer, inf: it does for ever, or does not any more."""
+        left = self._left - max(now - self._now, 0.0)
+        return now + left if left > 0.0 else math.inf
+
     def at(self, now: float) -> float:
         """The value that counts, nan: none does. Call it now and then, so that a new beginning of time is seen."""
         self._left -= max(now - self._now, 0.0)

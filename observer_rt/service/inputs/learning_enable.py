@@ -20,3 +20,6 @@ class LearningEnable(OptionalInput[float]):
     def heed(self, now: float) -> None:
         """Whether the value says 0 now."""
         self.is_held = self._value.at(now) == 0.0
+
+    def heeded_by(self, now: float) -> float:
+        return self._value.counts_until(now)

@@ -1,5 +1,6 @@
 """The one interface of the optional inputs."""
 
+import math
 from typing import Generic, TypeVar
 
 Reading = TypeVar("Reading", contravariant=True)
@@ -13,6 +14,15 @@ class OptionalInput(Generic[Reading]):
 
     def heed(self, now: float) -> None:
         """Samples are about to be observed: what the input says of them takes effect."""
+
+    def heeded_by(self, now: float) -> float:
+        """When `heed` is to be called again at the latest, inf: not before a frame that carries it."""
+        return math.inf
+
+    @property
+    def waits_for_rest(self) -> bool:
+        """Whether `heed` is to be called as soon as no event is under way."""
+        return False
 
     def look(self) -> None:
         """Samples were observed."""

@@ -1,6 +1,7 @@
 """The optional inputs of a bench: their frames received, each handed to what the service makes of it."""
 
 import math
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -21,6 +22,17 @@ from observer_rt.service.inputs.measured_mass import MassComparison
 from observer_rt.service.inputs.optional_input import OptionalInput
 from observer_rt.service.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.service.reports.news import Listener
+
+_NEVER = 1 << 62  # no index
+
+
+@dataclass(frozen=True)
+class Again:
+    """When to heed the inputs again: from the index `due` on, when the index begins anew below `now`, `at_rest`."""
+
+    now: int
+    due: int
+    at_rest: bool
 
 
 class OptionalInputs:
@@ -83,6 +95,14 @@ class OptionalInputs:
         for one in self._all:
             one.heed(now)
 
+    def again(self) -> Again:
+        """When to call `take` again, if no frame brings an input before."""
+        newest, now = self._newest_index() or 0, self._time_of_samples()
+        interval = self._compiled.observer.constants.interval
+        left = min(one.heeded_by(now) for one in self._all) - now
+        index = _NEVER if left == math.inf else newest + math.ceil(left / interval)
+        return Again(newest, index, any(one.waits_for_rest for one in self._all))
+
     def look(self) -> None:
         """Samples were observed."""
         for one in self._all:
@@ -123,11 +143,14 @@ class OptionalInputs:
 
     def _time_of_samples(self) -> float:
         """Of the newest received sample, since the first [s]; the index of a device may begin with any number."""
-        observer = self._compiled.observer
-        received = int(observer.memory["received"][0])
-        if received == 0:
+        index = self._newest_index()
+        if index is None:
             return 0.0
-        index = int(observer.ring[(received - 1) % RING]["index"])
         if self._first_index is None:
             self._first_index = index
-        return (index - self._first_index) * observer.constants.interval
+        return (index - self._first_index) * self._compiled.observer.constants.interval
+
+    def _newest_index(self) -> int | None:
+        observer = self._compiled.observer
+        received = int(observer.memory["received"][0])
+        return int(observer.ring[(received - 1) % RING]["index"]) if received else None

@@ -10,6 +10,8 @@ from typing import Any
 
 from numba import njit, typeof, types
 
+from observer_rt.bus.can_frame import FD_MTU
+from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.j1939 import GroupIdentifier
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.receiver import BusDownError
@@ -19,13 +21,15 @@ from observer_rt.config.bench import Bench
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.pump import libc, loop
-from observer_rt.service.pump.memory import BUS, ERRORS, Pump, make_pump
+from observer_rt.service.pump.memory import BATCH, BUS, ERRORS, Need, Pump, make_pump
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.rights import hurry
 from observer_rt.service.watch.arrivals import Arrivals
 
 BUSY_WAIT = 2e-3  # s between two looks while events wait to be judged
 _RAW = ("socketcan", "descriptor")  # interfaces
+_HEADER = struct.Struct("=IB")  # identifier and length of a frame
+_DATA = 8  # bytes before its data
 _TIMEVAL = struct.Struct("@ll")
 
 
@@ -45,14 +49,14 @@ def can_pump(links: Sequence[Link], bus: BusMap) -> bool:
 
 
 def can_pump_messages(bus: BusMap) -> bool:
-    """No optional input, which Python takes, and no J1939, where identifiers change with the sender."""
-    return not bus.slow and not any(isinstance(each.received_id, GroupIdentifier) for each in bus.received)
+    """No J1939, where identifiers change with the sender."""
+    return not any(isinstance(each.received_id, GroupIdentifier) for each in bus.received)
 
 
-def compile_pump(core: Core, pump: Pump) -> Callable[..., bool]:
+def compile_pump(core: Core, pump: Pump) -> Callable[..., int]:
     """The loop for a core's pipeline, compiled or loaded from the cache."""
     compiled: Any = _run
-    entry: Callable[..., bool] = compiled.compile((typeof(pump), typeof(core.compiled.held), types.int64))
+    entry: Callable[..., int] = compiled.compile((typeof(pump), typeof(core.compiled.held), types.int64))
     return entry
 
 
@@ -73,7 +77,8 @@ class CompiledPump(FramePump):
         self._arrivals = arrivals
         self._on_unsent = on_unsent
         self._layouts = (*bus.received, *bus.sent)
-        self._pump = make_pump(len(links), self._layouts, None if bus.rate is None else bus.rate.layout)
+        asked = [slow.layout for slow in bus.slow]
+        self._pump = make_pump(len(links), self._layouts, asked, bus.rate.layout if bus.rate else None)
         self._compiled = compile_pump(core, self._pump)
         self._errors_read = [0] * len(links)
         self._unsent = 0
@@ -83,6 +88,7 @@ class CompiledPump(FramePump):
         self._readable = select.poll()
         self._readable.register(self._wake, select.POLLIN)
         self._waits, self._may_go_on = threading.Event(), threading.Event()
+        self._inputs = threading.Lock()  # of the core: the loop's thread takes them, too
         self._failure: BaseException | None = None
         for number in range(len(links)):
             self.take_back(number)
@@ -98,9 +104,10 @@ class CompiledPump(FramePump):
         self._note_what_came()
         for number, link in enumerate(self._links):
             self._refuse_failure(number, link)
+        with self._inputs:
+            frames = self._core.answer() if self._waits.is_set() else self._core.attend()
         if not self._waits.is_set():
-            return self._core.attend()
-        frames = self._core.answer()
+            return frames
         self._waits.clear()
         self._may_go_on.set()
         return frames
@@ -138,10 +145,13 @@ class CompiledPump(FramePump):
         os.close(self._wake)
 
     def _loop(self) -> None:
-        """The thread of the compiled loop; Python runs in it only where the stream waits for a verdict."""
+        """The thread of the compiled loop; Python runs in it only for what the loop needs of it."""
         try:
             hurry()
-            while self._compiled(self._pump, self._core.compiled.held, self._wake):
+            while need := Need(self._compiled(self._pump, self._core.compiled.held, self._wake)):
+                if need is Need.INPUT:
+                    self._take_input()
+                    continue
                 self._may_go_on.clear()
                 self._waits.set()
                 os.eventfd_write(self._wake, 1)
@@ -149,6 +159,21 @@ class CompiledPump(FramePump):
         except BaseException as error:
             self._failure = error
             os.eventfd_write(self._wake, 1)
+
+    def _take_input(self) -> None:
+        """Let the core look at its optional inputs before the next frame."""
+        pump, memory = self._pump, self._pump.memory[0]
+        number = int(memory["asked_bus"])
+        bus = pump.buses[number]
+        at = (number * BATCH + int(bus["next"])) * FD_MTU
+        identifier, length = _HEADER.unpack(pump.frames[at : at + _HEADER.size].tobytes())
+        is_extended = bool(identifier & socket.CAN_EFF_FLAG)
+        key = frame_key(identifier & socket.CAN_EFF_MASK, is_extended, number)
+        data = pump.frames[at + _DATA : at + _DATA + length]
+        with self._inputs:
+            again = self._core.take_inputs(key, data, int(bus["stamp"]))
+        memory["answered_at"], memory["ask_at"], memory["ask_at_rest"] = again.now, again.due, again.at_rest
+        memory["answered"] = int(memory["frames"]) + 1
 
     def _stop(self) -> None:
         self._pump.memory["is_to_stop"] = True

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import FD_MTU
 from observer_rt.bus.database.frame_key import BUS as BUS_KEY
 from observer_rt.bus.database.frame_key import EXTENDED as EXTENDED_KEY
-from observer_rt.observer.stream.state import Observer
+from observer_rt.observer.stream.state import RING, Observer
 from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
 from observer_rt.service.compiled.publisher import Publisher
 from observer_rt.service.pump import libc
-from observer_rt.service.pump.memory import BATCH, CONTROL_WORDS, ERRORS, WAITING, Pump
+from observer_rt.service.pump.memory import BATCH, CONTROL_WORDS, ERRORS, WAITING, Need, Pump
 
 WAIT_MS = 20  # longest time deaf to Python
 RETRY_MS = 1  # a full transmit queue cannot be polled for
@@ -25,13 +25,14 @@ _HEADER = 8  # bytes of a frame before its data
 _STAMP, _THREE_STAMPS, _OVERFLOWS = 35, 37, 40  # kinds of control messages at the level of the socket
 _SECOND = 1_000_000_000
 
+_NOTHING, _VERDICT, _INPUT = (int(each) for each in Need)
 _recvmmsg, _send, _write, _poll = libc.recvmmsg, libc.send, libc.write, libc.poll
 _clock_gettime, _errno_location = libc.clock_gettime, libc.errno_location
 
 
 @njit(cache=True, nogil=True)
-def run(pump: Pump, pipeline: Pipeline, wake: int) -> bool:
-    """Pump until told to stop, or until the stream waits for a verdict: then True, and call it again once it has it.
+def run(pump: Pump, pipeline: Pipeline, wake: int) -> int:
+    """Pump until told to stop, or until Python must do something first: `Need`. Call it again then.
 
     wake: descriptor written to when something happened that Python waits for.
     """
@@ -40,7 +41,7 @@ def run(pump: Pump, pipeline: Pipeline, wake: int) -> bool:
         waits = proceed(pipeline)
         send_rates(pump, pipeline.publisher)
         if waits:
-            return True
+            return _VERDICT
     while not memory.is_to_stop:
         memory.turns += 1
         if not _frame_is_there(pump):
@@ -49,12 +50,13 @@ def run(pump: Pump, pipeline: Pipeline, wake: int) -> bool:
             bus = _earliest(pump)
             if bus < 0:
                 break
-            if _take(pump, pipeline, bus):
-                return True
+            need = _take(pump, pipeline, bus)
+            if need != _NOTHING:
+                return int(need)
         if memory.first_waiting < memory.end_waiting:
             _send_waiting(pump)
         _tell(pump, pipeline.observer, wake)
-    return False
+    return _NOTHING
 
 
 @njit(cache=True, nogil=True)
@@ -204,32 +206,34 @@ def _note_stamp(pump: Pump, number: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _take(pump: Pump, pipeline: Pipeline, number: int) -> bool:
-    """Take the next frame of a bus through the pipeline; True when the stream waits for a verdict."""
-    memory = pump.memory[0]
+def _take(pump: Pump, pipeline: Pipeline, number: int) -> int:
+    """Take the next frame of a bus through the pipeline: `Need`."""
     bus = pump.buses[number]
     place = number * BATCH + bus.next
-    stamp = bus.stamp
-    bus.next += 1
-    _note_stamp(pump, number)
     if pump.headers[place].length == 0:  # a pair of sockets whose other end was closed
         bus.failure = libc.ENODEV
-        return False
+        return _NOTHING
     identifier = pump.words[place * FD_MTU // 4]
     data = place * FD_MTU + _HEADER
     length = pump.frames[data - 4]
     payload = pump.frames[data : data + length]
-    if identifier & _ERROR_FLAG:
-        _note_error(pump, number, identifier, payload)
-        return False
-    if identifier & _REMOTE_FLAG:
-        return False
     key = number * BUS_KEY
     if identifier & _EXTENDED_FLAG:
         key += (identifier & _EXTENDED_MASK) + EXTENDED_KEY
     else:
         key += identifier & _STANDARD_MASK
-    memory.frames += 1
+    is_data = identifier & (_ERROR_FLAG | _REMOTE_FLAG) == 0
+    if is_data and _is_asked_for(pump, pipeline.observer, key):
+        pump.memory[0].asked_bus = number
+        return _INPUT
+    stamp = bus.stamp
+    bus.next += 1
+    _note_stamp(pump, number)
+    if not is_data:
+        if identifier & _ERROR_FLAG:
+            _note_error(pump, number, identifier, payload)
+        return _NOTHING
+    pump.memory[0].frames += 1
     for watched in range(pump.arrivals.size):
         arrival = pump.arrivals[watched]
         if arrival.key == key:
@@ -238,7 +242,25 @@ def _take(pump: Pump, pipeline: Pipeline, number: int) -> bool:
             break
     waits = handle(pipeline, key, payload, stamp)
     send_rates(pump, pipeline.publisher)
-    return bool(waits)
+    return _VERDICT if waits else _NOTHING
+
+
+@njit(cache=True, nogil=True)
+def _is_asked_for(pump: Pump, observer: Observer, key: int) -> bool:
+    """Whether Python must look at the optional inputs before the next frame is taken, and has not yet."""
+    memory = pump.memory[0]
+    if pump.asked.size == 0 or memory.answered == memory.frames + 1:
+        return False
+    for number in range(pump.asked.size):
+        if pump.asked[number] == key:
+            return True
+    stream = observer.memory[0]
+    if memory.ask_at_rest and not stream.in_event:
+        return True
+    if stream.received == 0:
+        return bool(memory.answered == 0)
+    newest = observer.ring[(stream.received - 1) & (RING - 1)].index
+    return bool(newest < memory.answered_at or newest >= memory.ask_at)
 
 
 @njit(cache=True, nogil=True)

@@ -1,6 +1,7 @@
 """The compiled pump's memory: buffers that the kernel fills, and what Python reads and writes beside the loop."""
 
 from collections.abc import Sequence
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,15 @@ BATCH = 16  # frames that one system call may bring
 CONTROL_WORDS = 16  # of 8 bytes: room for three time stamps and a count of lost frames
 ERRORS = 64  # error frames remembered until Python has read them
 WAITING = 512  # results: some 0.15 s at 100 kHz, after which the oldest serve nobody
+
+
+class Need(IntEnum):
+    """Why the loop stopped, which goes on when it is called again."""
+
+    NOTHING = 0  # it was told to
+    VERDICT = 1  # the stream waits for one
+    INPUT = 2  # before the next frame is taken Python must look at the optional inputs
+
 
 BUS = np.dtype(
     [
@@ -42,6 +52,12 @@ PUMP = np.dtype(
         ("turns", np.int64),
         ("frames", np.int64),  # received
         ("unsent", np.int64),
+        # optional inputs: Python looks at them at frames that carry one, and
+        ("answered", np.int64),  # number of the frame for which it did last, from 1
+        ("answered_at", np.int64),  # index of the newest sample then: again if the index begins anew,
+        ("ask_at", np.int64),  # .. from this index on,
+        ("ask_at_rest", np.bool_),  # .. and outside every event
+        ("asked_bus", np.int64),  # whose next frame it is
         # results
         ("bus", np.int64),  # they go to, -1: none are sent
         ("identifier", np.uint32),
@@ -67,6 +83,7 @@ class Pump(NamedTuple):
     vectors: NDArray[np.void]  # IOVEC
     errors: NDArray[np.void]  # ERROR, ERRORS of every bus
     arrivals: NDArray[np.void]  # ARRIVAL
+    asked: NDArray[np.int64]  # keys of frames with optional inputs
     waiting: NDArray[np.uint8]  # WAITING results as the kernel takes them
     event: NDArray[np.uint64]  # (1,) what is written to wake Python
     clock: NDArray[np.int64]  # (2,) seconds, nanoseconds
@@ -75,8 +92,16 @@ class Pump(NamedTuple):
 _FD, _BRS, _EXTENDED = 0x80, 0x01, 0x80000000
 
 
-def make_pump(buses: int, watched: Sequence[MessageLayout], result: MessageLayout | None) -> Pump:
-    """Memory for so many buses; watched: messages whose arrivals are counted; result: that of the rates, if any."""
+def make_pump(
+    buses: int,
+    watched: Sequence[MessageLayout],
+    asked: Sequence[MessageLayout],
+    result: MessageLayout | None,
+) -> Pump:
+    """Memory for so many buses; watched: messages whose arrivals are counted; asked: those with optional inputs.
+
+    result: that of the rates, if any.
+    """
     places = buses * BATCH
     frames = np.zeros(places * FD_MTU, np.uint8)
     control = np.zeros(places * CONTROL_WORDS, np.int64)
@@ -108,6 +133,7 @@ def make_pump(buses: int, watched: Sequence[MessageLayout], result: MessageLayou
         vectors,
         np.zeros(buses * ERRORS, ERROR),
         arrivals,
+        np.array([frame_key(each.frame_id, each.is_extended, each.bus) for each in asked], np.int64),
         np.zeros(WAITING * FD_MTU, np.uint8),
         np.ones(1, np.uint64),
         np.zeros(2, np.int64),

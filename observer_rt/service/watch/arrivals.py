@@ -67,6 +67,11 @@ class Arrivals:
         """What came of an input message."""
         return self._heard[_key(source.layout)]
 
+    @property
+    def frames(self) -> int:
+        """Of all input messages."""
+        return sum(heard.frames for _, heard in self._inputs)
+
     def age(self, source: Source, now: int) -> float:
         """Time since its last frame [s]; nan: none came yet."""
         heard = self.heard_of(source)

@@ -56,7 +56,7 @@ def test_window_of_a_slow_opening_begins_at_the_foot_of_its_ramp() -> None:
 @pytest.mark.parametrize(("later", "events"), [(GAP - 1, 1), (GAP + 4, 2)])
 def test_event_gap_parts_events(later: int, events: int) -> None:
     """An opening within the gap since the first one belongs to the same event."""
-    stream = run({1000: 50, 1000 + later: 50}, 8000)
+    stream = run({1000: 50, 1000 + later: 50}, 8000, events_required=0)
     assert stream.count("event_number") == events
 
 
@@ -67,6 +67,21 @@ def test_event_that_has_lasted_its_gap_ends_where_the_needle_was_shut_long_enoug
     """Only then x^ begins the next one anew, from x~."""
     stream = run({1000: GAP, 1000 + GAP + shut: 50}, 8000)
     assert stream.count("event_number") == events
+
+
+def test_the_first_events_need_not_last_their_gap() -> None:
+    """As many as are required before anything is valid; the third is of all openings within the gap."""
+    period = round(4.2 * MS)
+    starts = range(1000, 1000 + 12 * period, period)
+    stream = run(dict.fromkeys(starts, 110), 12_000)
+    assert [int(i["event"]) for i in stream.injections] == [1, 2, 3, 3, 3, 4, 4, 4, 5, 5, 5, 6]
+    valid = [bool(i["valid"]) for i in stream.injections]
+    assert valid == [False] * 8 + [True] * 4  # 20 ms after the third opened the second is judged
+
+
+def test_nor_does_a_needle_that_was_not_shut_long_enough_end_them() -> None:
+    stream = run({1000: 30, 1000 + 30 + 3 * MS - 5: 110, 8000: 50}, 12_000)
+    assert [int(i["event"]) for i in stream.injections] == [1, 1, 2]
 
 
 @pytest.mark.parametrize("period", [6 * MS, 8 * MS, round(10.5 * MS)])

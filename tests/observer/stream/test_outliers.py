@@ -302,3 +302,37 @@ def test_nor_is_a_spike_of_the_lift(at: int) -> None:
     channels[LIFT][at : at + 3] += 60e-6
     _, rows = observed(channels, events_required=0)
     assert not (rows["reason"] == Reason.INPUT_FROZEN).any()
+
+
+def first_event(channels: list[NDArray[np.float64]]) -> np.void:
+    """As it closed."""
+    stream, _ = observed(channels, events_required=0)
+    event: np.void = stream.observer.memory["events"][0][0]
+    return event
+
+
+@pytest.mark.parametrize("held", [slice(4850, 4920), slice(4850, 5150)])
+def test_a_lift_held_at_rest_spoils_no_event(held: slice) -> None:
+    channels = signals()
+    channels[LIFT] += place(COUNT, at_4500=stroke(200))
+    channels[LIFT][held] = channels[LIFT][held.start]
+    event = first_event(channels)
+    assert event["learnable"]
+    assert event["doubtful"] == 0
+    channels[LINE][held] = channels[LINE][held.start]
+    assert first_event(channels)["doubtful"] == Reason.INPUT_FROZEN
+
+
+@pytest.mark.parametrize(("since", "is_spoiled"), [(26, False), (8, True)])
+def test_a_lift_held_high_up_limits_no_flow(since: int, is_spoiled: bool) -> None:
+    """After some openings have told where the stop is; 30 samples lead there."""
+    count = 16_000
+    channels = signals(count)
+    motion = np.zeros(count)
+    for start in range(2500, count, 3000):
+        motion[start : start + 200] = stroke(200, ramp=30)
+    last = 14_500
+    motion[last + since : last + since + 12] = motion[last + since]
+    channels[LIFT] += motion
+    _, rows = observed(channels, events_required=0)
+    assert (rows["reason"][last:] == Reason.INPUT_FROZEN).any() == is_spoiled

@@ -3,7 +3,7 @@
 import socket
 import struct
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -17,13 +17,17 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.observer.stream.verdict import Taken
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.pump.compiled_pump import CompiledPump
 from observer_rt.service.watch.arrivals import Arrivals
+from tests.service.core_frames import RATES, Frame, recording, run
 from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded, published_rates
+from tests.service.inputs.test_fuel_temperature import bench as temperature_bench
+from tests.service.inputs.test_fuel_temperature import frames_of, sensor
 from tests.service.participants import bench_file, serving, until, worn_recording
+from tests.service.slow_frames import bed, inserted, slow_bench
 
-BLOCK = 9  # samples of a frame
 FD_FRAME = struct.Struct("=IBB2x64s")
 
 
@@ -34,7 +38,7 @@ class Device:
         self._end = end
         self.received: dict[int, list[bytes]] = {}
 
-    def send(self, frames: list[TimedFrame]) -> None:
+    def send(self, frames: Iterable[TimedFrame | Frame]) -> None:
         for frame in frames:
             self._end.send(FD_FRAME.pack(frame.frame_id, len(frame.payload), 1, frame.payload))
             self.read()
@@ -65,9 +69,9 @@ def connected(path: Path) -> Iterator[tuple[Device, Daemon]]:
 def test_same_frames_as_evaluate(tmp_path: Path) -> None:
     """Bit for bit, learning included: a loop in compiled code, and everything in one thread without a bus."""
     path = bench_file(tmp_path, "0")
-    recording = worn_recording()
-    frames = list(Framer(map_bus(load_bench(path))).frames(recording, whole(recording)))
-    history = evaluate(load_bench(path), [recording])
+    worn = worn_recording()
+    frames = list(Framer(map_bus(load_bench(path))).frames(worn, whole(worn)))
+    history = evaluate(load_bench(path), [worn])
     with connected(path) as (device, daemon):
         with serving(daemon):
             device.send(frames)
@@ -77,15 +81,79 @@ def test_same_frames_as_evaluate(tmp_path: Path) -> None:
         expected = [frame.payload for frame in history.frames if frame.frame_id == message.frame_id]
         assert device.received[message.frame_id] == expected
     last = decoded(STATUS, device.received[STATUS.frame_id][-1])
-    assert last["SamplesProcessed"] == recording.samples
+    assert last["SamplesProcessed"] == worn.samples
     assert last["DroppedFrames"] == last["LateAdoptions"] == 0
     assert daemon.core.counters.adoptions >= 2
+
+
+def through_pump(path: Path, frames: Sequence[Frame]) -> dict[int, list[bytes]]:
+    """What comes of frames in lockstep, to the end, by identifier."""
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    core, arrivals = Core(bench.injector, bus), Arrivals(bus)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours, theirs, DescriptorLink(str(ours.fileno()), True, bus.received_on(0)) as link:
+        device = Device(theirs)
+        pump = CompiledPump([link], core, bus, arrivals)
+        out: list[OutputFrame] = []
+        try:
+            for frame in frames:
+                device.send([frame])
+                out += pump.serve(0.0)
+            while arrivals.frames < len(frames):
+                out += pump.serve(1e-3)
+            device.read()
+            out += pump.finish()
+        finally:
+            pump.close()
+    for frame_out in out:
+        device.received.setdefault(frame_out.frame_id, []).append(frame_out.payload)
+    return device.received
+
+
+def warming_fuel(folder: Path) -> tuple[Path, list[Frame]]:
+    """Fuel that warms within events, is silent for longer than it counts, and is not known for a while."""
+    frames = frames_of(recording())
+    quarter = len(frames) // 4
+    told = [
+        (0, 40.0),
+        (7, 43.0),
+        (quarter, 60.0),
+        (quarter + 30, 85.0),
+        (2 * quarter, None),
+        (3 * quarter, 20.0),
+    ]
+    told += [(number, 50.0 + number % 7) for number in range(3 * quarter + 20, len(frames), 11)]
+    changes = [(number, sensor(celsius)) for number, celsius in told]
+    return temperature_bench(folder, "timeout_ms = 60\n"), inserted(frames, changes)
+
+
+def switched_learning(folder: Path) -> tuple[Path, list[Frame]]:
+    """Learning that is held up from before the first injection until after it, and again for the last."""
+    frames = frames_of(recording())
+    quarter = len(frames) // 4
+    told = [(5, 0), (2 * quarter, 1), (3 * quarter, 0)]
+    changes = [(number, bed("LearnEnable", value)) for number, value in told]
+    return slow_bench(folder, {"learning_enable": ("Bed", "LearnEnable")}), inserted(frames, changes)
+
+
+@pytest.mark.parametrize("case", [warming_fuel, switched_learning])
+def test_optional_inputs_take_effect_where_they_do_without_a_pump(
+    tmp_path: Path, case: Callable[[Path], tuple[Path, list[Frame]]]
+) -> None:
+    path, frames = case(tmp_path)
+    alone = run(path, frames)
+    through = through_pump(path, frames)
+    for message in (RATE, SUMMARY):
+        expected = [frame.payload for frame in alone.frames if frame.frame_id == message.frame_id]
+        assert through[message.frame_id] == expected
+    assert len(alone.reports) == 3
 
 
 def test_rates_need_no_attention(tmp_path: Path) -> None:
     """Rates come while nothing of Python runs for the pump, which does not wait for verdicts nobody posts."""
     path = bench_file(tmp_path, "0")
-    recording = worn_recording(2)
+    worn = worn_recording(2)
     bench = load_bench(path)
     bus = map_bus(bench)
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -95,7 +163,7 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
         core.compiled.observer.memory["waits_for_verdicts"] = False
         pump = CompiledPump([link], core, bus, Arrivals(bus))
         try:
-            frames = list(Framer(bus).frames(recording, whole(recording)))
+            frames = list(Framer(bus).frames(worn, whole(worn)))
             device.send(frames)
             until(lambda: core.counters.frames == len(frames))
             device.read()
@@ -105,8 +173,8 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
         memory = core.compiled.observer.memory[0]
         assert memory["events_taken"] > 0
         assert (memory["events"]["taken"][: int(memory["events_taken"])] == Taken.NOTHING).all()
-    _, count = published_rates(device.received[RATE.frame_id], recording.samples)
-    assert (count[: core.processed // BLOCK * BLOCK] == 1).all()
+    _, count = published_rates(device.received[RATE.frame_id], worn.samples)
+    assert (count[: core.processed - RATES] == 1).all()
 
 
 def test_a_device_that_goes_away_is_said(tmp_path: Path) -> None:

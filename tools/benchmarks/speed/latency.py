@@ -25,6 +25,7 @@ class Latency:
 def latency_of(seconds: NDArray[np.float64]) -> Latency:
     """Percentiles; nan of none."""
     if not seconds.size:
-        return Latency(*4 * [float("nan")], 0)
-    found = np.percentile(seconds, [50, 99, 99.9, 100]) / MICROSECOND
-    return Latency(*map(float, found), seconds.size)
+        nan = float("nan")
+        return Latency(nan, nan, nan, nan, 0)
+    p50, p99, p999, longest = (np.percentile(seconds, [50, 99, 99.9, 100]) / MICROSECOND).tolist()
+    return Latency(p50, p99, p999, longest, seconds.size)

@@ -18,21 +18,27 @@ _END_TIMEOUT = 30.0
 _TICK = os.sysconf("SC_CLK_TCK")
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 RUN = (sys.executable, "-m", "observer_rt", "run", "--bench")
-DISTURBED_RUN = (sys.executable, "-m", "tools.benchmarks.speed.disturbed", "run", "--bench")
+_DISTURBED = (sys.executable, "-m", "tools.benchmarks.speed.disturbed")
+BUSY_RUN = (*_DISTURBED, "busy", *RUN[-2:])
+PAUSED_RUN = (*_DISTURBED, "paused", *RUN[-2:])
 
 
 @dataclass(frozen=True)
 class Observer:
-    """A running one. ready_after [s]: from its start until it said so."""
+    """A running one. spoke_after, ready_after [s]: from its start until it said anything, and that it is ready."""
 
     process: subprocess.Popen[str]
+    spoke_after: float
     ready_after: float
     said: list[str] = field(default_factory=list)
 
     def cpu_time(self) -> float:
         """Seconds of processor time so far, of all its threads."""
-        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / _TICK
+        return _cpu_time(Path(f"/proc/{self.process.pid}"))
+
+    def cpu_time_by_thread(self) -> dict[str, float]:
+        """The same, thread by thread."""
+        return {task.name: _cpu_time(task) for task in Path(f"/proc/{self.process.pid}/task").iterdir()}
 
     def memory(self) -> int:
         """Bytes resident now."""
@@ -52,6 +58,11 @@ class Observer:
         self.process.send_signal(signal.SIGSTOP)
 
 
+def _cpu_time(task: Path) -> float:
+    fields = (task / "stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / _TICK
+
+
 @contextmanager
 def observer(
     command: Sequence[str | Path], descriptors: Sequence[int] = (), environment: dict[str, str] | None = None
@@ -68,11 +79,13 @@ def observer(
     )
     said: list[str] = []
     ready = threading.Event()
+    said_at: list[float] = []
     ready_at: list[float] = []
 
     def listen() -> None:
         assert process.stdout is not None
         for line in process.stdout:
+            said_at.append(time.monotonic())
             said.append(line.rstrip())
             if "ready" in line and not ready_at:
                 ready_at.append(time.monotonic())
@@ -84,7 +97,7 @@ def observer(
     try:
         if not ready.wait(START_TIMEOUT) or not ready_at:
             raise RunError("an observer did not get ready:\n" + "\n".join(said[-20:]))
-        yield Observer(process, ready_at[0] - begin, said)
+        yield Observer(process, said_at[0] - begin, ready_at[0] - begin, said)
     finally:
         process.send_signal(signal.SIGCONT)
         process.terminate()

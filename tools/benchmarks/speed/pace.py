@@ -20,10 +20,14 @@ BACKLOG = (
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """What was sent and what came back. first: number of the first frame; sent [ns]: of every frame,
-    0 where it was given up; index, heard [ns]: of every rate frame."""
+    """What was sent and what came back.
+
+    first: number of the first frame; begin: index of the first sample to be told of; sent [ns]: of every frame,
+    0 where it was given up; index, heard [ns]: of every rate frame.
+    """
 
     first: int
+    begin: int
     sent: NDArray[np.int64]
     index: NDArray[np.int64]
     heard: NDArray[np.int64]
@@ -37,12 +41,24 @@ class Passage:
         sent = self.sent[number[answers]]
         return np.asarray((self.heard[answers] - sent)[sent > 0] * 1e-9)
 
+    def told_until(self, traffic: Traffic) -> int:
+        """Index before which every sample must have been told of: nothing after it needs to be, or is."""
+        known = (self.first + self.sent.size) * SAMPLES
+        must = known - traffic.ahead - (RATES - 1)
+        return max(must, int(self.index.max()) + RATES) if self.index.size else must
+
     def lost(self, traffic: Traffic) -> int:
         """Samples of which no rate frame tells, of those that must have been told of."""
-        begin = -(-self.first * SAMPLES // RATES)  # of the blocks that begin and end here
-        end = ((self.first + self.sent.size) * SAMPLES - traffic.ahead) // RATES
-        told = np.unique(self.index // RATES)
-        return (end - begin - int(np.sum((told >= begin) & (told < end)))) * RATES
+        end = self.told_until(traffic)
+        told = np.zeros(max(end - self.begin, 0), np.bool_)
+        for start in (self.index - self.begin).tolist():
+            told[max(start, 0) : max(start + RATES, 0)] = True
+        return int(told.size - told.sum())
+
+    @property
+    def repeated(self) -> int:
+        """Samples told of more than once."""
+        return (self.index.size - np.unique(self.index).size) * RATES
 
     @property
     def seconds(self) -> float:
@@ -60,7 +76,7 @@ class Pacer:
         self._program = native.program("pacer", folder)
         self._out = folder / f"passage_{ids.place}.bin"
         self._traffic, self._link, self._ids, self._descriptors = traffic, link, ids, descriptors
-        self._next = 0
+        self._next = self._told_until = 0
 
     def send(self, count: int, period: float) -> Passage:
         """`count` frames, one every `period` [s]. Raises RunError."""
@@ -72,6 +88,7 @@ class Pacer:
             raise RunError(f"the sender ended with exit code {done.returncode}")
         raw = np.fromfile(self._out, np.int64)
         rates = raw[2 + count :].reshape(-1, 2)
-        passage = Passage(self._next, raw[2 : 2 + count], rates[:, 0], rates[:, 1])
+        passage = Passage(self._next, self._told_until, raw[2 : 2 + count], rates[:, 0], rates[:, 1])
         self._next += count
+        self._told_until = passage.told_until(self._traffic)
         return passage

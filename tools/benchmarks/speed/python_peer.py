@@ -38,8 +38,8 @@ class Peer:
         self._known: deque[float] = deque()
         self._begin = -1  # index of the first known rate
         self._count = 0
-        self.spent = dict.fromkeys(STAGES, 0.0)
-        self.frames = 0
+        self.spent = [0.0, 0.0, 0.0]
+        """Seconds to decode, compute and encode the last frame."""
 
     def handle(self, payload: bytes) -> list[bytes]:
         """Take a frame, return the payloads of the rate frames it completes."""
@@ -51,7 +51,7 @@ class Peer:
         lift = np.array([values[name] for name in self._lifts], float) * MICROMETRE
         line = np.array([values[name] for name in self._pressures], float) * MEGAPASCAL
         rates = [rate / MM3_PER_MS for rate in self._estimator.rates(rail, lift, line)]
-        index = int(values["SampleIndex"])  # type: ignore[arg-type]
+        index = int(values["SampleIndex"])
         if self._begin < 0 or index != self._begin + len(self._known):
             self._known.clear()
             self._begin = index
@@ -67,46 +67,46 @@ class Peer:
             results.append(self._output.encode({**header, "SampleIndex": self._begin, **block}))
             self._begin += RATES
             self._count += 1
-        self.spent["decode"] += decoded - begin
-        self.spent["compute"] += computed - decoded
-        self.spent["encode"] += time.perf_counter() - computed
-        self.frames += 1
+        self.spent = [decoded - begin, computed - decoded, time.perf_counter() - computed]
         return results
 
 
 def serve(channel: str, database: str, input_id: int, rate_id: int, ahead: int, estimator: Estimator) -> None:
-    """Answer until SIGTERM, then print microseconds a frame by stage."""
+    """Answer until SIGTERM, then print microseconds by stage: medians of frames waited for and answered."""
     peer = Peer(database, input_id, rate_id, ahead, estimator)
     filters: list[can.typechecking.CanFilter] = [{"can_id": input_id, "can_mask": 0x7FF, "extended": False}]
     stopped: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
+    spent, done = [], 0.0
     with can.Bus(interface="socketcan", channel=channel, fd=True, can_filters=filters) as bus:
         print("ready", flush=True)
         while not stopped:
             message = bus.recv(0.1)
             if message is None:
                 continue
-            begin = time.perf_counter()
+            received = time.time()
             results = peer.handle(bytes(message.data))
-            handled = time.perf_counter()
+            handled = time.time()
             for payload in results:
-                bus.send(
-                    can.Message(
-                        arbitration_id=rate_id,
-                        data=payload,
-                        is_fd=True,
-                        bitrate_switch=True,
-                        is_extended_id=False,
-                    )
-                )
-            peer.spent["send"] += time.perf_counter() - handled
-            # What the kernel and python-can took until here, by the kernel's stamp; a backlog counts as well.
-            peer.spent["receive"] += max(0.0, time.time() - message.timestamp - (time.perf_counter() - begin))
-    stages = (f"{name} {peer.spent[name] / max(peer.frames, 1) / MICROSECOND:.0f}" for name in STAGES)
-    print(f"us a frame: {', '.join(stages)}", flush=True)
+                bus.send(_answer(rate_id, payload))
+            was_waited_for = message.timestamp > done
+            done = time.time()
+            if results and was_waited_for:
+                spent.append([received - message.timestamp, *peer.spent, done - handled])
+    if spent:
+        medians = np.median(spent, axis=0) / MICROSECOND
+        stages = (f"{name} {time_:.0f}" for name, time_ in zip(STAGES, medians, strict=True))
+        print(f"us a frame: {', '.join(stages)}", flush=True)
+
+
+def _answer(frame_id: int, payload: bytes) -> can.Message:
+    return can.Message(
+        arbitration_id=frame_id, data=payload, is_fd=True, bitrate_switch=True, is_extended_id=False
+    )
 
 
 if __name__ == "__main__":
     nominal = load_injector()
     chosen = Pair(nominal, SAMPLE_RATE) if sys.argv[6] == "pair" else QuasiStaticNozzle(nominal)
-    serve(sys.argv[1], sys.argv[2], *map(int, sys.argv[3:6]), chosen)
+    input_number, rate_number, samples_ahead = map(int, sys.argv[3:6])
+    serve(sys.argv[1], sys.argv[2], input_number, rate_number, samples_ahead, chosen)

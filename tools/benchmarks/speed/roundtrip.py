@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import RunError
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.latency import Latency, latency_of
-from tools.benchmarks.speed.observers import DISTURBED_RUN, RUN, Observer, observer
+from tools.benchmarks.speed.observers import BUSY_RUN, RUN, Observer, observer
 from tools.benchmarks.speed.pace import Pacer, Passage
 from tools.benchmarks.speed.sustained import farewell
 from tools.benchmarks.speed.traffic import Ids, Traffic, load_traffic, write_bench
@@ -29,8 +30,8 @@ ECHO, OURS, BUSY, PEER = "C echo", "observer_rt", "observer_rt, Python busy", "p
 LEAN = "python-can, no observer"  # a lower limit of such a daemon
 ESTIMATORS = {PEER: "pair", LEAN: "quasi_static"}
 PARTIES = {ECHO: Ids(0), OURS: Ids(1), BUSY: Ids(2), PEER: Ids(3), LEAN: Ids(4)}
-PACES = {"90 us": 90e-6, "1.5 ms": 1.5e-3}
-SHARE = {"90 us": 0.2, "1.5 ms": 1.0}  # of the time
+PACES = {"1.5 ms": 1.5e-3, "90 us": 90e-6}  # the one first at which nobody loses anything
+SHARE = {"1.5 ms": 1.0, "90 us": 0.2}  # of the time
 PARTS = 5  # of what is sent to each
 WARMING = 1.0  # s
 CHANNEL = "vcan0"
@@ -48,15 +49,40 @@ class RoundTrip:
 
 @dataclass(frozen=True)
 class RoundTrips:
-    """By pace and party. said: the last words of our daemons and the peer; how: where it ran."""
+    """By pace and party. said: the last words of each; latencies [s]: with the needle open, by `pace, party`."""
 
+    link: str
     found: Mapping[str, Mapping[str, RoundTrip]]
     said: Mapping[str, str]
     latencies: Mapping[str, NDArray[np.float64]]
 
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        found = {
+            pace: {party: asdict(each) for party, each in parties.items()}
+            for pace, parties in self.found.items()
+        }
+        return {"link": self.link, "found": found, "said": dict(self.said)}
+
     def ratio(self, over: str, under: str) -> float:
         """Of medians with the needle open, the largest of all paces."""
         return max(each[over].open_needle.p50 / each[under].open_needle.p50 for each in self.found.values())
+
+    def speedup(self, peer: str) -> float | None:
+        """How many times faster ours is, the least of the paces at which the peer loses nothing; None: of none."""
+        found = [
+            each[peer].open_needle.p50 / each[OURS].open_needle.p50
+            for each in self.found.values()
+            if each[peer].lost_samples == 0
+        ]
+        return min(found, default=None)
+
+    def excess(self, party: str) -> float:
+        """By how many of its medians its 99.9 % are beyond those of the echo, the most of all paces."""
+        return max(
+            (each[party].all_frames.p999 - each[ECHO].all_frames.p999) / each[party].all_frames.p50
+            for each in self.found.values()
+        )
 
 
 def measure_roundtrips(folder: Path, seconds: float) -> RoundTrips:
@@ -80,7 +106,12 @@ def measure_roundtrips(folder: Path, seconds: float) -> RoundTrips:
         for pace, parties in document["found"].items()
     }
     with np.load(folder / "roundtrip.npz") as latencies:
-        return RoundTrips(found, document["said"], dict(latencies))
+        return RoundTrips(_link(), found, document["said"], dict(latencies))
+
+
+def _link() -> str:
+    done = subprocess.run([_VCAN, "--how"], capture_output=True, text=True, check=True)
+    return f"{CHANNEL} in user-mode Linux, one CPU" if done.stdout.strip() == "uml" else CHANNEL
 
 
 def run_parties(folder: Path, channel: str, seconds: float) -> None:
@@ -88,8 +119,8 @@ def run_parties(folder: Path, channel: str, seconds: float) -> None:
     traffic = load_traffic(folder)
     with ExitStack() as stack:
         running = {}
-        for party, ids in PARTIES.items():
-            running[party] = stack.enter_context(observer(_command(folder, channel, party, ids, traffic)))
+        for party in PARTIES:
+            running[party] = stack.enter_context(observer(command_of(folder, channel, party, traffic)))
             if party == BUSY:
                 running[party].suspend()
         pacers = {party: Pacer(folder, traffic, channel, ids) for party, ids in PARTIES.items()}
@@ -113,7 +144,9 @@ def run_parties(folder: Path, channel: str, seconds: float) -> None:
     np.savez(folder / "roundtrip.npz", **latencies)  # type: ignore[arg-type]
 
 
-def _command(folder: Path, channel: str, party: str, ids: Ids, traffic: Traffic) -> list[str | Path]:
+def command_of(folder: Path, channel: str, party: str, traffic: Traffic) -> list[str | Path]:
+    """What starts a party; what it needs is written into the folder."""
+    ids = PARTIES[party]
     bench = write_bench(folder / f"party_{ids.place}", "socketcan", channel, ids)
     numbers = [str(ids.input), str(ids.rate), str(traffic.ahead)]
     if party == ECHO:
@@ -129,7 +162,7 @@ def _command(folder: Path, channel: str, party: str, ids: Ids, traffic: Traffic)
             *numbers,
             ESTIMATORS[party],
         ]
-    return [*(DISTURBED_RUN if party == BUSY else RUN), bench]
+    return [*(BUSY_RUN if party == BUSY else RUN), bench]
 
 
 def _in_turn(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tools.benchmarks.speed.latency import Latency, latency_of
 from tools.benchmarks.speed.observers import RUN, Observer, observer
 from tools.benchmarks.speed.pace import Pacer
-from tools.benchmarks.speed.traffic import SAMPLE_RATE, SAMPLES, Ids, Traffic, write_bench
+from tools.benchmarks.speed.traffic import RATES, SAMPLE_RATE, SAMPLES, Ids, Traffic, write_bench
 
 BUFFER_BYTES = 16 << 20  # as the daemon asks of a CAN socket
 
@@ -27,11 +27,15 @@ class Pair:
 
 @dataclass(frozen=True)
 class Sustained:
-    """What came of so many seconds at a rate. cpu_share: of one core, all threads of the daemon."""
+    """What came of so many seconds at a rate.
+
+    cpu_share: of one core, all threads of the daemon; thread_shares: the same of each, the busiest first.
+    """
 
     seconds: float
     sustained_khz: float
     cpu_share: float
+    thread_shares: tuple[float, ...]
     lost_samples: int
     given_up_frames: int
     latency: Latency
@@ -65,16 +69,19 @@ def measure_sustained(folder: Path, traffic: Traffic, seconds: float, rate: floa
         pacer = Pacer(folder, traffic, f"fd:{pair.sender.fileno()}", ids, [pair.sender.fileno()])
         period = SAMPLES / rate
         pacer.send(round(1.0 / period), period)  # meets what is met for the first time
-        before = ours.cpu_time()
+        before, by_thread = ours.cpu_time(), ours.cpu_time_by_thread()
         passage = pacer.send(round(seconds / period), period)
         share = (ours.cpu_time() - before) / passage.seconds
+        spent = {name: now - by_thread.get(name, 0.0) for name, now in ours.cpu_time_by_thread().items()}
+        shares = sorted((each / passage.seconds for each in spent.values()), reverse=True)
         memory = ours.memory()
-    told = passage.index.size * 28
+    told = passage.index.size * RATES
     latencies = passage.latencies(traffic, open_only=False)
     return Sustained(
         seconds,
         told / passage.seconds / 1e3,
         share,
+        tuple(shares),
         passage.lost(traffic),
         int(np.sum(passage.sent == 0)),
         latency_of(latencies),

@@ -118,6 +118,12 @@ def samples_ahead(payloads: Sequence[bytes]) -> int:
     return min(ahead)
 
 
+def payloads_of(traffic: Traffic) -> list[bytes]:
+    """The loop's frames, once."""
+    raw = np.frombuffer(traffic.loop.read_bytes(), RAW_FRAME)
+    return [data.tobytes() for data in raw["data"]]
+
+
 def index_of(payload: bytes) -> int:
     """The sample index in a frame."""
     return int.from_bytes(payload[4:8], "little")

@@ -20,6 +20,7 @@ BEYOND = 3.0  # standard deviations above it that no range ends at
 MARGIN = 3  # samples on either side of those at the level: the mean sees them too late
 REFINEMENTS = 3  # of a level, which begins too high
 FEWEST = 6  # samples at a level that tell anything
+MOVING = 10.0  # standard deviations by which others must be away from it: a pressure at rest ends nowhere
 FLAT = 3.0  # standard deviations of the chi2 of a constant that is one
 CHANGING = 12.0  # chi2 by which the innovations change there more than y does
 EXPLAINED = 1.5  # standard deviations of most innovations, where the model is known
@@ -62,6 +63,8 @@ class EndsOfRange:
         is_explained = np.median(np.abs(innovations[first:])) < EXPLAINED * sigmas.innovation
         for end, (sign, levels) in enumerate(zip(_SIGNS, self._levels, strict=True)):
             y = sign * window.output
+            if levels and np.count_nonzero(_is_beyond(y, float(np.mean(levels)), sigmas)) >= FEWEST:
+                levels.clear()
             if len(levels) >= RECURS:
                 mask |= _about(y, float(np.mean(levels)), sigmas)
                 continue
@@ -77,7 +80,7 @@ class EndsOfRange:
         """Take in what was seen of an event while it was fitted; whether an end is known now, and none was."""
         was_known = self.is_known
         for sign, levels, pile in zip(_SIGNS, self._levels, self._piles, strict=True):
-            if levels and np.max(_smoothed(sign * window.output)) > np.mean(levels) + BEYOND * sigmas.noise:
+            if levels and _is_beyond(sign * window.output, float(np.mean(levels)), sigmas).any():
                 levels.clear()
             if pile is None or pile.changing < CHANGING:
                 continue
@@ -95,13 +98,15 @@ def pile_of(
     sigmas: Sigmas,
     first: int,
 ) -> Pile | None:
-    """The samples of y (n,) about its highest level that are not masked, None where they are too few."""
+    """The samples of y (n,) about its highest level that are not masked, None where they are too few, or y rests."""
     means = _smoothed(y)
     counts = ~masked
     counts[:first] = False
     if not counts.any():
         return None
     level = float(np.max(means[counts]))
+    if level - float(np.min(means[counts])) < MOVING * sigmas.noise:
+        return None
     for _ in range(REFINEMENTS):
         at = _is_at(means, level, sigmas) & counts
         if at.sum() < FEWEST:
@@ -118,6 +123,11 @@ def _about(y: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.b
     """Samples of y (n,) at a level, and those beside them."""
     at = _is_at(_smoothed(y), level, sigmas)
     return np.asarray(np.convolve(at, np.ones(2 * MARGIN + 1), "same") > 0.5, np.bool_)
+
+
+def _is_beyond(y: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
+    """Samples of y (n,) above a level at which the range ends, so that it does not."""
+    return np.asarray(_smoothed(y) > level + BEYOND * sigmas.noise, np.bool_)
 
 
 def _smoothed(y: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.estimation.phases import BLOCKS, deviate
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.whitening import Whitening, forgetting_of
 from observer_rt.observer.learning.disturbances.levels import mask_of
@@ -18,11 +19,17 @@ SEGMENT = 3e-3  # s, of rest without break from which on it tells a colour
 REMEMBERED = 0.85  # weight of the events before an event
 RAIL_MOTION = 0.66e-3  # s: what is slower is the rail's own motion
 RAIL_BLOCK = 0.16e-3  # s: what is faster the line does not hear
+LOUDEST = 4.0  # times the mean square of those before, or of the newest: no event counts for more, for it may be none
 MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
 QUIET = 0.7  # of the expected standard deviation
 # Of the BIC, within which the fastest high pass is taken: hum that keeps step with the events is steeper elsewhere
 # than at rest.
 ABOUT_AS_GOOD = 20.0
+# The BIC goes by single samples, which pink noise leaves almost white; events are judged by means of blocks. A filter
+# that leaves more in these is none, if any leaves less: half-way to what is refused, with half of its certainty.
+MOST_LEFT = 1.3
+LEFT_SIGNIFICANT = 2.5
+LAGS = ORDERS + max(BLOCKS)  # samples that the mean of a whitened block goes back
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,18 +106,35 @@ class RestingNoise:
         self._interval = interval
         self._choices = (None, *(forgetting_of(constant, interval) for constant in TIME_CONSTANTS))
         self._products = np.zeros((len(self._choices), ORDERS + 1, ORDERS + 1))
+        self._by_lag = np.zeros((len(self._choices), LAGS))
         self._count = 0.0
 
     def add(self, segments: Sequence[NDArray[np.float64]]) -> None:
         """Take in an event's innovations [p_0], a stretch of rest each."""
-        self._products *= REMEMBERED
+        weight, before = self._weights(segments)
+        self._products *= REMEMBERED * before
+        self._by_lag *= REMEMBERED * before
         self._count *= REMEMBERED
         for values in segments:
             for choice, forgetting in enumerate(self._choices):
-                passed = _passed(values, forgetting)
+                passed = weight * _passed(values, forgetting)
                 lagged = np.lib.stride_tricks.sliding_window_view(passed, ORDERS + 1)[:, ::-1]
                 self._products[choice] += lagged.T @ lagged
+                self._by_lag[choice] += _autocovariances(passed) * (len(values) - ORDERS)
             self._count += len(values) - ORDERS
+
+    def _weights(self, segments: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
+        """What makes up for how loud an event is: a factor of its innovations, and of the squares before it.
+
+        By what the slowest high pass lets through: levels differ from event to event.
+        """
+        if not (segments and self._count > 0.0):
+            return 1.0, 1.0
+        passed = np.concatenate([_passed(values, self._choices[1]) for values in segments])
+        square, known = float(np.mean(passed**2)), float(self._products[1, 0, 0] / self._count)
+        if not min(square, known) > 0.0:
+            return 1.0, 1.0
+        return math.sqrt(min(1.0, LOUDEST * known / square)), min(1.0, LOUDEST * square / known)
 
     def colour(self, before: Colour | None, expected: float = 0.0) -> Colour | None:
         """The filter that explains them best by the BIC, None where white noise does about as well.
@@ -127,20 +151,54 @@ class RestingNoise:
             [[forgetting is not None] for forgetting in self._choices]
         )
         criteria = self._count * np.log(variances) + math.log(self._count) * parameters
-        orders = np.argmin(criteria, axis=1)
-        least = np.min(criteria, axis=1)
-        choice = int(np.argmin(least))
-        if least[choice] > criteria[0, 0] - MARGIN:
+        if np.min(criteria) > criteria[0, 0] - MARGIN:
             return None
+        orders, least = self._best_orders(criteria)
+        choice = int(np.argmin(least))
         if choice > 0:
             choice = int(np.flatnonzero(least < least[choice] + ABOUT_AS_GOOD)[-1])
         order = orders[choice]
         whitening = Whitening(self._choices[choice], self._taps(choice, order))
         return Colour(whitening, self._interval, math.sqrt(variances[choice, order]))
 
+    def _best_orders(self, criteria: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Of each high pass the order to take, and its BIC: the least of the filters that leave no colour.
+
+        criteria: (choices, orders), BIC. Without such a filter those with.
+        """
+        orders, least = np.argmin(criteria, axis=1), np.full(len(criteria), np.inf)
+        for choice, by_order in enumerate(criteria):
+            for order in np.argsort(by_order):
+                if not self._is_colour_left(choice, int(order)):
+                    orders[choice], least[choice] = order, by_order[order]
+                    break
+        return orders, least if np.isfinite(least).any() else np.min(criteria, axis=1)
+
+    def _is_colour_left(self, choice: int, order: int) -> bool:
+        """Whether means of blocks of what a filter leaves vary more than they may."""
+        filtering = np.append(1.0, self._taps(choice, order))
+        one = self._variance_of(choice, filtering)
+        for length in BLOCKS:
+            colour = self._variance_of(choice, np.convolve(np.ones(length), filtering)) / (length * one)
+            blocks = self._count / length
+            if colour > MOST_LEFT and deviate(colour * blocks, blocks) > LEFT_SIGNIFICANT:
+                return True
+        return False
+
+    def _variance_of(self, choice: int, weights: NDArray[np.float64]) -> float:
+        """Of a weighted sum of neighbouring innovations behind a high pass."""
+        products = np.correlate(weights, weights, "full")[weights.size - 1 :]
+        products[1:] *= 2.0
+        return float(products @ self._by_lag[choice, : weights.size]) / self._count
+
     def _taps(self, choice: int, order: int) -> NDArray[np.float64]:
         products = self._products[choice]
         return -np.linalg.solve(products[1 : order + 1, 1 : order + 1], products[1 : order + 1, 0])
+
+
+def _autocovariances(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean products of values and those 0, 1, .. samples before them, (LAGS,)."""
+    return np.array([values[lag:] @ values[: values.size - lag] / (values.size - lag) for lag in range(LAGS)])
 
 
 def _passed(values: NDArray[np.float64], forgetting: float | None) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ events it stands out of the noise. While it lasts, it would be taken for wear.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,14 @@ OF_ONE_EVENT = 4.0  # of these at most, so that it must recur
 COMMON = 0.6  # of it, up to which steps may stand out that are no edge: then the standstill is not understood at all
 
 
+@dataclass(frozen=True)
+class Edge:
+    """A step of a height [p_0] so many samples before the openings."""
+
+    height: float
+    before: int
+
+
 class EdgeSearch:
     """Looks for a step at one time before the openings, event after event."""
 
@@ -35,30 +44,40 @@ class EdgeSearch:
         )
         places = self.longest + self._seen_for
         self._products, self._squares = np.zeros(places), np.zeros(places)
+        self._whole = np.zeros((2, places))  # the same without limits: how high, and where
 
-    def is_found_after(
+    def found_after(
         self, window: Window, innovations: NDArray[np.float64], response: NDArray[np.float64], sigma: float
-    ) -> bool:
-        """Take in an event's innovations (n,); whether there is such a step.
+    ) -> Edge | None:
+        """Take in an event's innovations (n,); the step there is, None if there is none.
 
         response: (n,) of the innovations to a step of y at the sample `longest` before the opening.
         """
         self._products *= REMEMBERED
         self._squares *= REMEMBERED
+        self._whole *= REMEMBERED
         opening = window.opening
         clipped = np.clip(innovations[:opening] / sigma, -CLIP, CLIP)
+        likely = np.zeros((2, self._products.size))
         for place in range(self._shortest, min(self._products.size, opening)):
             seen = min(place - self._beside, self._seen_for)
             begin = opening - place
             shape = response[opening - self.longest : opening - self.longest + seen]
             square = float(shape @ shape)
             most = OF_ONE_EVENT * math.sqrt(square)
-            self._products[place] += min(max(float(clipped[begin : begin + seen] @ shape), -most), most)
+            product = float(clipped[begin : begin + seen] @ shape)
+            self._products[place] += min(max(product, -most), most)
             self._squares[place] += square
+            likely[:, place] = product / sigma, square / sigma**2
+        self._whole += likely
         known = np.maximum(self._squares, np.finfo(np.float64).tiny)
         scores = np.abs(self._products) / np.sqrt(known)
         edge, elsewhere = scores[: self.longest + 1].max(), scores[self.longest + 1 :].max()
-        return bool(edge > STANDS_OUT and elsewhere < COMMON * edge)
+        if not (edge > STANDS_OUT and elsewhere < COMMON * edge):
+            return None
+        products, squares = self._whole[:, : self.longest + 1]
+        before = int(np.argmax(products**2 / np.maximum(squares, np.finfo(np.float64).tiny)))
+        return Edge(float(products[before] / squares[before]), before)
 
 
 def with_step(window: Window, first: int, height: float) -> Window:

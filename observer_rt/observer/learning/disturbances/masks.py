@@ -1,4 +1,4 @@
-"""Outliers that only the model shows: a line pressure that was held before noise came on it, and spikes.
+"""Outliers that only the model shows: a line pressure held before noise came on it, spikes; and bursts of noise.
 
 What is found is masked (`Window.masked`), and the event fitted again. A stretch that may be the truth is not: one
 at the event's highest or lowest level, if that recurs, is clipped; one at the same place in event after event is
@@ -13,6 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
+from observer_rt.observer.learning.disturbances.bursts import LENGTH, bursts_of
 from observer_rt.observer.learning.disturbances.held import BETTER, Stretch, frozen_stretches
 from observer_rt.observer.learning.disturbances.levels import Sigmas, loudness, mask_of
 from observer_rt.observer.learning.disturbances.spikes import MOST_SPIKES, sharp_spikes_of, spikes_of
@@ -52,6 +53,7 @@ class OutlierSearch:
     def __init__(self) -> None:
         # of stretches: places, from the event's opening on, and levels
         self._stretches: deque[tuple[tuple[int, float], ...]] = deque(maxlen=REMEMBERED)
+        self._bursts: deque[tuple[int, ...]] = deque(maxlen=REMEMBERED)  # their middles, from the opening on
         self._ends: deque[_Event] = deque(maxlen=ENDS_REMEMBERED)
 
     def masked(
@@ -69,6 +71,9 @@ class OutlierSearch:
             for stretch in stretches:
                 if not self._is_true(window, stretch, sigmas):
                     mask[max(stretch.start - (stretch.end - stretch.start) // MARGIN, 0) : stretch.end] = True
+        for burst in bursts_of(window.output, sigmas.noise):
+            if not self._is_usual(burst, window.opening):
+                mask[burst.start : burst.end] = True
         for spikes_in in (spikes_of, sharp_spikes_of):
             spikes = spikes_in(np.where(mask, 0.0, innovations), sigmas.innovation, first)
             if len(spikes) <= MOST_SPIKES:
@@ -82,6 +87,8 @@ class OutlierSearch:
         """Take in a fitted event; whether its line pressure goes as far as at other rail pressures: it is clipped."""
         stretches = frozen_stretches(window, innovations, sigmas, first)
         self._stretches.append(tuple((s.start - window.opening, s.level) for s in stretches))
+        bursts = bursts_of(window.output, sigmas.noise)
+        self._bursts.append(tuple(_middle(burst) - window.opening for burst in bursts))
         event = _Event(float(window.inputs[window.opening, 0]), ends_of(window, innovations, sigmas))
         self._ends.append(event)
         return any(self._is_end_of_range(event, end, sigmas) for end in range(2))
@@ -99,9 +106,19 @@ class OutlierSearch:
         alike = sum(any(abs(place - there) <= SAME_PLACE for there, _ in event) for event in self._stretches)
         return alike + 1 >= RECURS or (stretch.is_extreme and self._recurs_at(stretch.level, sigmas))
 
+    def _is_usual(self, burst: Stretch, opening: int) -> bool:
+        """Whether there is a burst in event after event: then it is what the injector does, or its sensor."""
+        place = _middle(burst) - opening
+        alike = sum(any(abs(place - there) <= LENGTH for there in event) for event in self._bursts)
+        return alike + 1 >= RECURS
+
     def _recurs_at(self, level: float, sigmas: Sigmas) -> bool:
         close = SAME_LEVEL * sigmas.noise
         return any(abs(level - other) <= close for event in self._stretches for _, other in event)
+
+
+def _middle(stretch: Stretch) -> int:
+    return (stretch.start + stretch.end) // 2
 
 
 def ends_of(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas) -> tuple[End, End]:

@@ -16,6 +16,8 @@ from observer_rt.estimation.phases import (
     phases_of,
 )
 from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.scalars import SCALARS, Scalars
+from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.observer.learning.disturbances.levels import mask_of
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.stream.state import Reason
@@ -39,6 +41,7 @@ LARGEST_LAG = 0.2e-3  # s
 CLIP = 4.0  # standard deviations for which a single innovation counts at most: an outlier is no colour
 BURN_IN = 0.5e-3  # s of an event's window before innovations count
 EDGES = (Phase.OPENING, Phase.CLOSING)
+WEAR = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,15 @@ def objections(
     if phase is not None or not healthy.adequate:
         result.append(Objection(Reason.MODEL_INADEQUATE, phase))
     return result
+
+
+def is_worn_beyond_limits(theta: NDArray[np.float64], scalars: Scalars = SCALARS) -> bool:
+    """Whether theta (m,) stands at a limit of nozzle or seat: it is no minimum there, and its interval says nothing.
+
+    An opening that was none makes it so: only a blocked nozzle explains that no pressure moved.
+    """
+    lowest, highest = scalars.bounds(1.0)
+    return any(not lowest[column] < theta[column] < highest[column] for column in WEAR)
 
 
 def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:

@@ -106,3 +106,25 @@ def test_nothing_is_masked_where_the_line_pressure_stays_below_it() -> None:
     for seed in range(4):
         seen(ends, *event(1.06, 1.0, seed))
     assert not seen(ends, *event(1.06, 1.0, seed=9, rail=0.9)).any()
+
+
+def test_a_pressure_at_rest_ends_nowhere() -> None:
+    """A false opening: y rests, and only the model falls."""
+    random = np.random.default_rng(3)
+    ends = EndsOfRange()
+    for _ in range(RECURS + 1):
+        window, _ = event(2.0, 1.0, 0)
+        window = window._replace(output=1.0 + random.normal(size=COUNT) * 0.2 * NOISE)
+        mask = seen(ends, window, window.output - truth())
+        assert not mask.any()
+    assert not ends.is_known
+
+
+def test_an_end_that_an_event_passes_masks_nothing_of_it() -> None:
+    level = float(truth().max()) - 0.006
+    ends = EndsOfRange()
+    for seed in range(8):
+        seen(ends, *event(level, 1.0, seed))
+    assert ends.is_known
+    window, innovations = event(2.0, 1.0, 9, rail=1.1)
+    assert not ends.masked(window, innovations, SIGMAS, FIRST).any()

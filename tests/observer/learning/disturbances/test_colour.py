@@ -58,6 +58,38 @@ def test_white_noise_has_none(seed: int) -> None:
     assert all(found_in(white(seed, events)) is None for events in (1, 3, 8))
 
 
+def behind_a_line(seed: int) -> list[NDArray[np.float64]]:
+    """White noise, and what a line passes on of pink noise of the rail: it falls more steeply with the frequency."""
+    random = np.random.default_rng(seed)
+    shape = np.append(0.0, np.fft.rfftfreq(200_000)[1:] ** -0.75)
+    pink = np.fft.irfft(shape * np.fft.rfft(random.normal(size=200_000)))
+    slow = lfilter([0.1], [1.0, -0.9], pink)
+    slow *= 5.0 / np.std(slow)
+    starts = random.integers(0, slow.size - REST, 20)
+    return [slow[start : start + REST] + random.normal(size=REST) for start in starts]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_left_of_pink_noise_is_white_over_blocks_too(seed: int) -> None:
+    """Single samples tell little of the slow part: by them alone a filter would do that leaves 1.66 with seed 1."""
+    events = behind_a_line(seed)
+    colour = found_in(events)
+    assert colour is not None
+    left = [colour.whitening.of(values)[60:] / colour.sigma for values in events]
+    blocks = np.concatenate([values.reshape(-1, 20).mean(axis=1) for values in left])
+    assert 20.0 * np.mean(blocks**2) < 1.45
+
+
+@pytest.mark.parametrize("place", [0, 5])
+def test_one_event_that_was_none_colours_nothing_for_long(place: int) -> None:
+    """An opening by a dropout leaves innovations many times as large, that are anything but white."""
+    events = white(4, 12)
+    events[place] = 20.0 * first_order([events[place]], 0.95)[0]
+    colour = found_in(events)
+    left = events[-1] if colour is None else colour.whitening.of(events[-1])
+    assert np.mean((left - events[-1]) ** 2) < 0.25
+
+
 def test_nor_has_white_noise_of_another_level() -> None:
     assert found_in([2.0 * values for values in white(1)]) is None
 

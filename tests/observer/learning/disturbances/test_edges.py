@@ -31,7 +31,7 @@ def found(events: int, height: float, unquiet: float = 0.0) -> list[bool]:
         innovations = np.random.default_rng(seed).normal(size=COUNT)
         innovations += height * response_from(OPENING - DELAY)
         innovations += unquiet * np.sin(np.arange(COUNT) / 8.0)
-        result.append(search.is_found_after(window(), innovations, response, 1.0))
+        result.append(search.found_after(window(), innovations, response, 1.0) is not None)
     return result
 
 
@@ -44,6 +44,18 @@ def test_a_step_below_the_noise_is_found_over_the_events(height: float) -> None:
 
 def test_a_large_step_is_found_as_soon_as_it_recurs() -> None:
     assert found(4, 3.0) == [False, True, True, True]
+
+
+def test_place_and_height_of_a_step_are_told() -> None:
+    search = EdgeSearch(INTERVAL)
+    sigma = 2e-3
+    response = response_from(OPENING - search.longest)
+    for seed in range(30):
+        innovations = np.random.default_rng(seed).normal(size=COUNT) + 1.5 * response_from(OPENING - DELAY)
+        edge = search.found_after(window(), sigma * innovations, response, sigma)
+    assert edge is not None
+    assert edge.before == pytest.approx(DELAY, abs=1)
+    assert edge.height == pytest.approx(1.5 * sigma, rel=0.1)
 
 
 def test_noise_has_no_steps() -> None:
@@ -62,7 +74,7 @@ def test_a_lift_that_is_recorded_late_is_no_edge() -> None:
         innovations[OPENING - 3 :] -= 8.0
         if seed % 7 == 3:  # and once in a while by much
             innovations[OPENING - 20 :] -= 30.0
-        assert not search.is_found_after(window(), innovations, response, 1.0)
+        assert search.found_after(window(), innovations, response, 1.0) is None
 
 
 def test_with_step_raises_the_line_pressure_from_a_sample_on() -> None:

@@ -12,11 +12,14 @@ from observer_rt.estimation.phases import (
     no_statistics,
     phase_statistics,
 )
+from observer_rt.estimation.scalars import SCALARS
+from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.observer.learning.doubts.adequacy import (
     LARGEST_LAG,
     LARGEST_OFFSET,
     Objection,
     inadequate_phase,
+    is_worn_beyond_limits,
     looks_like_inertance,
     objections,
     pooled,
@@ -170,3 +173,15 @@ def test_stiffness_alone_or_with_wear_of_the_other_sign_is_no_inertance(stiffnes
 
 def test_vanished_nozzle_is_still_a_number() -> None:
     assert not looks_like_inertance(-1.0, 0.1)
+
+
+@pytest.mark.parametrize("column", [Parameter.NOZZLE_BIAS, Parameter.SEAT_BIAS])
+def test_wear_at_its_limit_is_not_believed(column: Parameter) -> None:
+    lowest, highest = SCALARS.bounds(1.0)
+    theta = np.zeros(SCALARS.width)
+    assert not is_worn_beyond_limits(theta)
+    for limit in (lowest[column], highest[column]):
+        theta[column] = 0.99 * limit
+        assert not is_worn_beyond_limits(theta)
+        theta[column] = limit
+        assert is_worn_beyond_limits(theta)

@@ -27,6 +27,6 @@ def _compiled(name: str, target: Path, flags: tuple[str, ...]) -> Path:
     compiler = shutil.which("cc")
     if compiler is None:
         raise UserError("tools/bench speed", "there is no C compiler `cc`", "apt-get install gcc")
-    command = [compiler, *_FLAGS, *flags, "-o", target, _FOLDER / f"{name}.c", "-lm"]
+    command = [compiler, *_FLAGS, *flags, "-o", str(target), str(_FOLDER / f"{name}.c"), "-lm"]
     subprocess.run(command, check=True)
     return target

@@ -12,6 +12,7 @@
 #include "frames.h"
 
 #include <poll.h>
+#include <sched.h>
 
 enum { SAMPLES = 9, RATES = 28 };
 
@@ -95,6 +96,9 @@ int main(int argc, char **argv)
     make_table();
     start_clock();
     prctl(PR_SET_TIMERSLACK, 1);
+    /* A bus waits for nobody: where it is granted, nothing that is measured delays this. */
+    const struct sched_param priority = {.sched_priority = 90};
+    sched_setscheduler(0, SCHED_FIFO, &priority);
 
     FILE *file = fopen(argv[2], "rb");
     if (!file)

@@ -1,0 +1,93 @@
+"""The figures of a run beside the bars they are judged by."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from tools.benchmarks.speed.measure import Speed
+from tools.benchmarks.speed.roundtrip import BUSY, ECHO, LEAN, OURS, PEER
+from tools.benchmarks.speed.scaling import exponent
+from tools.benchmarks.speed.traffic import SAMPLES
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure under the name it has in the JSON document. at_least or at_most: its bar, None where there is none."""
+
+    name: str
+    value: float | None
+    peer: str
+    at_most: float | None = None
+    at_least: float | None = None
+
+    @property
+    def is_met(self) -> bool | None:
+        """Whether it meets its bar; None without one, or where nothing was measured."""
+        if self.value is None or (self.at_most is None and self.at_least is None):
+            return None
+        low = self.at_least is None or self.value >= self.at_least
+        return low and (self.at_most is None or self.value <= self.at_most)
+
+    @property
+    def bar(self) -> str:
+        """The bar as text."""
+        if self.at_most is not None:
+            return f"<= {self.at_most:g}"
+        return f">= {self.at_least:g}" if self.at_least is not None else ""
+
+
+def figures(speed: Speed) -> list[Figure]:
+    """All of them, None for those not measured."""
+    return [*_round_trip(speed), *_sustained(speed), *_sample(speed), *_training(speed), *_rest(speed)]
+
+
+def _round_trip(speed: Speed) -> Iterator[Figure]:
+    found = speed.roundtrips
+    echo = "C echo, worst pace"
+    yield Figure("roundtrip_p50_vs_c_echo", found.ratio(OURS, ECHO) if found else None, echo, 2.0)
+    yield Figure("roundtrip_busy_p50_vs_c_echo", found.ratio(BUSY, ECHO) if found else None, echo, 2.0)
+    yield Figure(
+        "roundtrip_busy_p50_vs_quiet", found.ratio(BUSY, OURS) if found else None, "ours, Python quiet", 1.1
+    )
+    excess = "C echo's own, in p50 of ours"
+    yield Figure("roundtrip_p999_excess", found.excess(OURS) if found else None, excess, 2.0)
+    yield Figure("roundtrip_busy_p999_excess", found.excess(BUSY) if found else None, excess, 2.0)
+    peer = "python-can, cantools, numpy; paces it keeps"
+    yield Figure(
+        "roundtrip_speedup_vs_python_can", found.speedup(PEER) if found else None, peer, at_least=5.0
+    )
+    lean = "the same without an observer"
+    yield Figure("roundtrip_speedup_vs_python_can_lean", found.speedup(LEAN) if found else None, lean)
+
+
+def _sustained(speed: Speed) -> Iterator[Figure]:
+    found = speed.sustained
+    yield Figure("sustained_khz", found.sustained_khz if found else None, "100 kHz sent", at_least=99.9)
+    yield Figure("cpu_share", found.cpu_share if found else None, "one core", 0.5)
+    yield Figure("lost_samples", float(found.lost_samples) if found else None, "all sent", 0.0)
+    yield Figure("sustained_p999_us", found.latency.p999 if found else None, "")
+
+
+def _sample(speed: Speed) -> Iterator[Figure]:
+    found = speed.sample
+    yield Figure("sample_vs_c", found.ratio if found else None, "C -O3, same tanh", 1.3)
+    yield Figure(
+        "whole_step_vs_c", found.whole / found.in_c if found else None, "the same C: no events, no statistics"
+    )
+
+
+def _training(speed: Speed) -> Iterator[Figure]:
+    found = speed.training
+    yield Figure(
+        "training_speedup_vs_scipy", found.ratio if found else None, "scipy BFGS, same gradient", at_least=3.0
+    )
+    yield Figure("training_exponent", found.exponent if found else None, "1: linear in samples", 1.1)
+
+
+def _rest(speed: Speed) -> Iterator[Figure]:
+    started = speed.startup
+    yield Figure("ready_warm_s", started.warm_s if started else None, "", 3.0)
+    yield Figure("ready_cold_s", started.cold_s if started else None, "", 20.0)
+    yield Figure("memory_mib", started.memory_mib if started else None, "")
+    yield Figure("samples_exponent", exponent(speed.scaling) if speed.scaling else None, "1: linear", 1.1)
+    yield Figure("block_samples", SAMPLES, "")
+    yield Figure("substeps", float(speed.sample.substeps) if speed.sample else None, "")

@@ -39,7 +39,7 @@ lockstep = true
 def three_injectors(folder: Path, channel: str, interface: str = "virtual") -> Path:
     """The bench file, its database beside it; it names state files and one journal."""
     (folder / "injectors.dbc").write_text(_database())
-    path = folder / "three.toml"
+    path = folder / "bench.toml"
     text = _ALL.format(interface=interface, channel=channel, name="{injector}", rate=SAMPLE_RATE)
     text += (
         f"[outputs]\ninjection_rate_id = {RATE_ID}\ninjection_summary_id = {SUMMARY_ID}\nstatus_id = {STATUS_ID}\n"
@@ -73,6 +73,13 @@ def frames_of_all(benches: Sequence[Path], recordings: Sequence[Recording]) -> l
         for frame in Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)):
             assert frames.setdefault((frame.frame_id, frame.time), frame) == frame
     return sorted(frames.values(), key=lambda frame: frame.time)
+
+
+def log_lines(frames: Sequence[TimedFrame], channel: str) -> list[str]:
+    """The frames as a candump log has them."""
+    return [
+        f"({frame.time:.9f}) {channel} {frame.frame_id:03X}##1{frame.payload.hex()}\n" for frame in frames
+    ]
 
 
 def lift_id(number: int) -> int:

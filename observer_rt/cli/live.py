@@ -105,14 +105,15 @@ def check(
     effects: EffectsOption = None,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
-    from observer_rt.check.checkup import Level, as_json_document, as_table, checkup
+    from observer_rt.check.checkup import Level, as_json_document, as_table, checkup, of_each
     from observer_rt.check.log import log_findings
     from observer_rt.check.recording import recording_findings
 
     chosen = load_bench(bench, model, lenient).of(injector)
     findings = checkup(chosen, state)
     if log is not None:
-        findings += log_findings(chosen, log, from_channel or ())
+        channels = from_channel or ()
+        findings += of_each(chosen, lambda alone: log_findings(alone, log, channels))
     if recording is not None:
         findings += recording_findings(chosen, recording)
     if as_json:

@@ -37,13 +37,13 @@ lockstep = true
 
 
 def three_injectors(folder: Path, channel: str, interface: str = "virtual") -> Path:
-    """The bench file, its database beside it; it names state files and one journal."""
+    """The bench file, its database beside it; it names state files and journals."""
     (folder / "injectors.dbc").write_text(_database())
     path = folder / "bench.toml"
     text = _ALL.format(interface=interface, channel=channel, name="{injector}", rate=SAMPLE_RATE)
     text += (
         f"[outputs]\ninjection_rate_id = {RATE_ID}\ninjection_summary_id = {SUMMARY_ID}\nstatus_id = {STATUS_ID}\n"
-        f'id_step = {STEP}\n[state]\nfile = "learned_{{injector}}.json"\njournal = "injections.sqlite"\n'
+        f'id_step = {STEP}\n[state]\nfile = "learned_{{injector}}.json"\njournal = "injections_{{injector}}.sqlite"\n'
     )
     path.write_text(text + "".join(f"[injectors.{name}]\n" for name in NAMES))
     return path

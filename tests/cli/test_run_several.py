@@ -151,11 +151,11 @@ def test_each_is_observed_as_if_it_were_alone(
         assert f"INFO injection: {name}: injection 4 at index" in outcome.err
         assert f"INFO start: {name}: ready" in outcome.err
         assert f"learned state saved in {tmp_path / f'learned_{name}.json'}" in outcome.err
-    with closing(sqlite3.connect(tmp_path / "injections.sqlite")) as journal:
-        rows = journal.execute(
-            "SELECT injector, count(*) FROM injection JOIN run ON run = started_unix_us GROUP BY injector"
-        )
-        assert dict(rows.fetchall()) == dict.fromkeys(NAMES, 4)
+        with closing(sqlite3.connect(tmp_path / f"injections_{name}.sqlite")) as journal:
+            rows = journal.execute(
+                "SELECT injector, count(*) FROM injection JOIN run ON run = started_unix_us"
+            )
+            assert rows.fetchall() == [(name, 4)]
     again, _ = run_and_stop(command, bench, (), EVERYONE)
     for name in NAMES:
         assert f"INFO kept: {name}: learned state restored" in again.err
@@ -220,6 +220,7 @@ def test_one_of_them_can_be_run_by_itself(command: Command, bench: Path, traffic
     [
         (f"id_step = {STEP}\n", "", "have one the message InjectionRate 0x300"),
         ("learned_{injector}.json", "learned.json", "have one state.file ="),
+        ("injections_{injector}.sqlite", "injections.sqlite", "have one state.journal ="),
         ("[sampling]", "[outputs_]", "did you mean 'outputs'?"),
         ('"virtual"', '"pcan"', "'pcan' can be opened once only, but one and two and three use"),
     ],
@@ -233,7 +234,9 @@ def test_what_they_cannot_share(command: Command, bench: Path, old: str, new: st
     assert said in outcome.err
 
 
-def test_a_state_file_for_all_is_refused(command: Command, bench: Path) -> None:
-    outcome = command("run", "--bench", bench, "--state", "learned.json")
+@pytest.mark.parametrize(("option", "key"), [("--state", "file"), ("--journal", "journal")])
+def test_a_file_for_all_is_refused(command: Command, bench: Path, option: str, key: str) -> None:
+    outcome = command("run", "--bench", bench, option, "kept.json")
     assert outcome.code == 2
     assert "is one file for 3 injectors: one, two, three" in outcome.err
+    assert f'[state] {key} = "kept_{{injector}}.json"' in outcome.err

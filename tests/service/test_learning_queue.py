@@ -11,7 +11,8 @@ from observer_rt.service.learning_queue import LearningQueue
 def test_an_injector_with_many_events_does_not_keep_the_others_waiting() -> None:
     queue = LearningQueue()
     busy, quiet, calm = (queue.share() for _ in range(3))
-    held, done = threading.Event(), []
+    held = threading.Event()
+    done: list[str] = []
     first = busy.submit(held.wait)
     for number in range(4):
         busy.submit(done.append, f"busy {number}")

@@ -94,8 +94,9 @@ def in_common(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]
             owners.setdefault(message, []).append(injector.name)
         number = injector.config.outputs.injector_id
         owners.setdefault(f"outputs.injector_id = {number}", []).append(injector.name)
-        if injector.state is not None:
-            owners.setdefault(f"state.file = {injector.state}", []).append(injector.name)
+        for key, file in (("file", injector.state), ("journal", injector.journal)):
+            if file is not None:
+                owners.setdefault(f"state.{key} = {file}", []).append(injector.name)
     return ((what, names) for what, names in owners.items() if len(names) > 1)
 
 

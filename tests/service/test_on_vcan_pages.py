@@ -153,7 +153,7 @@ def test_several_injectors(shell: Shell, vcan: str) -> None:
     run, record, replay = (command for command in engine.PAGE.commands if needs_bus(command))
     interfaces = [OwnInterface(f"can{number}") for number in range(3)]
     try:
-        _run_and_record(shell, run, record, replay)
+        _run_and_record(shell, run, record, replay, "start: left: ready")
     finally:
         for each in interfaces:
             each.remove()
@@ -164,8 +164,8 @@ def test_several_injectors(shell: Shell, vcan: str) -> None:
     shell.do("observer-rt evaluate engine.blf --bench engine.toml")
 
 
-def _run_and_record(shell: Shell, run: str, record: str, replay: str) -> None:
-    with shell.going(run, "start: ready"), shell.going(record, "recording socketcan can0"):
+def _run_and_record(shell: Shell, run: str, record: str, replay: str, ready: str = "start: ready") -> None:
+    with shell.going(run, ready), shell.going(record, "recording socketcan can0"):
         shell.do(replay)
 
 

@@ -1,6 +1,7 @@
 """Observers as processes of their own: ours as a user starts it, and others."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 
 from observer_rt.foundation.errors import RunError
 
+READY = re.compile(r"\bready\b")
 START_TIMEOUT = 300.0  # s, compiling included
 _END_TIMEOUT = 30.0
 _TICK = os.sysconf("SC_CLK_TCK")
@@ -87,7 +89,7 @@ def observer(
         for line in process.stdout:
             said_at.append(time.monotonic())
             said.append(line.rstrip())
-            if "ready" in line and not ready_at:
+            if READY.search(line) and not ready_at:
                 ready_at.append(time.monotonic())
                 ready.set()
         ready.set()

@@ -93,6 +93,8 @@ def _round_trip_table(found: RoundTrips) -> Table:
             ratio = f"{each.open_needle.p50 / parties[ECHO].open_needle.p50:.1f}"
             lost = str(each.lost_samples)
             table.add_row(pace, party, str(each.open_needle), ratio, str(each.all_frames), lost)
+        if not found.is_kept(pace):
+            table.add_row(pace, "the echo falls behind: too busy a machine, no verdict at this pace")
         table.add_section()
     return table
 

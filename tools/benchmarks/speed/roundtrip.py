@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.units import MICROSECOND
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.latency import Latency, latency_of
 from tools.benchmarks.speed.observers import BUSY_RUN, RUN, Observer, observer
@@ -64,25 +65,38 @@ class RoundTrips:
         }
         return {"link": self.link, "found": found, "said": dict(self.said)}
 
-    def ratio(self, over: str, under: str) -> float:
-        """Of medians with the needle open, the largest of all paces."""
-        return max(each[over].open_needle.p50 / each[under].open_needle.p50 for each in self.found.values())
+    def is_kept(self, pace: str) -> bool:
+        """Whether the echo keeps a pace; where it does not the machine is too busy, and ratios to it mean nothing."""
+        return self.found[pace][ECHO].all_frames.p50 * MICROSECOND < PACES[pace]
+
+    def ratio(self, over: str, under: str) -> float | None:
+        """Of medians with the needle open, the largest of the paces the echo keeps; None: it keeps none."""
+        return max(
+            (each[over].open_needle.p50 / each[under].open_needle.p50 for each in self._kept), default=None
+        )
 
     def speedup(self, peer: str) -> float | None:
         """How many times faster ours is, the least of the paces at which the peer loses nothing; None: of none."""
         found = [
             each[peer].open_needle.p50 / each[OURS].open_needle.p50
-            for each in self.found.values()
+            for each in self._kept
             if each[peer].lost_samples == 0
         ]
         return min(found, default=None)
 
-    def excess(self, party: str) -> float:
-        """By how many of its medians its 99.9 % are beyond those of the echo, the most of all paces."""
+    def excess(self, party: str) -> float | None:
+        """By how many of its medians its 99.9 % are beyond those of the echo, the most of the paces it keeps."""
         return max(
-            (each[party].all_frames.p999 - each[ECHO].all_frames.p999) / each[party].all_frames.p50
-            for each in self.found.values()
+            (
+                (each[party].all_frames.p999 - each[ECHO].all_frames.p999) / each[party].all_frames.p50
+                for each in self._kept
+            ),
+            default=None,
         )
+
+    @property
+    def _kept(self) -> list[Mapping[str, RoundTrip]]:
+        return [each for pace, each in self.found.items() if self.is_kept(pace)]
 
 
 def measure_roundtrips(folder: Path, seconds: float) -> RoundTrips:

@@ -1,0 +1,97 @@
+"""`tools/bench speed` and `soak`: what is made of what was measured."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tools.benchmarks.speed.bars import Figure
+from tools.benchmarks.speed.document import finite
+from tools.benchmarks.speed.latency import latency_of
+from tools.benchmarks.speed.measure import Speed
+from tools.benchmarks.speed.report import speed_document
+from tools.benchmarks.speed.roundtrip import ECHO, OURS, PEER, RoundTrip, RoundTrips
+from tools.benchmarks.speed.soak import Soak, Stretch
+
+
+def made_round_trips() -> RoundTrips:
+    def made(p50: float, lost: int = 0) -> RoundTrip:
+        seconds = p50 * 1e-6 * np.ones(10)
+        return RoundTrip(latency_of(seconds), latency_of(seconds), lost)
+
+    return RoundTrips(
+        "vcan0",
+        {
+            "90 us": {ECHO: made(40), OURS: made(120), PEER: made(90_000, lost=28)},
+            "1.5 ms": {ECHO: made(40), OURS: made(60), PEER: made(480)},
+        },
+        {},
+        {},
+    )
+
+
+def test_ratios_take_the_worst_pace_and_no_peer_that_loses() -> None:
+    found = made_round_trips()
+    assert found.ratio(OURS, ECHO) == pytest.approx(3.0)
+    assert found.speedup(PEER) == pytest.approx(8.0)
+    assert found.excess(OURS) == pytest.approx(80 / 120)
+
+
+def test_no_verdict_at_a_pace_the_echo_does_not_keep() -> None:
+    found = made_round_trips()
+    fast = {
+        **found.found["90 us"],
+        ECHO: RoundTrip(latency_of(np.full(10, 1.0)), latency_of(np.full(10, 1.0)), 0),
+    }
+    busy = replace(found, found={**found.found, "90 us": fast})
+    assert busy.ratio(OURS, ECHO) == pytest.approx(1.5)  # of the other pace
+    assert busy.excess(OURS) == pytest.approx(20 / 60)
+    none = replace(found, found={"90 us": fast})
+    assert none.ratio(OURS, ECHO) is none.excess(OURS) is none.speedup(PEER) is None
+
+
+def test_bars() -> None:
+    assert Figure("x", 2.0, "", at_most=2.0).is_met is True
+    assert Figure("x", 2.1, "", at_most=2.0).is_met is False
+    assert Figure("x", 4.9, "", at_least=5.0).is_met is False
+    assert Figure("x", None, "", at_least=5.0).is_met is None
+    assert Figure("x", 1.0, "").is_met is None
+
+
+def test_document_has_the_keys_it_is_judged_by() -> None:
+    document = speed_document(Speed((0.0, 0.0)))
+    expected = (
+        "roundtrip_p50_vs_c_echo roundtrip_speedup_vs_python_can sample_vs_c sustained_khz cpu_share lost_samples "
+        "training_speedup_vs_scipy ready_warm_s ready_cold_s link block_samples substeps"
+    )
+    assert set(expected.split()) <= document["figures"].keys()
+
+
+def test_what_is_no_number_is_null() -> None:
+    document = finite({"a": float("nan"), "b": [1.0, float("inf")], "c": (2, "x")})
+    assert json.loads(json.dumps(document, allow_nan=False)) == {"a": None, "b": [1.0, None], "c": [2, "x"]}
+
+
+def test_growth_is_that_of_the_settled_part() -> None:
+    def stretch(number: int, memory: float) -> Stretch:
+        return Stretch(number / 6, 9, 9, 0, 0, latency_of(np.ones(1)), 0.5, memory, 11, 5)
+
+    grown = Soak(tuple(stretch(n, 300.0 + max(0.0, 20.0 - n) + 0.01 * n) for n in range(100)), "")
+    assert grown.growth_mib_an_hour == pytest.approx(0.01 * 360)
+    assert np.isnan(Soak(grown.stretches[:5], "").growth_mib_an_hour)
+
+
+def test_unknown_part_is_named() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "tools.benchmarks", "speed", "--only", "sample,nonsense"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "'nonsense'" in done.stderr
+    assert "roundtrip" in done.stderr
+    assert "Traceback" not in done.stderr

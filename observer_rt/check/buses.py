@@ -4,7 +4,7 @@ import numpy as np
 
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.mapping.bench_map import BenchMap
+from observer_rt.bus.mapping.bench_map import BenchMap, in_common
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.check.findings import Finding, Level, graded
@@ -72,18 +72,9 @@ def _needs_stamps(bus: BusMap) -> bool:
 
 def _results(bench: Bench, mapped: BenchMap) -> list[Finding]:
     """What several injectors cannot have in common: the messages of their results, and what tells these apart."""
-    owners: dict[str, list[str]] = {}
-    for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
-        outputs = injector.config.outputs
-        for layout in bus.sent:
-            owners.setdefault(f"the message {mapped.name_of(layout)}", []).append(injector.name)
-        owners.setdefault(f"outputs.injector_id = {outputs.injector_id}", []).append(injector.name)
-        if injector.state is not None:
-            owners.setdefault(f"state.file = {injector.state}", []).append(injector.name)
     return [
         Finding("outputs", Level.ERROR, f"{' and '.join(names)} have one {what}; give each its own")
-        for what, names in owners.items()
-        if len(names) > 1
+        for what, names in in_common(bench, mapped)
     ]
 
 

@@ -22,7 +22,7 @@ from observer_rt.model.parameters import EffectValue
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.state_file import StateDoesNotFitError, load_knowledge, model_hash
 
-__all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup"]
+__all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup", "of_each"]
 
 
 def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
@@ -52,13 +52,17 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     return findings
 
 
-def _each(bench: Bench, found: Callable[[BenchInjector], list[Finding]]) -> list[Finding]:
+def of_each(bench: Bench, found: Callable[[Bench], list[Finding]]) -> list[Finding]:
     """What is found of every injector, with its name where there are several."""
     return [
-        replace(finding, text=f"{fitted.name}: {finding.text}") if fitted.name else finding
-        for fitted in bench.injectors
-        for finding in found(fitted)
+        replace(finding, text=f"{alone.injector.name}: {finding.text}") if alone.injector.name else finding
+        for alone in bench.each
+        for finding in found(alone)
     ]
+
+
+def _each(bench: Bench, found: Callable[[BenchInjector], list[Finding]]) -> list[Finding]:
+    return of_each(bench, lambda alone: found(alone.injector))
 
 
 def _files(bench: Bench) -> list[Finding]:

@@ -11,6 +11,7 @@ from observer_rt.cli.options import (
     DecoderOption,
     EffectsOption,
     FromChannelOption,
+    InjectorOption,
     JsonOption,
     LenientOption,
     RecordingsArgument,
@@ -57,22 +58,23 @@ def discover(
     ] = False,
     bench: DecoderOption = None,
     from_channel: FromChannelOption = None,
+    injector: InjectorOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
     effects: EffectsOption = None,
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
-    from observer_rt.config.bench import load_bench
+    from observer_rt.cli.decoder import decoder_of
     from observer_rt.config.channels import effects_on_one_raster
     from observer_rt.discovery.command import DiscoverOptions, discover_files
     from observer_rt.evaluation.second_opinion import second_opinion
     from observer_rt.evaluation.sources import open_source, without_truths
 
-    decoder = None if bench is None else load_bench(bench, model, lenient)
+    decoder = decoder_of(bench, injector, lenient, model)
     messages = Console(stderr=True)
     read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
-    injector = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
-    options = DiscoverOptions(injector, out, tuple(healthy or ()), as_json, choose, force, data)
+    start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
+    options = DiscoverOptions(start, out, tuple(healthy or ()), as_json, choose, force, data)
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
     ask = partial(second_opinion, signals=None if decoder is None else decoder.injector.config.signals)
     discover_files(without_truths(recordings, messages), options, ask, messages, read, stated)

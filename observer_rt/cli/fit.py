@@ -11,6 +11,7 @@ from observer_rt.cli.options import (
     EffectsOption,
     ForceOption,
     FromChannelOption,
+    InjectorOption,
     JsonOption,
     LenientOption,
     RecordingsArgument,
@@ -40,17 +41,18 @@ def fit(
     force: ForceOption = False,
     bench: DecoderOption = None,
     from_channel: FromChannelOption = None,
+    injector: InjectorOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
     effects: EffectsOption = None,
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
-    from observer_rt.config.bench import load_bench
+    from observer_rt.cli.decoder import decoder_of
     from observer_rt.config.channels import effects_on_one_raster
     from observer_rt.evaluation.sources import open_source, without_truths
     from observer_rt.fit.command import FitOptions, fit_files
 
-    decoder = None if bench is None else load_bench(bench, model, lenient)
+    decoder = decoder_of(bench, injector, lenient, model)
     messages = Console(stderr=True)
     read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
     options = FitOptions(model, output, mass, plot, as_json, force)

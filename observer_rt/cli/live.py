@@ -11,6 +11,7 @@ from observer_rt.cli.options import (
     BenchOption,
     EffectsOption,
     FromChannelOption,
+    InjectorOption,
     JsonOption,
     LenientOption,
     ModelOption,
@@ -62,6 +63,7 @@ def run(
         bool, typer.Option("--json", help="Every injection as a line of JSON on stdout.")
     ] = False,
     log: Annotated[Path | None, file_option("--log", "File that log lines are appended to, too.")] = None,
+    injector: InjectorOption = None,
     lenient: LenientOption = False,
     print_example_bench: Annotated[
         bool, typer.Option("--print-example-bench", help="Print a complete, commented bench file.")
@@ -71,7 +73,7 @@ def run(
     ] = False,
     effects: EffectsOption = None,
 ) -> None:
-    """Run the daemon: frames in, injection rate out, until SIGINT or SIGTERM."""
+    """Run the daemon of all injectors of a bench: frames in, injection rate out, until SIGINT or SIGTERM."""
     for wanted, path in ((print_example_bench, EXAMPLE_BENCH), (print_example_injector, NOMINAL_INJECTOR)):
         if wanted:
             print(path.read_text(encoding="utf-8"), end="")
@@ -84,7 +86,8 @@ def run(
         )
     from observer_rt.service.run import RunOptions, serve
 
-    serve(load_bench(bench, lenient=lenient), RunOptions(state, view, as_json, log, journal), messages)
+    chosen = load_bench(bench, lenient=lenient).of(injector)
+    serve(chosen, RunOptions(state, view, as_json, log, journal), messages)
 
 
 def check(
@@ -96,19 +99,21 @@ def check(
     recording: Annotated[
         Path | None, file_option("--recording", "Recording: columns, units, rate, gaps, ranges.")
     ] = None,
+    injector: InjectorOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
     effects: EffectsOption = None,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
-    from observer_rt.check.checkup import Level, as_json_document, as_table, checkup
+    from observer_rt.check.checkup import Level, as_json_document, as_table, checkup, of_each
     from observer_rt.check.log import log_findings
     from observer_rt.check.recording import recording_findings
 
-    chosen = load_bench(bench, model, lenient)
+    chosen = load_bench(bench, model, lenient).of(injector)
     findings = checkup(chosen, state)
     if log is not None:
-        findings += log_findings(chosen, log, from_channel or ())
+        channels = from_channel or ()
+        findings += of_each(chosen, lambda alone: log_findings(alone, log, channels))
     if recording is not None:
         findings += recording_findings(chosen, recording)
     if as_json:

@@ -15,6 +15,7 @@ from observer_rt.cli.options import (
     DecoderOption,
     EffectsOption,
     FromChannelOption,
+    InjectorOption,
     JsonOption,
     LenientOption,
     RecordingArgument,
@@ -72,6 +73,7 @@ def replay(
     force: Annotated[
         bool, typer.Option("--force", help="Send although others send the same identifiers.")
     ] = False,
+    injector: InjectorOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
     effects: EffectsOption = None,
@@ -80,7 +82,7 @@ def replay(
     from observer_rt.config.bench import load_bench
     from observer_rt.recording.replay.command import ReplayOptions, replay_onto
 
-    chosen = _with_links(load_bench(bench, lenient=lenient), interface, channel)
+    chosen = _with_links(load_bench(bench, lenient=lenient).of(injector), interface, channel)
     options = ReplayOptions(speed, loop, start, stop, windowed, map_id or (), map_channel or (), force)
     statistics = replay_onto(chosen, recording, options, messages)
     if as_json:
@@ -133,15 +135,16 @@ def convert(
     ],
     bench: DecoderOption = None,
     from_channel: FromChannelOption = None,
+    injector: InjectorOption = None,
     lenient: LenientOption = False,
     force: Annotated[bool, typer.Option("--force", help="Replace OUT if it is there already.")] = False,
     effects: EffectsOption = None,
 ) -> None:
     """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""
-    from observer_rt.config.bench import load_bench
+    from observer_rt.cli.decoder import decoder_of
     from observer_rt.evaluation.convert import convert as convert_file
 
-    chosen = None if bench is None else load_bench(bench, lenient=lenient)
+    chosen = decoder_of(bench, injector, lenient)
     print(convert_file(recording, target, chosen, from_channel or (), force, messages))
 
 

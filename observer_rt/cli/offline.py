@@ -13,6 +13,7 @@ from observer_rt.cli.options import (
     ForceOption,
     FromChannelOption,
     FuelTemperatureOption,
+    InjectorOption,
     JsonOption,
     LenientOption,
     ModelOption,
@@ -116,14 +117,16 @@ def evaluate(
     ] = None,
     from_channel: FromChannelOption = None,
     fuel_temperature: FuelTemperatureOption = None,
+    injector: InjectorOption = None,
     lenient: LenientOption = False,
     force: ForceOption = False,
     as_json: JsonOption = False,
     effects: EffectsOption = None,
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
-    from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
+    from observer_rt.evaluation.command import EvaluateOptions
     from observer_rt.evaluation.curves import chosen_numbers
+    from observer_rt.evaluation.several import evaluate_bench
 
     options = EvaluateOptions(
         state=state,
@@ -138,4 +141,4 @@ def evaluate(
         fuel_temperature=fuel_temperature,
         injections=chosen_numbers(injections) if injections is not None else (),
     )
-    evaluate_files(load_bench(bench, model, lenient), recordings, options, messages)
+    evaluate_bench(load_bench(bench, model, lenient).of(injector), recordings, options, messages)

@@ -82,6 +82,10 @@ DecoderOption = Annotated[
     file_option("--bench", "Bench file by which CAN logs, and files of your own layout, are read."),
 ]
 StateOption = Annotated[Path | None, file_option("--state", "Learned state to start from.")]
+InjectorOption = Annotated[
+    str | None,
+    typer.Option("--injector", help="One injector of a bench file with several.", metavar="NAME"),
+]
 FromChannelOption = Annotated[
     list[str] | None,
     link_option(

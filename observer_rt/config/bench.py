@@ -3,7 +3,9 @@
 The sections of an injector (`InjectorConfig`) stand at the top of the file where there is one injector. Several are
 `[injectors.<name>]`, with the same sections below: `[injectors.left.signals.needle_lift]`, `[injectors.left.model]`.
 What one of them leaves out is as at the top of the file, key by key, of the signals role by role: a rail pressure
-stated once as `[signals.rail_pressure]` is that of all.
+stated once as `[signals.rail_pressure]` is that of all. There `{injector}` stands for the name of each, and the
+identifiers of results rise by `outputs.id_step` from one to the next; `outputs.injector_id` is 1, 2, ... if none is
+stated.
 """
 
 from collections.abc import Mapping
@@ -12,21 +14,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import Field
-
+from observer_rt.config.bench_file import BenchConfig, BenchFile, BusesConfig
 from observer_rt.config.effects import check_effects
 from observer_rt.config.injector import InjectorConfig
-from observer_rt.config.links import (
-    FurtherLinkConfig,
-    LinkConfig,
-    LinkName,
-    NamedLink,
-    named_links,
-    refuse_shared_channels,
-    require_link,
-)
-from observer_rt.config.toml_file import Section, place_in, read_toml, unknown_key, validated
+from observer_rt.config.links import LinkName, refuse_shared_channels, require_link
+from observer_rt.config.toml_file import Section, place_in, read_toml, validated
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.misspelt import did_you_mean
 from observer_rt.model.line.wave import with_cells
 from observer_rt.model.parameters import InjectorParameters
 
@@ -36,70 +30,7 @@ EXAMPLE_BENCH = PACKAGE_DATA / "example_bench.toml"
 
 _Sections = TypeVar("_Sections", bound=Section)
 
-# Keys of files that earlier versions printed, which could have one value only: with it they are passed over.
-ONLY_VALUES: dict[str, dict[str, Any]] = {"learning": {"lookahead": 4}}
-
-
-class DatabaseConfig(Section):
-    file: str  # relative to the bench file; or the name of a database shipped with the package
-    lenient: bool = False  # read it although signals overlap or do not fit
-    link: str | None = None  # the bus its messages are on; None: the first
-
-
-class BusesConfig(Section):
-    """The sections of a bench file that all injectors share."""
-
-    link: LinkConfig = LinkConfig()
-    links: Mapping[LinkName, FurtherLinkConfig] = {}
-    dbc: tuple[DatabaseConfig, ...] = Field(min_length=1)
-
-    @property
-    def buses(self) -> tuple[NamedLink, ...]:
-        """All buses, that of `[link]` first; their places are the bus numbers."""
-        return named_links(self.link, self.links)
-
-    def bus_number(self, link: str | None) -> int:
-        """Number of the bus with a name of `[links]`; None is the first."""
-        return 0 if link is None else 1 + list(self.links).index(link)
-
-
-class BenchConfig(InjectorConfig, BusesConfig):
-    """All of a bench file with one injector, or of one with several as the file is for one of them."""
-
-
-@dataclass(frozen=True)
-class BenchFile:
-    """A bench file as it is for one injector: `own` sections of `[injectors.<name>]` before the shared ones."""
-
-    path: Path
-    name: str
-    shared: Mapping[str, Any]
-    own: Mapping[str, Any]
-
-    def read(self) -> BenchConfig:
-        """Both together. Raises `UserError` at the place that says it."""
-        for key in self.own:
-            if key not in InjectorConfig.model_fields:
-                raise unknown_key(
-                    f"{self.path}: injectors.{self.name}.{key}", key, InjectorConfig.model_fields
-                )
-        together = {**self.shared}
-        for section, content in self.own.items():
-            before = self.shared.get(section, {})
-            is_both = isinstance(before, dict) and isinstance(content, dict)
-            together[section] = {**before, **content} if is_both else content
-        for section, only in ONLY_VALUES.items():
-            if isinstance(content := together.get(section), dict):
-                together[section] = {key: value for key, value in content.items() if only.get(key) != value}
-        return validated(BenchConfig, together, self.place, "bench")
-
-    def place(self, *location: str | int) -> str:
-        """Where the file says something, by the keys that lead to it."""
-        here: Any = self.own
-        for key in location[:2]:
-            here = here.get(key) if isinstance(here, Mapping) else None
-        prefix = f"injectors.{self.name}." if here is not None else ""
-        return f"{self.path}: {prefix}{'.'.join(map(str, location)) or 'file'}"
+MOST_INJECTORS = 8
 
 
 @dataclass(frozen=True)
@@ -147,13 +78,38 @@ class Bench:
     def injector(self) -> BenchInjector:
         """The injector of a bench with one. Raises `UserError` for a bench with several."""
         if len(self.injectors) > 1:
-            names = ", ".join(injector.name for injector in self.injectors)
             raise UserError(
                 f"{self.path}: injectors",
-                f"this version runs one injector, the file has {len(self.injectors)}: {names}",
-                "keep one of them in each bench file; only `check` takes them together",
+                f"the file has {len(self.injectors)} injectors, this is for one: {self._names}",
+                f"choose one, such as --injector {self.injectors[0].name}",
             )
         return self.injectors[0]
+
+    @property
+    def each(self) -> "tuple[Bench, ...]":
+        """The bench once for every injector, as if that were alone on its buses."""
+        return tuple(replace(self, injectors=(injector,)) for injector in self.injectors)
+
+    def of(self, name: str | None) -> "Bench":
+        """The bench with one of its injectors only, None: as it is. Raises `UserError` for a name it has not."""
+        if name is None:
+            return self
+        found = tuple(injector for injector in self.injectors if injector.name == name)
+        if not found:
+            known = [injector.name for injector in self.injectors if injector.name]
+            meant = did_you_mean(name, known)
+            raise UserError(
+                f"--injector {name}",
+                f"{self.path} has no [injectors.{name}]",
+                f"{meant}known injectors: {self._names}"
+                if known
+                else "leave it out: the file has one injector",
+            )
+        return replace(self, injectors=found)
+
+    @property
+    def _names(self) -> str:
+        return ", ".join(injector.name for injector in self.injectors)
 
     def with_sections(self, **sections: Section) -> "Bench":
         """The same with other sections of its one injector."""
@@ -180,7 +136,16 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: b
     """
     shared = read_toml(path)
     stated = validated(_Named, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
-    files = {name: BenchFile(path, name, shared, own) for name, own in (stated or {"": {}}).items()}
+    if len(stated) > MOST_INJECTORS:
+        raise UserError(
+            f"{path}: injectors",
+            f"there are {len(stated)}, one process takes {MOST_INJECTORS}",
+            "make two bench files of it",
+        )
+    files = {
+        name: BenchFile(path, name, number, shared, own)
+        for number, (name, own) in enumerate((stated or {"": {}}).items())
+    }
     configs = {name: file.read() for name, file in files.items()}
     buses = _part(BusesConfig, next(iter(configs.values())))
     refuse_shared_channels(f"{path}: ", buses.buses)

@@ -30,7 +30,7 @@ from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.compiled.constants import injector_at
 from observer_rt.service.core.learners import doubt_about_fit, refuse_state
 from observer_rt.service.keeping.lock import sole_writer
-from observer_rt.service.run import restored_knowledge
+from observer_rt.service.restoring import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import (
@@ -64,21 +64,13 @@ class EvaluateOptions:
 
 def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
-    if options.injections and options.plot is None:
-        raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
     paths = without_truths(given, console)
-    _refuse_ambiguous(paths, options)
-    for option, path in (("--state", options.state), ("--save-state", options.save_state)):
-        if path is not None:
-            refuse_state(bench.injector, option)
-    _check_destinations(paths, options)
+    refuse_early(bench, paths, options)
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
     say_if_compiling(console)
     model = model_hash(bench.injector.parameters)
     bench = _with_fuel(bench, sources, options)
     pressure_scale = bench.injector.parameters.scaling.pressure
-    if options.state is not None and not options.state.exists():
-        raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
     knowledge = restored_knowledge(
         options.state, model, pressure_scale, partial(say, console), set_aside=False
     )
@@ -97,6 +89,19 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
             print_evaluation(evaluation, c, results_console)
     if options.plot is not None:
         _plot(options.plot, evaluations, options.injections)
+
+
+def refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions) -> None:
+    """Raise `UserError` for options that do not fit together, and for files that could not be read or written."""
+    if options.injections and options.plot is None:
+        raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
+    _refuse_ambiguous(paths, options)
+    for option, path in (("--state", options.state), ("--save-state", options.save_state)):
+        if path is not None:
+            refuse_state(bench.injector, option)
+    if options.state is not None and not options.state.exists():
+        raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
+    _check_destinations(paths, options)
 
 
 def _with_fuel(bench: Bench, sources: Sequence[SignalStream], options: EvaluateOptions) -> Bench:
@@ -118,7 +123,7 @@ def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
     if len(paths) == 1:
         return
     if options.output is not None:
-        if not _is_folder(options.output):
+        if not is_folder(options.output):
             raise UserError(
                 f"--output {options.output}",
                 "names a file, but there are several recordings",
@@ -138,7 +143,7 @@ def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
 
 def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Refuse, before the long work, what could not be written after it, or would replace a file nobody named."""
-    if options.output is not None and _is_folder(options.output):
+    if options.output is not None and is_folder(options.output):
         with file_errors(options.output):
             options.output.mkdir(parents=True, exist_ok=True)
         check_folder("--output", options.output)
@@ -169,10 +174,11 @@ def _traces(output: Path | None, paths: Sequence[Path]) -> list[Path]:
     """The traces to be written, one a recording, or none."""
     if output is None:
         return []
-    return [_trace_in(output, path) for path in paths] if _is_folder(output) else [output]
+    return [_trace_in(output, path) for path in paths] if is_folder(output) else [output]
 
 
-def _is_folder(output: Path) -> bool:
+def is_folder(output: Path) -> bool:
+    """Whether traces are to be written into `output`, each a file of its own."""
     return output.is_dir() or not (output.suffix or output.exists())
 
 

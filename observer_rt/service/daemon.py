@@ -1,10 +1,9 @@
 """The daemon: a thin loop round the core, from the buses back onto them."""
 
-import gc
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 
 from observer_rt.bus.database.lookup import database_hash
 from observer_rt.bus.links.link import Link, LinkDownError
@@ -17,6 +16,7 @@ from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.core.status import OutsideFigures, status_values
+from observer_rt.service.opening import buses_of
 from observer_rt.service.outbox import RETRY
 from observer_rt.service.port import Port
 from observer_rt.service.pump.compiled_pump import CompiledPump, can_pump
@@ -47,11 +47,13 @@ class Daemon:
         listeners: Sequence[Listener] = (),
         on_alive: Callable[[], None] = lambda: None,
         failed_writes: Callable[[], int] = lambda: 0,
+        learning: Executor | None = None,
     ) -> None:
         """links: of all buses, in order. knowledge: restored from an earlier run.
 
         on_alive: called some ten times a second by the loop, for whoever watches that it goes round. failed_writes:
-        so far, of whoever writes files beside the loop; for the status.
+        so far, of whoever writes files beside the loop; for the status. learning: where events are learned from,
+        one after another; None: in a thread of its own.
         """
         self._links = links
         self._bus = bus
@@ -68,7 +70,9 @@ class Daemon:
             )
             for number, (named, each) in enumerate(zip(bench.config.buses, self._links, strict=True))
         )
-        self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning", initializer=take_time)
+        self._executor = learning or ThreadPoolExecutor(
+            1, thread_name_prefix="learning", initializer=take_time
+        )
         self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
         self._injector = bench.injector
         self.core = Core(bench.injector, bus, knowledge, self._executor, listeners=listeners)
@@ -92,11 +96,11 @@ class Daemon:
         links are opened: what is not compiled yet would be compiled while frames come in. Raises `RunError` when
         a link fails otherwise.
         """
-        gc.collect()
-        gc.freeze()  # a full collection would stop a Python loop for tens of milliseconds
         self._last_input = self._next_status = self._next_look = time.monotonic_ns()
         self.arrivals.begin(self._last_input)
         self._pump = self._make_pump()
+        for idle in set(range(len(self.ports))) - buses_of(self._bus):
+            self._pump.leave_out(idle)
         self.ready.set()
         try:
             while not stop.is_set():
@@ -106,7 +110,6 @@ class Daemon:
             self._pump.close()
             self._menders.shutdown()
             self._executor.shutdown(cancel_futures=True)
-            gc.unfreeze()
 
     def _make_pump(self) -> FramePump:
         """The fastest that serves the links."""

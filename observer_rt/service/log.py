@@ -85,6 +85,27 @@ class ServiceLog:
                 outlet.close()
 
 
+class Voice:
+    """What is said of one injector, in the log of all; `name` stands before it where there are several."""
+
+    def __init__(self, log: ServiceLog, name: str) -> None:
+        self.log = log
+        self._name = name
+
+    def named(self, text: str) -> str:
+        """The text with the injector it is about."""
+        return f"{self._name}: {text}" if self._name else text
+
+    def say(self, topic: Topic, text: str, is_over: bool = False) -> None:
+        """As `ServiceLog.say`."""
+        warning = _WARNING if text.startswith(_WARNING) else ""
+        self.log.say(topic, warning + self.named(text.removeprefix(_WARNING)), is_over)
+
+    def record(self, content: Mapping[str, Any]) -> None:
+        """As `ServiceLog.record`."""
+        self.log.record({"injector": self._name, **content} if self._name else content)
+
+
 def is_journal(stream: IO[str], environment: Mapping[str, str]) -> bool:
     """Whether a stream is the one that systemd connected with the journal."""
     try:

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 
+from observer_rt.bus.links.idle import IdleLink
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import BusMap
@@ -27,13 +28,18 @@ def open_links(
 ) -> Iterator[Link]:
     """The links of all buses in order, each as soon as it can be opened; own identifiers are listened to, too.
 
+    A bus that is none of this injector's is neither opened nor waited for.
+
     Raises `StoppedError` when `stop` is set meanwhile, `UserError` or `RunError` for what waiting does not mend.
     """
-    links = bench.config.buses
-    for number, named in enumerate(links):
-        link = _when_there(named, _wanted(bus, number), len(links) > 1, tell, stop, on_alive)
+    used = buses_of(bus)
+    for number, named in enumerate(bench.config.buses):
+        if number not in used:
+            yield IdleLink()
+            continue
+        link = _when_there(named, _wanted(bus, number), len(used) > 1, tell, stop, on_alive)
         yield link
-        on = f"{named.label}: " if len(links) > 1 else ""
+        on = f"{named.label}: " if len(used) > 1 else ""
         tell(Notice(Topic.START, f"{on}time stamps: {link.stamp_source}", is_over=True))
         for warning in link.warnings:
             tell(Notice(Topic.LINK, warning))
@@ -62,6 +68,11 @@ def tell_other_senders(
                 if (layout.bus, layout.frame_id) == (on, frame.frame_id)
             )
             tell(Notice(Topic.SENDER, f"another node sends {name} already\n  remedy: {REMEDY}"))
+
+
+def buses_of(bus: BusMap) -> frozenset[int]:
+    """Numbers of the buses that something is read from or sent to."""
+    return frozenset(layout.bus for layout in (*bus.received, *bus.sent))
 
 
 def _when_there(

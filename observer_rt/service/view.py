@@ -12,9 +12,10 @@ from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, News
 from observer_rt.service.screen.curves import LOWEST, curves
-from observer_rt.service.screen.injections import HEADING, injections
+from observer_rt.service.screen.injections import HEADING, injections, last_injection
 from observer_rt.service.screen.shown import NominalModel, References, Shown
 from observer_rt.service.screen.status import heading, lines
+from observer_rt.service.words import is_good
 
 REMEMBERED = 40  # injections
 WIDEST = 200  # columns
@@ -31,6 +32,7 @@ class View:
         """references: worked out when drawn, not on the loop's time; None: the model as given."""
         nominal = NominalModel(fitted)
         self._title = title
+        self._name = fitted.name
         self._sample_rate = fitted.config.sampling.rate_hz
         self._coefficients = nominal.coefficients
         self._references: References = references or nominal
@@ -50,6 +52,19 @@ class View:
             for shown in self._shown:
                 if shown.report is news.report:
                     shown.measured = news
+
+    def summary(self, now: int) -> tuple[Text, ...]:
+        """Injector, state, reason and the last injection: cells of a row."""
+        name = Text(self._name)
+        if self._daemon is None:
+            return name, Text("starting", "dim")
+        state, reason = self._daemon.state(now)
+        cells = (
+            name,
+            Text(state.name, "green" if is_good(state) else "red"),
+            Text(reason.name if reason else "", "yellow"),
+        )
+        return (*cells, *last_injection(self._shown[-1])) if self._shown else cells
 
     def render(self, now: int, width: int, height: int) -> RenderableType:
         """The whole view at a monotonic time [ns], for a terminal of `width` x `height` characters."""

@@ -72,7 +72,7 @@ def test_results_that_two_would_send_alike_are_errors(tmp_path: Path, old: str, 
 
 
 def test_one_state_is_not_that_of_two(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="one injector"):
+    with pytest.raises(UserError, match="this is for one"):
         checkup(load_bench(two_injectors(tmp_path)), tmp_path / "learned.json")
 
 

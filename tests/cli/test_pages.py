@@ -31,6 +31,9 @@ NOT_RUN = {  # with the reason, and what looks after it instead
     "sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up": (
         "below: it is what `check` tells; the tests on a bus have one"
     ),
+    "sudo prlimit --pid $$ --rtprio=99 --memlock=unlimited": (
+        "it changes the shell; test_checkup.py sees that `check` tells it"
+    ),
     'sqlite3 -readonly injections.sqlite "SELECT judged_utc, mass_mg, nozzle_v_H FROM injection WHERE valid"': (
         "the tool may not be there; test_on_vcan_pages.py gives the query to Python's sqlite3"
     ),

@@ -12,11 +12,10 @@ from observer_rt.config.bench import (
     EXAMPLE_BENCH,
     NOMINAL_INJECTOR,
     PACKAGE_DATA,
-    BenchConfig,
-    DatabaseConfig,
     load_bench,
     load_injector,
 )
+from observer_rt.config.bench_file import BenchConfig, DatabaseConfig
 from observer_rt.config.signals import Role, SignalConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import InjectorParameters, LineOutflow

@@ -6,6 +6,7 @@ import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench
 from observer_rt.foundation.errors import UserError
+from tests.three_injectors import NAMES, RATE_ID, STEP, one_alone, three_injectors
 from tests.two_injectors import BOTH, one_injector, two_injectors
 
 
@@ -32,13 +33,51 @@ def test_each_has_its_own_model(tmp_path: Path) -> None:
     assert [injector.parameters.nozzle.holes for injector in load_bench(path).injectors] == [8, 7]
 
 
-def test_only_one_can_be_run(tmp_path: Path) -> None:
+def test_where_one_is_asked_for_the_others_are_left_out(tmp_path: Path) -> None:
     bench = load_bench(two_injectors(tmp_path))
     with pytest.raises(
-        UserError, match="this version runs one injector, the file has 2: left, right"
+        UserError, match=r"(?s)2 injectors, this is for one: left, right.*--injector left"
     ) as refused:
         _ = bench.injector
     assert refused.value.exit_code == 2
+    assert bench.of("right").injector == bench.injectors[1]
+    assert [each.injector for each in bench.each] == list(bench.injectors)
+    assert bench.of(None) == bench
+    with pytest.raises(UserError, match="did you mean 'right'"):
+        bench.of("rihgt")
+    with pytest.raises(UserError, match="the file has one injector"):
+        load_bench(one_injector(tmp_path, "left", 1)).of("left")
+
+
+def test_names_and_identifiers_by_rule(tmp_path: Path) -> None:
+    """As each of them by itself, where nothing is by rule; what an injector states of its own comes first."""
+    path = three_injectors(tmp_path, "can0")
+    for number, injector in enumerate(load_bench(path).injectors):
+        alone = load_bench(one_alone(tmp_path, number, "can0")).injector.config
+        assert (injector.config.signals, injector.config.outputs) == (alone.signals, alone.outputs)
+        assert injector.state == tmp_path / f"learned_{NAMES[number]}.json"
+    path.write_text(path.read_text() + "[injectors.three.outputs]\nstatus_id = 7\ninjector_id = 9\n")
+    *_, third = load_bench(path).injectors
+    assert (third.config.outputs.status_id, third.config.outputs.injector_id) == (7, 9)
+    assert third.config.outputs.injection_rate_id == RATE_ID + 2 * STEP
+
+
+@pytest.mark.parametrize(
+    "outputs", ["id_step = 16", "id_step = 0\nstatus_id = 5", "id_step = 1\nstatus_id = 'a'"]
+)
+def test_a_step_needs_a_first_identifier(tmp_path: Path, outputs: str) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(BOTH + f"[outputs]\n{outputs}\n")
+    with pytest.raises(UserError, match="all whole numbers") as refused:
+        load_bench(path)
+    assert refused.value.place == f"{path}: outputs.id_step"
+
+
+def test_nine_are_too_many(tmp_path: Path) -> None:
+    path = three_injectors(tmp_path, "can0")
+    path.write_text(path.read_text() + "".join(f"[injectors.n{number}]\n" for number in range(6)))
+    with pytest.raises(UserError, match="there are 9, one process takes 8"):
+        load_bench(path)
 
 
 WRONG = {

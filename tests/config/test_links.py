@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.config.bench import BusesConfig, load_bench
+from observer_rt.config.bench import load_bench
+from observer_rt.config.bench_file import BusesConfig
 from observer_rt.config.links import of_links
 from observer_rt.foundation.errors import UserError
 

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from tests import own_injector
+from tests import engine, own_injector
 from tests.interface import OwnInterface
 from tests.pages import PAGES, ROOT, Page, needs_bus
 from tests.service.end_to_end import START_TIMEOUT
@@ -96,7 +96,7 @@ def only(commands: list[str], pattern: str) -> str:
 @pytest.mark.slow
 @pytest.mark.vcan
 def test_the_commands_that_need_a_bus(shell: Shell, vcan: str) -> None:
-    pages = [page for page in PAGES if page.path != own_injector.PAGE.path]
+    pages = [page for page in PAGES if page.path not in (own_injector.PAGE.path, engine.PAGE.path)]
     commands = list(dict.fromkeys(c for page in pages for c in page.commands if needs_bus(c)))
     viewed, kept, piped = (only(commands, f" run .*{word}") for word in ("--view", "--journal", "jq"))
     recorded, rotated = only(commands, r" record .*bus\.blf$"), only(commands, "--rotate-size")
@@ -142,8 +142,30 @@ def test_an_injector_of_ones_own(shell: Shell, vcan: str) -> None:
     assert injections[-1]["indicators"]["nozzle_v_H"]["value"] == pytest.approx(0.2, abs=0.01)
 
 
-def _run_and_record(shell: Shell, run: str, record: str, replay: str) -> None:
-    with shell.going(run, "start: ready"), shell.going(record, "recording socketcan can0"):
+@pytest.mark.slow
+@pytest.mark.vcan
+def test_several_injectors(shell: Shell, vcan: str) -> None:
+    """The page's daemon of two injectors, and what is recorded beside it."""
+    engine.write_bench(shell.folder)
+    for words in engine.make_log():
+        shell.do(shlex.join(["observer-rt", *words]))
+    engine.merge_logs(shell.folder)
+    run, record, replay = (command for command in engine.PAGE.commands if needs_bus(command))
+    interfaces = [OwnInterface(f"can{number}") for number in range(3)]
+    try:
+        _run_and_record(shell, run, record, replay, "start: left: ready")
+    finally:
+        for each in interfaces:
+            each.remove()
+    for name in engine.NAMES:
+        assert (shell.folder / f"learned_{name}.json").exists()
+        with closing(sqlite3.connect(shell.folder / f"injections_{name}.sqlite")) as journal:
+            assert journal.execute("SELECT count(*) FROM injection").fetchall() == [(4,)]
+    shell.do("observer-rt evaluate engine.blf --bench engine.toml")
+
+
+def _run_and_record(shell: Shell, run: str, record: str, replay: str, ready: str = "start: ready") -> None:
+    with shell.going(run, ready), shell.going(record, "recording socketcan can0"):
         shell.do(replay)
 
 

@@ -13,7 +13,7 @@ from observer_rt.bus.mapping.output_messages import StatusValues, signals_of
 from observer_rt.config.bench import PACKAGE_DATA, load_injector
 from observer_rt.model.effects import effective_model
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.service.log import ServiceLog
+from observer_rt.service.log import ServiceLog, Voice
 from observer_rt.service.notify import Notifier
 from observer_rt.service.reports.telling import Teller
 from observer_rt.service.words import COUNTERS, REASONS, STATES, TOPICS, Topic, named
@@ -63,7 +63,7 @@ def test_the_page_says_the_same_of_log_lines() -> None:
 def test_the_page_names_every_key_of_the_records() -> None:
     stream = io.StringIO()
     with ServiceLog(Console(file=io.StringIO()), stream=stream) as log:
-        teller = Teller(log, Notifier({}), effective_model(load_injector()).coefficients)
+        teller = Teller(Voice(log, ""), Notifier({}), effective_model(load_injector()).coefficients)
         teller.hear(some_report())
     section = PAGE.text.split("\n## Injections as JSON\n")[1].split("\n    ")[0]
     assert set(re.findall(r"`(\w+)`", section)) - {"null"} == set(json.loads(stream.getvalue()))

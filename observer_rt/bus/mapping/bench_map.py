@@ -1,6 +1,6 @@
 """All injectors of a bench on its buses: each has its own map, a message may be of several."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -83,6 +83,21 @@ def map_bench(bench: Bench) -> BenchMap:
         ),
         databases.overlooked(),
     )
+
+
+def in_common(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]:
+    """What several injectors cannot share, and yet do, with their names: results, and what tells these apart."""
+    owners: dict[str, list[str]] = {}
+    for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
+        for layout in bus.sent:
+            message = f"the message {mapped.name_of(layout)} 0x{layout.frame_id:X}"
+            owners.setdefault(message, []).append(injector.name)
+        number = injector.config.outputs.injector_id
+        owners.setdefault(f"outputs.injector_id = {number}", []).append(injector.name)
+        for key, file in (("file", injector.state), ("journal", injector.journal)):
+            if file is not None:
+                owners.setdefault(f"state.{key} = {file}", []).append(injector.name)
+    return ((what, names) for what, names in owners.items() if len(names) > 1)
 
 
 def _once(layouts: Iterable[MessageLayout]) -> tuple[MessageLayout, ...]:

@@ -111,6 +111,7 @@ def close_event(observer: Observer, position: int) -> None:
         and position - event.window_start < MAX_EVENT
     )
     event.doubtful = memory.event_doubtful
+    event.closed_index = observer.ring[position & _MASK].index
     event.judged_before = memory.events_judged
     event.injections = memory.injections_begun
     event.rest_count = memory.rest_count
@@ -134,6 +135,13 @@ def break_event(observer: Observer, position: int) -> None:
         memory.shut_since = observer.ring[position & _MASK].index + 1
     close_event(observer, position)
     memory.needle_open = False
+
+
+@njit(cache=True, nogil=True)
+def note_closed_late(observer: Observer, index: int) -> None:
+    """That the last event was over, only the sample `index` showed."""
+    memory = observer.memory[0]
+    memory.events[(memory.events_closed - 1) % PENDING_EVENTS].closed_index = index
 
 
 @njit(cache=True, nogil=True)

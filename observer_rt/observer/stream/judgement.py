@@ -17,10 +17,7 @@ _NOTHING, _EXAMINED, _LEARNED = (int(each) for each in Taken)
 
 @njit(cache=True, nogil=True)
 def judged(observer: Observer) -> bool:
-    """Judge the oldest closed event by the verdict posted on it; False, with nothing done, to wait for one.
-
-    Without a verdict, an observer that does not wait leaves the event not judged.
-    """
+    """Judge the oldest closed event by the verdict posted on it; False, with nothing done, where there is none."""
     memory = observer.memory[0]
     number = memory.events_taken
     verdict = observer.verdicts.slots[number % SLOTS]
@@ -34,15 +31,35 @@ def judged(observer: Observer) -> bool:
         if verdict.earlier == number + 1:
             _put_learned_into_force(observer, SLOTS + number % SLOTS, verdict.examined.is_coloured)
         _note(observer, event, verdict.examined)
-    elif memory.waits_for_verdicts:
-        return False
     else:
-        event.taken = _NOTHING
-        _note_reason(observer, event, _NOT_JUDGED)
+        return False
+    _count(observer)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def given_up(observer: Observer, index: int) -> bool:
+    """Leave the oldest closed event not judged; False, with nothing done, if its verdict may still come.
+
+    index: of the sample before which it is due. An event that only the next window of the source showed to be over,
+    long due, has its learning delay from there.
+    """
+    memory = observer.memory[0]
+    event = memory.events[memory.events_taken % PENDING_EVENTS]
+    if 0 <= index - event.closed_index < observer.constants.timing.learning_delay:
+        return False
+    event.taken = _NOTHING
+    _note_reason(observer, event, _NOT_JUDGED)
+    _count(observer)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _count(observer: Observer) -> None:
+    memory = observer.memory[0]
     memory.waiting = False
     memory.events_judged += 1
     memory.events_taken += 1
-    return True
 
 
 @njit(cache=True, nogil=True)

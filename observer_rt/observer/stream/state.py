@@ -110,6 +110,7 @@ EVENT = np.dtype(
         ("opening", np.int64),
         ("learnable", np.bool_),
         ("doubtful", np.int8),  # Reason its samples are not to be trusted, 0 when they are
+        ("closed_index", np.int64),  # of the sample at which it closed
         ("judged_before", np.int64),  # events, when it closed
         ("injections", np.int64),  # begun, when it closed
         ("taken", np.int8),  # verdict.Taken, once it was judged

@@ -10,6 +10,7 @@ from observer_rt.observer.stream.events import (
     follow_injection,
     judgement_due,
     make_all_due,
+    note_closed_late,
     part_events,
 )
 from observer_rt.observer.stream.front_end import (
@@ -23,7 +24,7 @@ from observer_rt.observer.stream.front_end import (
     shut_area,
     stays_low,
 )
-from observer_rt.observer.stream.judgement import judged
+from observer_rt.observer.stream.judgement import given_up, judged
 from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, take_out_zero
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
@@ -237,9 +238,13 @@ def _process(observer: Observer, position: int) -> bool:
     if opens and stays_low(observer, position):
         opens = False
     while not opens and memory.events_taken < memory.events_closed and judgement_due(observer, row.index):
-        memory.waiting = not judged(observer)
-        if memory.waiting:
+        if judged(observer):
+            continue
+        if memory.waits_for_verdicts:
+            memory.waiting = True
             return False
+        if not given_up(observer, row.index):
+            break
     if row.broken != _NONE:
         _begin_segment(observer, position)
     _move_needle(observer, position, opens)
@@ -263,8 +268,9 @@ def _process(observer: Observer, position: int) -> bool:
 def _end_segment(observer: Observer, position: int) -> None:
     """The stream broke before `position`: finish what was under way (harmless when done twice)."""
     row = observer.ring[position & _MASK]
-    if position > 0:
+    if position > 0 and observer.memory[0].in_event:
         break_event(observer, position - 1)
+        note_closed_late(observer, row.index)
     if row.broken == _RESTART:
         make_all_due(observer)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.bus.links.open import open_link
+from observer_rt.bus.mapping.bench_map import BenchMap, map_bench
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.links import LinkConfig, NamedLink
@@ -75,11 +76,10 @@ def replay_onto(bench: Bench, path: Path, options: ReplayOptions, console: Conso
     holds_frames = is_log(path)
     channels = channel_map(options.map_channel)
     identifiers = identifier_map(options.map_id)
-    bus = map_bus(bench)
     if holds_frames:
-        source = _log(bench, path, bus, options, channels, console)
+        source = _log(bench, path, map_bench(bench), options, channels, console)
     else:
-        source = _recording(bench, path, bus, options, console)
+        source = _recording(bench, path, map_bus(bench), options, console)
         if channels:
             raise UserError("--map-channel", f"{path} is no CAN log: it has no channels", "leave it out")
     sent = remapped_identifiers(source.identifiers, identifiers)
@@ -101,7 +101,7 @@ def replay_onto(bench: Bench, path: Path, options: ReplayOptions, console: Conso
 def _log(
     bench: Bench,
     path: Path,
-    bus: BusMap,
+    mapped: BenchMap,
     options: ReplayOptions,
     channels: Mapping[str, str],
     console: Console,
@@ -114,13 +114,13 @@ def _log(
     if channels:
         routes, buses = _chosen_routes(links, channels)
     elif len(links) > 1:
-        routes = _matched_routes(path, bus, links)
+        routes = _matched_routes(path, mapped, links)
         buses = {number: links[number].config for number in routes.values()}
     # results recorded beside the inputs are not sent again: the daemon sends its own
     results = frozenset(
         Sent(number, layout.frame_id, layout.is_extended)
         for number in buses
-        for layout in bus.sent
+        for layout in mapped.sent
         if layout.bus == number or len(links) == 1 or number >= len(links)
     )
     part = LogPart(path, options.start, options.stop, results, routes)
@@ -153,8 +153,8 @@ def _chosen_routes(
     return routes, buses
 
 
-def _matched_routes(path: Path, bus: BusMap, links: Sequence[NamedLink]) -> dict[str, int]:
-    needed = {layout.bus for layout in bus.input_layouts}
+def _matched_routes(path: Path, mapped: BenchMap, links: Sequence[NamedLink]) -> dict[str, int]:
+    needed = {layout.bus for bus in mapped.injectors for layout in bus.input_layouts}
     found = matched_channels(
         path, links, needed, {}, lambda number: f"--map-channel CHANNEL={links[number].config.channel}"
     )

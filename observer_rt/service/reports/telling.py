@@ -5,7 +5,7 @@ from typing import Any
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, ZERO_CELSIUS
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.service.log import ServiceLog
+from observer_rt.service.log import Voice
 from observer_rt.service.notify import Notifier
 from observer_rt.service.reports.injection_record import energizing_record, injection_record
 from observer_rt.service.reports.injection_report import InjectionReport
@@ -16,7 +16,7 @@ from observer_rt.service.words import Topic, named
 class Teller:
     """A listener that puts into words what it hears."""
 
-    def __init__(self, log: ServiceLog, notifier: Notifier, c: Coefficients) -> None:
+    def __init__(self, log: Voice, notifier: Notifier, c: Coefficients) -> None:
         """c: of the nominal model."""
         self._log = log
         self._notifier = notifier
@@ -35,7 +35,7 @@ class Teller:
             case Notice(topic, text, is_over):
                 self._log.say(topic, text, is_over)
                 if topic in (Topic.STATE, Topic.LINK):
-                    self._notifier.status(text)
+                    self._notifier.status(self._log.named(text))
 
     def _record(self, report: InjectionReport) -> dict[str, Any]:
         record = injection_record(report, self._c)

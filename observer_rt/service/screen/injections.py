@@ -47,6 +47,14 @@ def injections(shown: Sequence[Shown], width: int) -> Table:
     return table
 
 
+def last_injection(item: Shown) -> tuple[Text, ...]:
+    """Number, mass [mg], its interval, wear of the nozzle and verdict: cells of a row."""
+    report = item.report
+    verdict = Text("yes", "green") if report.valid else Text(report.reason.name, "yellow")
+    cells = str(report.number), f"{report.mass / MILLIGRAM:.2f}", _interval(report), _wear(report)
+    return (*map(Text, cells), verdict)
+
+
 def _interval(report: InjectionReport) -> str:
     if report.mass_ci95 is None:
         return "-"

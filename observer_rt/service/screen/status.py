@@ -7,6 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.bus.alignment.message_timing import LARGEST_DRIFT, MessageTiming
+from observer_rt.bus.links.idle import IdleLink
 from observer_rt.config.signals import Role
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND, ZERO_CELSIUS
 from observer_rt.service.daemon import Daemon
@@ -81,6 +82,8 @@ def _late(timing: list[MessageTiming] | tuple[MessageTiming, ...]) -> str:
 def _links(daemon: Daemon) -> list[Text]:
     told = []
     for port in daemon.ports:
+        if isinstance(port.link, IdleLink):
+            continue
         condition = str(port.link.condition.state) if port.is_up else "down"
         told.append(
             _line(

@@ -11,6 +11,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import Reason
+from observer_rt.recording.replay.framing import windows
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notes
@@ -49,10 +50,15 @@ def worn() -> Recording:
     return simulate(load_injector(), schedule, SAMPLE_RATE, effects, NoiseLevels(), seed=5).recording
 
 
-def served(folder: Path, recording: Recording, work_after: range) -> tuple[Core, Notes, Slow]:
-    """A core that learns after the events given only, by number, and then long after they were due."""
+def folder_bench(folder: Path) -> Path:
     path = folder / "bench.toml"
     path.write_text(bench_text(ONE_MESSAGE))
+    return path
+
+
+def served(folder: Path, recording: Recording, work_after: range) -> tuple[Core, Notes, Slow]:
+    """A core that learns after the events given only, by number, and then long after they were due."""
+    path = folder_bench(folder)
     bench, notes, slow = load_bench(path), Notes(), Slow()
     core = Core(bench.injector, map_bus(bench), executor=slow, listeners=[notes])
     for frame in Device(ONE_MESSAGE).send(recording):
@@ -83,3 +89,20 @@ def test_what_is_late_takes_force_with_the_next_event(tmp_path: Path, worn: Reco
     true_scale = 1.0 + V_H
     first_volume, last_volume = notes.injections[0].volume, last.volume
     assert abs(last_volume / first_volume - true_scale) < 0.1
+
+
+def test_a_windowed_source_is_judged_and_learned_from(tmp_path: Path, worn: Recording) -> None:
+    """That an event is over only the next window shows, when it is long due; learning takes until after its start."""
+    path = folder_bench(tmp_path)
+    bench, notes, slow = load_bench(path), Notes(), Slow()
+    core = Core(bench.injector, map_bus(bench), executor=slow, listeners=[notes])
+    device = Device(ONE_MESSAGE)
+    for first, last in windows(worn):
+        for number, frame in enumerate(device.send(worn, first, last)):
+            core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+            if number == 5:
+                slow.work()
+    assert core.counters.events >= INJECTIONS - 2
+    assert Reason.NOT_JUDGED not in [report.reason for report in notes.injections]
+    assert core.counters.adoptions >= INJECTIONS - 3
+    assert notes.injections[-1].valid

@@ -1,0 +1,69 @@
+"""The bench of the page on several injectors, and what its user has beside it."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from observer_rt.config.bench import NOMINAL_INJECTOR, PACKAGE_DATA
+from tests.pages import Page
+
+PAGE = Page("docs/several-injectors.md")
+NAMES = ("left", "right")
+__all__ = ["NOMINAL_INJECTOR", "PAGE"]
+
+
+def write_bench(folder: Path) -> None:
+    """The page's bench file, and the injector file it names."""
+    (folder / "engine.toml").write_text(PAGE.fenced("toml")[0])
+    (folder / "right.toml").write_text(NOMINAL_INJECTOR.read_text())
+
+
+def make_log() -> Iterator[list[str]]:
+    """Arguments of commands that simulate each injector, and make a log of its devices."""
+    for name, wear in zip(NAMES, ("0.3", "0.1"), strict=True):
+        yield [
+            "simulate",
+            "--injections",
+            "4",
+            "--effect",
+            f"orifice_area:v_H={wear}",
+            "--output",
+            f"{name}.csv",
+        ]
+        yield ["convert", f"{name}.csv", f"{name}.log", "--bench", "engine.toml", "--injector", name]
+
+
+def merge_logs(folder: Path) -> None:
+    """The frames of all devices in `engine.log`; the rail pressure is that of the first."""
+    lines = [
+        line
+        for name in NAMES
+        for line in (folder / f"{name}.log").read_text().splitlines(keepends=True)
+        if name == NAMES[0] or " can0 " not in line
+    ]
+    (folder / "engine.log").write_text(
+        "".join(sorted(lines, key=lambda line: float(line[1 : line.index(")")])))
+    )
+
+
+def on_one_bus(folder: Path) -> str:
+    """The bench file with the page's sections for one bus; writes the database."""
+    whole, part = PAGE.fenced("toml")
+    text = re.sub(r"\[links\.\w+\]\nchannel.*\n|^link = .*\n", "", whole, flags=re.MULTILINE)
+    lift, outputs = part.split("[outputs]\n")
+    text = re.sub(r"\[signals.needle_lift\]\n(?:\w.*\n)+", lift, text)
+    text = text.replace("[outputs]\n", f"[outputs]\n{outputs}").replace("observer_fd.dbc", "engine.dbc")
+    database = (PACKAGE_DATA / "observer_fd.dbc").read_text()
+    block = re.search(r"^BO_ 273 NeedleLiftBlock(?:.*\n)(?: SG_.*\n)+", database, re.MULTILINE)
+    assert block is not None
+    named = [
+        block[0].replace("273 NeedleLiftBlock", f"{900 + number} NeedleLift_{name}")
+        for number, name in enumerate(NAMES)
+    ]
+    formats = [f'BA_ "VFrameFormat" BO_ {900 + number} 14;\n' for number in range(len(NAMES))]
+    database = database.replace(block[0], "".join([block[0], *named]))
+    database = database.replace(
+        'BA_ "VFrameFormat" BO_ 273 14;\n', "".join(['BA_ "VFrameFormat" BO_ 273 14;\n', *formats])
+    )
+    (folder / "engine.dbc").write_text(database)
+    return text

@@ -1,0 +1,91 @@
+"""Three injectors on a real SocketCAN interface: the kernel gives each daemon its frames, each loop is compiled."""
+
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import can
+import pytest
+
+from observer_rt.bus.links.open import open_link
+from observer_rt.config.bench import load_bench
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.recording.replay.player import play
+from tests.service.end_to_end import END_TIMEOUT, START_TIMEOUT, STATUS, decoded
+from tests.service.participants import until
+from tests.three_injectors import (
+    NAMES,
+    RATE_ID,
+    STATUS_ID,
+    STEP,
+    SUMMARY_ID,
+    frames_of_all,
+    one_alone,
+    three_injectors,
+    three_recordings,
+)
+
+SPEED = 0.03  # user-mode Linux has one processor for daemons, player and listener
+LOOK_AHEAD = 100  # samples, and more, that wait for those behind them
+
+
+@pytest.mark.slow
+@pytest.mark.vcan
+def test_each_is_observed_as_if_it_were_alone(tmp_path: Path, vcan: str) -> None:
+    path = three_injectors(tmp_path, vcan, "socketcan")
+    recordings = three_recordings()
+    benches = [one_alone(tmp_path, number, vcan) for number in range(len(NAMES))]
+    frames = frames_of_all(benches, recordings)
+    results = [first + number * STEP for number in range(len(NAMES)) for first in (RATE_ID, SUMMARY_ID)]
+    statuses = [STATUS_ID + number * STEP for number in range(len(NAMES))]
+    heard: dict[int, list[bytes]] = {identifier: [] for identifier in (*results, *statuses)}
+    stop = threading.Event()
+    filters: list[can.typechecking.CanFilter] = [
+        {"can_id": identifier, "can_mask": 0x7FF, "extended": False} for identifier in heard
+    ]
+
+    def least_processed() -> float:
+        """Samples that all injectors have been through, by what they say; -1 before all said something."""
+        if not all(heard[identifier] for identifier in statuses):
+            return -1.0
+        return min(decoded(STATUS, heard[identifier][-1])["SamplesProcessed"] for identifier in statuses)
+
+    def listen(bus: can.BusABC) -> None:
+        while not stop.is_set():
+            if (message := bus.recv(0.1)) is not None:
+                heard[message.arbitration_id].append(bytes(message.data))
+
+    command = [sys.executable, "-m", "observer_rt", "run", "--bench", str(path)]
+    with (
+        can.Bus(interface="socketcan", channel=vcan, fd=True, can_filters=filters) as bus,
+        open_link("socketcan", vcan, True, []) as player,
+    ):
+        listener = threading.Thread(target=listen, args=(bus,))
+        listener.start()
+        daemon = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        try:
+            end = time.monotonic() + START_TIMEOUT
+            while least_processed() < 0:
+                assert daemon.poll() is None, daemon.stderr and daemon.stderr.read()
+                assert time.monotonic() < end
+                time.sleep(0.1)
+            play(frames, player, SPEED)
+            until(lambda: least_processed() >= recordings[0].samples - LOOK_AHEAD)
+            daemon.send_signal(signal.SIGTERM)
+            _, said = daemon.communicate(timeout=END_TIMEOUT)
+            time.sleep(0.3)
+        finally:
+            daemon.kill()
+            stop.set()
+            listener.join()
+    assert daemon.returncode == 0, said
+    assert len(re.findall("stopped after .* 0 frames dropped, 0 results unsent", said)) == len(NAMES), said
+    for number, recording in enumerate(recordings):
+        expected = evaluate(load_bench(benches[number]), [recording]).frames
+        for identifier in (RATE_ID + number * STEP, SUMMARY_ID + number * STEP):
+            assert heard[identifier] == [each.payload for each in expected if each.frame_id == identifier]
+        assert (tmp_path / f"learned_{NAMES[number]}.json").exists()

@@ -1,0 +1,51 @@
+"""The view of several injectors: a line for each, and one of them as a whole."""
+
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.config.bench import load_bench
+from observer_rt.service.daemon import Daemon
+from observer_rt.service.overview import TURN, Overview
+from observer_rt.service.view import View
+from tests.service.participants import ScriptedLink, serving, until, worn_recording
+from tests.three_injectors import NAMES, frames_of_all, one_alone, three_injectors
+
+
+@pytest.fixture
+def overview(tmp_path: Path) -> Overview:
+    """The first has seen four injections, the second waits for data, the third for its interface."""
+    bench = load_bench(three_injectors(tmp_path, "overview"))
+    mapped = map_bench(bench)
+    views = [View(f"{each.injector.name}: title", each.injector) for each in bench.each]
+    links = [ScriptedLink(frames_of_all([one_alone(tmp_path, 0, "x")], [worn_recording()])), ScriptedLink()]
+    for alone, bus, link, view in zip(bench.each, mapped.injectors, links, views, strict=False):
+        daemon = Daemon(alone, bus, [link], listeners=[view.hear])
+        view.watch(daemon)
+        with serving(daemon):
+            until(link.empty.is_set)
+    return Overview(views)
+
+
+def drawn(overview: Overview, now: int, width: int, height: int) -> list[str]:
+    console = Console(width=width, height=height, color_system=None)
+    with console.capture() as capture:
+        console.print(overview.render(now, width, height))
+    return [line.rstrip() for line in capture.get().splitlines()]
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 40)])
+def test_all_of_them_and_one_as_a_whole(overview: Overview, width: int, height: int) -> None:
+    for turn, name in enumerate((*NAMES, NAMES[0])):
+        lines = drawn(overview, turn * TURN, width, height)
+        assert len(lines) <= height
+        assert max(map(len, lines)) <= width
+        first, second, third = lines[1:4]
+        assert first.split()[:3] == ["one", "ADAPTED", "4"]
+        assert first.endswith("yes")
+        assert second.split() == ["two", "WAITING_FOR_DATA", "STARTING"]
+        assert third.split() == ["three", "starting"]
+        assert [line for line in lines if f" {name}: title " in line]
+        assert sum(": title" in line for line in lines) == 1

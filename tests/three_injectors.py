@@ -1,0 +1,107 @@
+"""Three injectors on one bus with one rail pressure: the bench file by rule, each alone as one writes it, frames."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import PACKAGE_DATA, load_bench
+from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.signals.recording import Recording
+from tests.service.participants import SAMPLE_RATE, worn_recording
+
+NAMES = ("one", "two", "three")
+RATE_ID, SUMMARY_ID, STATUS_ID, STEP = 0x300, 0x301, 0x302, 0x10
+_LIFT, _LINE = 0x111, 0x112  # of the database's own blocks
+
+_ALL = """[link]
+interface = "{interface}"
+channel = "{channel}"
+[[dbc]]
+file = "injectors.dbc"
+[signals.rail_pressure]
+message = "RailPressureBlock"
+pattern = "RailPressure_{{:02d}}"
+[signals.needle_lift]
+message = "NeedleLiftBlock_{name}"
+pattern = "NeedleLift_{{:02d}}"
+[signals.line_pressure]
+message = "LinePressureBlock_{name}"
+pattern = "LinePressure_{{:02d}}"
+[sampling]
+rate_hz = {rate}
+[learning]
+lockstep = true
+"""
+
+
+def three_injectors(folder: Path, channel: str, interface: str = "virtual") -> Path:
+    """The bench file, its database beside it; it names state files and journals."""
+    (folder / "injectors.dbc").write_text(_database())
+    path = folder / "bench.toml"
+    text = _ALL.format(interface=interface, channel=channel, name="{injector}", rate=SAMPLE_RATE)
+    text += (
+        f"[outputs]\ninjection_rate_id = {RATE_ID}\ninjection_summary_id = {SUMMARY_ID}\nstatus_id = {STATUS_ID}\n"
+        f'id_step = {STEP}\n[state]\nfile = "learned_{{injector}}.json"\njournal = "injections_{{injector}}.sqlite"\n'
+    )
+    path.write_text(text + "".join(f"[injectors.{name}]\n" for name in NAMES))
+    return path
+
+
+def one_alone(folder: Path, number: int, channel: str) -> Path:
+    """The bench file of one of them by itself, nothing by rule."""
+    path = folder / f"{NAMES[number]}.toml"
+    text = _ALL.format(interface="virtual", channel=channel, name=NAMES[number], rate=SAMPLE_RATE)
+    ids = (RATE_ID, SUMMARY_ID, STATUS_ID)
+    keys = ("injection_rate_id", "injection_summary_id", "status_id")
+    outputs = "".join(f"{key} = {first + number * STEP}\n" for key, first in zip(keys, ids, strict=True))
+    path.write_text(f"{text}[outputs]\ninjector_id = {number + 1}\n{outputs}")
+    return path
+
+
+def three_recordings() -> list[Recording]:
+    """Injectors of different wear under one rail pressure."""
+    first, *others = (worn_recording(v_h=wear) for wear in (0.0, 0.2, -0.15))
+    return [first, *(replace(each, rail_pressure=first.rail_pressure) for each in others)]
+
+
+def frames_of_all(benches: Sequence[Path], recordings: Sequence[Recording]) -> list[TimedFrame]:
+    """The frames of all devices in order of time, those of the rail pressure once."""
+    frames: dict[tuple[int, float], TimedFrame] = {}
+    for bench, recording in zip(benches, recordings, strict=True):
+        for frame in Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)):
+            assert frames.setdefault((frame.frame_id, frame.time), frame) == frame
+    return sorted(frames.values(), key=lambda frame: frame.time)
+
+
+def log_lines(frames: Sequence[TimedFrame], channel: str) -> list[str]:
+    """The frames as a candump log has them."""
+    return [
+        f"({frame.time:.9f}) {channel} {frame.frame_id:03X}##1{frame.payload.hex()}\n" for frame in frames
+    ]
+
+
+def lift_id(number: int) -> int:
+    """Identifier of the message with the needle lift of one of them."""
+    return _LIFT + STEP * (number + 1)
+
+
+def _database() -> str:
+    """Ours, with a block of needle lift and one of line pressure for each."""
+    blocks = re.split(
+        r"(?m)^(?=BO_ |CM_ |BA_ |BA_DEF|VAL_|SIG_)", (PACKAGE_DATA / "observer_fd.dbc").read_text()
+    )
+    own = re.compile(
+        rf'^((?:BO_|CM_ BO_|CM_ SG_|BA_ "\w+" BO_|BA_ "\w+" SG_) )({_LIFT}|{_LINE})( \w+Block(?=:))?'
+    )
+    out = []
+    for block in blocks:
+        out.append(block)
+        if not (found := own.match(block)):
+            continue
+        for number, name in enumerate(NAMES):
+            identifier = int(found[2]) + STEP * (number + 1)
+            message = f"{found[3]}_{name}" if found[3] else ""
+            out.append(f"{found[1]}{identifier}{message}{block[found.end() :]}")
+    return "".join(out)

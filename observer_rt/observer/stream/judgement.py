@@ -38,15 +38,14 @@ def judged(observer: Observer) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def given_up(observer: Observer, index: int) -> bool:
-    """Leave the oldest closed event not judged; False, with nothing done, if its verdict may still come.
+def given_up(observer: Observer) -> bool:
+    """Leave the oldest closed event, which is due, not judged; False, with nothing done, if a verdict may still come.
 
-    index: of the sample before which it is due. An event that only the next window of the source showed to be over,
-    long due, has its learning delay from there.
+    An event that only the next window of the source showed to be over, long due, has until two more have closed.
     """
     memory = observer.memory[0]
     event = memory.events[memory.events_taken % PENDING_EVENTS]
-    if 0 <= index - event.closed_index < observer.constants.timing.learning_delay:
+    if event.closed_index > event.due_index and memory.events_closed - memory.events_taken <= 2:
         return False
     event.taken = _NOTHING
     _note_reason(observer, event, _NOT_JUDGED)

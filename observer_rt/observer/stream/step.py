@@ -243,7 +243,7 @@ def _process(observer: Observer, position: int) -> bool:
         if memory.waits_for_verdicts:
             memory.waiting = True
             return False
-        if not given_up(observer, row.index):
+        if not given_up(observer):
             break
     if row.broken != _NONE:
         _begin_segment(observer, position)

@@ -168,9 +168,11 @@ class Judging:
         """Whether an event, whose predecessors were all taken, is to be examined in case its learning is late."""
         if closed.learning is None:
             return True
-        observer = self._compiled.observer
+        observer, event = self._compiled.observer, self._event(closed.number)
+        if event["closed_index"] > event["due_index"]:  # only the next window showed that it was over
+            return self._submitted > closed.number + 1
         newest = int(observer.ring[(int(observer.memory["processed"][0]) - 1) % RING]["index"])
-        left = int(self._event(closed.number)["due_index"]) - newest
+        left = int(event["due_index"]) - newest
         return left < (1.0 - PATIENCE) * observer.constants.timing.learning_delay
 
     def _submit(self, learning: bool, fuel_temperature: float | None) -> None:

@@ -8,7 +8,7 @@ from observer_rt.estimation.gain import GainSchedule
 from observer_rt.estimation.learned import learned_of
 from observer_rt.observer.learning.doubts.adequacy import Objection
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
-from observer_rt.observer.stream.judgement import carry_on, expect, judged
+from observer_rt.observer.stream.judgement import SLOW_PEAK, carry_on, expect, judged
 from observer_rt.observer.stream.state import PENDING_EVENTS, RING, Observer, Reason
 from observer_rt.observer.stream.verdict import SLOTS
 
@@ -43,7 +43,15 @@ def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured:
     posted: tuple[np.ndarray, ...] = tuple(observer.verdicts.phi)  # type: ignore[arg-type]
     for array, values in zip(posted, outcome.phi, strict=True):  # type: ignore[call-overload]
         array[slot] = values
-    _post(observer, number, "learned", outcome.objections, is_coloured)
+    loud = outcome.schedule.innovation_sigma**2 * (1.0 + (outcome.loudest - 1.0) / SLOW_PEAK)
+    _post(
+        observer,
+        number,
+        "learned",
+        outcome.objections,
+        is_coloured,
+        loud if outcome.loudest > 1.0 else np.nan,
+    )
 
 
 def judge(
@@ -59,13 +67,19 @@ def judge(
 
 
 def _post(
-    observer: Observer, number: int, kind: str, objections: Sequence[Objection], is_coloured: bool
+    observer: Observer,
+    number: int,
+    kind: str,
+    objections: Sequence[Objection],
+    is_coloured: bool,
+    loud: float = np.nan,
 ) -> None:
+    """loud: mean square at rest that makes as much of the watch as the loudest stretch does, nan for as before."""
     finding = observer.verdicts.slots[number % SLOTS][kind]
     finding["reason"] = objections[0].reason if objections else Reason.NONE
     finding["is_coloured"] = is_coloured
-    is_loud = is_coloured and not objections
-    finding["at_rest"] = _at_rest(observer, number) if is_loud else np.nan
+    at_rest = _at_rest(observer, number) if is_coloured else np.nan
+    finding["at_rest"] = np.nan if objections else np.fmax(at_rest, loud)
     finding["number"] = number + 1  # last: from here on the stream may take it
 
 

@@ -103,6 +103,7 @@ class EventCost:
 
     Innovations of the first `burn_in` samples do not count: x~ started from another theta. Coloured ones and their
     slopes go through a filter first; what a high pass in it hides, the sensor's offset, is then what it was at rest.
+    Noisier ones count as white ones do that are smaller.
     """
 
     def __init__(
@@ -114,15 +115,18 @@ class EventCost:
         scalars: Scalars = SCALARS,
         whitening: Whitening | None = None,
         offset: float | None = None,
+        levels: NDArray[np.float64] | None = None,
     ) -> None:
         """sigma: standard deviation of white innovations, in units of p_0; whitening: None if they are white.
 
-        offset: line over rail pressure at rest [p_0] on the mean, None where there was none.
+        offset: line over rail pressure at rest [p_0] on the mean, None where there was none; levels: (n,) by what
+        samples are noisier than sigma, None: all are as noisy.
         """
         self._window = window
         self._setting = setting
         self._scalars = scalars
         self._whitening = whitening
+        self._levels = levels
         self._offset, self._offset_weight = 0.0, 0.0
         if whitening is not None and whitening.forgetting is not None and offset is not None:
             self._offset = offset
@@ -146,8 +150,7 @@ class EventCost:
             self._window, self._setting, theta, self.unfiltered, self.slopes, self._scalars
         )
         value = self._cost(theta)
-        if self._whitening is not None:
-            self.slopes = self.whitened(self.slopes)
+        self.slopes = self.whitened(self.slopes)
         gradient = np.zeros(theta.size)
         information = np.zeros((theta.size, theta.size))
         weigh(self.innovations, self.slopes, self.burn_in, self.sigma, gradient, information)
@@ -159,13 +162,14 @@ class EventCost:
         self, values: NDArray[np.float64], masked: NDArray[np.bool_] | None = None
     ) -> NDArray[np.float64]:
         """Innovations (n,), or slopes of them (n, m), as they count in J; masked: None, as in the event."""
-        if self._whitening is None:
+        if self._whitening is not None:
+            values = self._whitening.of(values, self._window.masked if masked is None else masked)
+        if self._levels is None:
             return values
-        return self._whitening.of(values, self._window.masked if masked is None else masked)
+        return values / (self._levels if values.ndim == 1 else self._levels[:, None])
 
     def _cost(self, theta: NDArray[np.float64]) -> float:
-        if self._whitening is not None:  # else they are the same array
-            self.innovations = self.whitened(self.unfiltered)
+        self.innovations = self.whitened(self.unfiltered)
         cost = robust_cost(self.innovations, self.burn_in, self.sigma)
         cost += 0.5 * self._offset_weight * (theta[_OFFSET] - self._offset) ** 2
         return cost if math.isfinite(cost) else math.inf

@@ -8,7 +8,7 @@ from observer_rt.estimation.gain import GainSchedule
 from observer_rt.estimation.learned import learned_of
 from observer_rt.observer.learning.doubts.adequacy import Objection
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
-from observer_rt.observer.stream.judgement import carry_on, expect, judged
+from observer_rt.observer.stream.judgement import SLOW_PEAK, carry_on, expect, judged
 from observer_rt.observer.stream.state import PENDING_EVENTS, RING, Observer, Reason
 from observer_rt.observer.stream.verdict import SLOTS
 
@@ -40,13 +40,14 @@ def post_examined(
     if earlier is not None:
         _write_learned(observer, SLOTS + number % SLOTS, earlier)
         observer.verdicts.slots[number % SLOTS]["earlier"] = number + 1
-    _post(observer, number, "examined", objections, is_coloured)
+    loud = np.nan if earlier is None else _loud(earlier)
+    _post(observer, number, "examined", objections, is_coloured, loud)
 
 
 def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured: bool = False) -> None:
     """Post what was learned from the `number`-th closed event; it goes before what was only examined."""
     _write_learned(observer, number % SLOTS, outcome)
-    _post(observer, number, "learned", outcome.objections, is_coloured)
+    _post(observer, number, "learned", outcome.objections, is_coloured, _loud(outcome))
 
 
 def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
@@ -57,6 +58,13 @@ def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
     posted: tuple[np.ndarray, ...] = tuple(observer.verdicts.phi)  # type: ignore[arg-type]
     for array, values in zip(posted, outcome.phi, strict=True):  # type: ignore[call-overload]
         array[slot] = values
+
+
+def _loud(outcome: Outcome) -> float:
+    """Mean square at rest that makes as much of the watch as the loudest stretch does, nan where none is louder."""
+    if outcome.loudest <= 1.0:
+        return np.nan
+    return float(outcome.schedule.innovation_sigma**2 * (1.0 + (outcome.loudest - 1.0) / SLOW_PEAK))
 
 
 def judge(
@@ -72,13 +80,19 @@ def judge(
 
 
 def _post(
-    observer: Observer, number: int, kind: str, objections: Sequence[Objection], is_coloured: bool
+    observer: Observer,
+    number: int,
+    kind: str,
+    objections: Sequence[Objection],
+    is_coloured: bool,
+    loud: float,
 ) -> None:
+    """loud: as of `_loud`."""
     finding = observer.verdicts.slots[number % SLOTS][kind]
     finding["reason"] = objections[0].reason if objections else Reason.NONE
     finding["is_coloured"] = is_coloured
-    is_loud = is_coloured and not objections
-    finding["at_rest"] = _at_rest(observer, number) if is_loud else np.nan
+    at_rest = _at_rest(observer, number) if is_coloured else np.nan
+    finding["at_rest"] = np.nan if objections else np.fmax(at_rest, loud)
     finding["number"] = number + 1  # last: from here on the stream may take it
 
 

@@ -57,6 +57,23 @@ def test_value_is_half_the_sum_of_squares(nominal: Case) -> None:
     np.testing.assert_array_equal(cost.innovations, e)
 
 
+def test_a_noisier_sample_counts_as_a_smaller_one(nominal: Case) -> None:
+    """Value, gradient and information of innovations and slopes over their level."""
+    theta = worn_theta(7)
+    window = simulated_event(nominal, theta, event_inputs(), seed=3)
+    levels = np.random.default_rng(1).uniform(1.0, 3.0, len(window.output))
+    cost = EventCost(window, nominal.setting, SIGMA, BURN_IN, levels=levels)
+    plain = cost_of(nominal, window)
+    linearised = cost.linearised(theta)
+    plain.linearised(theta)
+    z = (plain.innovations / levels)[BURN_IN:] / SIGMA
+    slopes = (plain.slopes / levels[:, None])[BURN_IN:] / SIGMA
+    assert linearised.value == pytest.approx(0.5 * z @ z, rel=1e-9)
+    np.testing.assert_allclose(linearised.gradient, slopes.T @ z, rtol=1e-9)
+    np.testing.assert_allclose(linearised.information, slopes.T @ slopes, rtol=1e-9)
+    np.testing.assert_array_equal(cost.unfiltered, plain.innovations)
+
+
 def test_outlier_counts_linearly(nominal: Case) -> None:
     """Ten sigma more beyond the fourth cost forty, not hundreds."""
     window = simulated_event(nominal, HEALTHY, event_inputs(), seed=None)

@@ -74,7 +74,8 @@ class Outcome:
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
     with the covariance (m, m) of its error, None where the training knows none. resimulated: the event with the
     estimate, None where nothing usable was learned from it. phi: what x^ is to carry.
-    outliers: samples of the line pressure that were left out, of those that the stream had not bridged.
+    outliers: samples of the line pressure that were left out, of those that the stream had not bridged. loudest: mean
+    square of its innovations where it is loudest over that at rest, by what is known of its noise.
     """
 
     adoption: Adoption
@@ -86,6 +87,7 @@ class Outcome:
     resimulated: Resimulated | None = None
     phi: Phi = field(default_factory=StructuredPhi)
     outliers: int = 0
+    loudest: float = 1.0
 
 
 class EventLearner(Protocol):

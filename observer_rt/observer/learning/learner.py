@@ -38,6 +38,7 @@ from observer_rt.observer.learning.disturbances.colour import (
     resting_segments,
 )
 from observer_rt.observer.learning.disturbances.edges import EdgeSearch, with_step
+from observer_rt.observer.learning.disturbances.jitter import TimeJitter
 from observer_rt.observer.learning.disturbances.levels import Sigmas, mask_of
 from observer_rt.observer.learning.disturbances.masks import OutlierSearch
 from observer_rt.observer.learning.disturbances.offset_walk import moved, offset_move
@@ -144,6 +145,7 @@ class Learner:
         self._range = EndsOfRange()
         self._edges = EdgeSearch(constants.interval)
         self._current = CoilCurrent(constants.interval)
+        self._jitter = TimeJitter()
         self._pressure_gains = PressureGains()
 
     @property
@@ -217,7 +219,8 @@ class Learner:
             return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=reasons)
         again = replace(again, systematic=math.hypot(again.systematic, self._lag_doubt.volume_share))
         masked = int(event.window.masked.sum()) - int(window.masked.sum())
-        return replace(outcome, resimulated=again, outliers=masked)
+        loudest = self._jitter.loudest(event.window, self._schedule.innovation_sigma)
+        return replace(outcome, resimulated=again, outliers=masked, loudest=loudest)
 
     def _hear(self, noise: NoiseLevels) -> None:
         """Noise levels from an event on: what an event was by others says nothing by these."""
@@ -248,6 +251,11 @@ class Learner:
         colour = self._colour_after(window, fit)
         if self._colour is None and colour is not None:
             self._colour, self._trend = colour, Trend()
+            window, cost, fit = self._fitted(window, prior, offset)
+            if fit is None:
+                return None
+        if self._jitter.is_new_after(window, fit.unfiltered, self._schedule.innovation_sigma, self._burn_in):
+            self._statistics, self._mistrust = no_statistics(), Mistrust()
             window, cost, fit = self._fitted(window, prior, offset)
             if fit is None:
                 return None
@@ -327,7 +335,14 @@ class Learner:
         """An event's cost with the colour in use."""
         whitening = None if self._colour is None else self._colour.whitening
         return EventCost(
-            window, self._setting(), self._sigmas.innovation, self._burn_in, self._scalars, whitening, offset
+            window,
+            self._setting(),
+            self._sigmas.innovation,
+            self._burn_in,
+            self._scalars,
+            whitening,
+            offset,
+            self._jitter.levels(window, self._schedule.innovation_sigma),
         )
 
     def _colour_after(self, window: Window, fit: EventFit) -> Colour | None:

@@ -25,6 +25,7 @@ from observer_rt.observer.stream.front_end import (
     stays_low,
 )
 from observer_rt.observer.stream.judgement import given_up, judged
+from observer_rt.observer.stream.lift_rest import come_to_rest, lingers
 from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, take_out_zero
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
@@ -303,6 +304,8 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
     elif memory.needle_open:
         if not is_recorded_shut(observer, position):
             memory.fall = 0.0
+            if lingers(observer, position):
+                come_to_rest(observer, position)
         elif not keep_sinking(observer, position):
             memory.needle_open = False
             memory.shut_since = row.index

@@ -97,11 +97,10 @@ def test_seat_opens_and_shuts_between_samples_where_the_needle_does(phase: float
 
 
 def test_hysteresis() -> None:
-    """Between the thresholds an open needle stays open and a shut one shut."""
-    between = np.full(50, 1.5 * UM)
-    assert open_samples(between) == []
-    opened = np.concatenate([stroke(60)[:30], between])
-    assert open_samples(opened) == list(range(80))
+    """Between the thresholds an open needle stays open, unless it lingers, and a shut one shut."""
+    assert open_samples(np.full(50, 1.5 * UM)) == []
+    opened = np.concatenate([stroke(60)[:30], np.full(8, 1.5 * UM), stroke(60)[30:]])
+    assert open_samples(opened) == list(range(68))
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,17 @@
 """What keeps other programs, and this one's own Python, from delaying the loop: used where Linux grants it."""
 
+import contextlib
 import ctypes
 import os
 import resource
-from dataclasses import dataclass
+import threading
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 PRIORITY = 50  # of SCHED_FIFO, that of the kernel's own interrupt threads
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4  # mlockall(2)
 _PR_SET_TIMERSLACK = 29
-_CAP_SYS_NICE, _CAP_IPC_LOCK = 1 << 23, 1 << 14
+_CAP_IPC_LOCK = 1 << 14
 
 
 @dataclass(frozen=True)
@@ -29,39 +31,49 @@ class Rights:
 
 
 def rights() -> Rights:
-    """Of this process. It may raise a soft limit to the hard one."""
-    capabilities = _effective_capabilities()
-    _, priority = resource.getrlimit(resource.RLIMIT_RTPRIO)
-    _, memory = resource.getrlimit(resource.RLIMIT_MEMLOCK)
-    return Rights(
-        may_hurry=priority == resource.RLIM_INFINITY
-        or priority >= PRIORITY
-        or bool(capabilities & _CAP_SYS_NICE),
-        may_lock_memory=memory == resource.RLIM_INFINITY or bool(capabilities & _CAP_IPC_LOCK),
-    )
+    """Of this process, whose limits are raised as far as they can be."""
+    granted: list[bool] = []
+    trial = threading.Thread(
+        target=lambda: granted.append(hurry())
+    )  # limits do not tell what a sandbox forbids
+    trial.start()
+    trial.join()
+    _raise_limit(resource.RLIMIT_MEMLOCK)
+    memory, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+    is_unlimited = memory == resource.RLIM_INFINITY or bool(_effective_capabilities() & _CAP_IPC_LOCK)
+    return Rights(any(granted), is_unlimited)
 
 
-def lock_memory(granted: Rights) -> None:
-    """Keep what is touched from now on in memory."""
-    if granted.may_lock_memory:
-        limits = resource.getrlimit(resource.RLIMIT_MEMLOCK)
-        resource.setrlimit(resource.RLIMIT_MEMLOCK, (limits[1], limits[1]))
-        ctypes.CDLL(None, use_errno=True).mlockall(_CURRENT | _FUTURE | _ON_FAULT)
+def lock_memory(granted: Rights) -> Rights:
+    """Keep what is touched from now on in memory; what was granted then."""
+    if not granted.may_lock_memory:
+        return granted
+    failed = ctypes.CDLL(None).mlockall(_CURRENT | _FUTURE | _ON_FAULT)
+    return replace(granted, may_lock_memory=not failed)
 
 
-def hurry() -> None:
-    """Put the calling thread before all that has no real-time priority, and wake it on time; where granted."""
+def hurry() -> bool:
+    """Put the calling thread before all that has no real-time priority, and wake it on time; whether it was."""
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
-    if rights().may_hurry:
-        limits = resource.getrlimit(resource.RLIMIT_RTPRIO)
-        resource.setrlimit(resource.RLIMIT_RTPRIO, (limits[1], limits[1]))
+    _raise_limit(resource.RLIMIT_RTPRIO)
+    try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except PermissionError:
+        return False
+    return True
 
 
 def take_time() -> None:
     """Put the calling thread behind all that hurries, whatever the process was started with."""
     if os.sched_getscheduler(0) != os.SCHED_OTHER:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+def _raise_limit(which: int) -> None:
+    """The soft limit to the hard one."""
+    _, most = resource.getrlimit(which)
+    with contextlib.suppress(ValueError, OSError):
+        resource.setrlimit(which, (most, most))
 
 
 def _effective_capabilities() -> int:

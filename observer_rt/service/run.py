@@ -69,8 +69,7 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         for alone, bus in zip(bench.each, mapped.injectors, strict=True):
             warm_up(alone, bus)
         notifier.ready()
-        granted = rights()
-        lock_memory(granted)
+        granted = lock_memory(rights())
         log.say(Topic.START, granted.as_text())
         stack.callback(gc.unfreeze)
         gc.collect()

@@ -1,11 +1,13 @@
-"""What the noise of a signal holds beside white noise: hum, or a colour, with its frequency and its strength."""
+"""What the noise of a signal holds beside white noise: hum, or a colour, with its frequency and its strength.
+
+scipy.signal is imported where it is called: no other import takes as long, and the daemon's start needs none of it.
+"""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lombscargle, welch
 
 LEAST_SHARE = 0.08  # of the white variance, below which nothing is spoken of
 ONE_TONE = 0.6  # of what is not white: so much of it at one frequency is hum
@@ -77,6 +79,8 @@ def _slow_tone(
     sample_rate: float,
 ) -> tuple[float, float]:
     """Frequency [Hz] and mean square of the strongest slow tone, over all stretches at once."""
+    from scipy.signal import lombscargle
+
     length = max(1, round(sample_rate / (BLOCKS_A_PERIOD * SLOW)))
     blocks = [s[: s.size // length * length].reshape(-1, length) for s in stretches if s.size >= length]
     if not blocks:
@@ -94,6 +98,8 @@ def _spectrum(
     values: NDArray[np.float64], stretches: list[NDArray[np.int64]], sample_rate: float, white: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Frequencies [Hz] and mean squares beside white noise, on the mean of the stretches."""
+    from scipy.signal import welch
+
     length = min(SEGMENT, max(stretch.size for stretch in stretches))
     total, count = np.zeros(length // 2 + 1), 0
     for stretch in stretches:

@@ -12,6 +12,7 @@ from pathlib import Path
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.service.core.core import Core
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
@@ -32,7 +33,10 @@ def main(line: str, folder: Path) -> None:
         assert changed != text
         bench.write_text(changed)
     loaded = load_bench(bench)
-    warm_up(loaded, map_bus(loaded))
+    warm_up(loaded, map_bus(loaded))  # by the compiled pump
+    core = Core(loaded.injector, map_bus(loaded))  # as `evaluate` and other interfaces do
+    core.handle(0, False, b"", 0)
+    core.finish()
     schedule = make_schedule([100 * MEGAPASCAL], 1, PERIOD, [MILLISECOND])
     simulate(loaded.injector.parameters, schedule, loaded.injector.config.sampling.rate_hz)
 

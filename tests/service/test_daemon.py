@@ -145,12 +145,14 @@ def test_failing_link_ends_the_loop(bench: Path, frames: list[TimedFrame]) -> No
     """With its reason, and with all that was learned until then."""
     loaded = load_bench(bench)
     link = ScriptedLink(frames, RunError("the interface went away"))
+    others = set(threading.enumerate())
     daemon = Daemon(loaded, map_bus(loaded), [link])
     with pytest.raises(RunError, match="the interface went away"):
         daemon.run(threading.Event())
     assert daemon.core.knowledge.events >= 3
     assert daemon.core.knowledge.phi_version >= 2
-    assert "learning" not in [thread.name.split("_")[0] for thread in threading.enumerate()]
+    left = set(threading.enumerate()) - others
+    assert "learning" not in [thread.name.split("_")[0] for thread in left]
 
 
 def test_learning_that_is_switched_off(

@@ -174,7 +174,7 @@ def test_view_says_that_learning_is_off(tmp_path: Path) -> None:
         Console(file=screen, width=80, color_system=None).print(view.render(time.monotonic_ns(), 80, 24))
         return screen.getvalue()
 
-    for value, expected in ((1, "(0 refused, 0 too late)"), (0, "; learning is off")):
+    for value, expected in ((1, "(0 refused, 0 late)"), (0, "; learning is off")):
         frame = bed("LearnEnable", value)
         daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
         assert expected in drawn()

@@ -16,7 +16,14 @@ FD_LENGTHS: tuple[int, ...] = (
 STANDARD_MASK, EXTENDED_MASK = 0x7FF, 0x1FFF_FFFF  # of identifiers
 
 # Of the generic Linux interface.
-FD_MTU = 72  # bytes of struct canfd_frame, whatever the frame carries
+CLASSIC_MTU = 16  # bytes of struct can_frame, whatever the frame carries
+FD_MTU = 72  # and of struct canfd_frame
+HEADER_BYTES = 8  # of both, before the data
+EXTENDED_FLAG, REMOTE_FLAG, ERROR_FLAG = 0x8000_0000, 0x4000_0000, 0x2000_0000  # in their identifier
+BIT_RATE_SWITCH, ERROR_STATE = (
+    0x01,
+    0x02,
+)  # flags of struct canfd_frame: data sent faster, sender error passive
 ARPHRD_CAN = 280  # kind of interface
 
 

@@ -25,7 +25,6 @@ from observer_rt.service import opening
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.inputs.optional_inputs import Again
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
@@ -135,9 +134,9 @@ def assert_warm_up_takes_all(bench: Bench) -> None:
             taken.add(frame_id)
             return super().handle(frame_id, *rest)
 
-        def take_inputs(self, key: int, *rest: Any) -> Again:
+        def take_inputs(self, key: int, *rest: Any) -> None:
             taken.add(key & EXTENDED_MASK)
-            return super().take_inputs(key, *rest)
+            super().take_inputs(key, *rest)
 
     bus = map_bus(bench)
     with pytest.MonkeyPatch.context() as patch:

@@ -3,7 +3,6 @@
 import os
 import select
 import socket
-from collections.abc import Sequence
 
 from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.bus.links.socketcan import SocketCanLink
@@ -17,17 +16,6 @@ class DescriptorLink(SocketCanLink):
     Each message is a `struct canfd_frame` or `struct can_frame`. `channel`: the descriptor's number, which stays open
     when the link is closed.
     """
-
-    def __init__(
-        self,
-        channel: str,
-        fd: bool,
-        receive_ids: Sequence[tuple[int, bool]] | None,
-        computer_time: bool = False,
-    ) -> None:
-        """See `open_link`."""
-        self._wanted = None if receive_ids is None else frozenset(receive_ids)
-        super().__init__(channel, fd, receive_ids, computer_time)
 
     def _open(self) -> None:
         try:
@@ -47,7 +35,8 @@ class DescriptorLink(SocketCanLink):
     def receive(self, timeout_s: float) -> Frame | None:
         # No kernel chooses here: a frame that nobody wants ends the wait early, which callers must expect anyway.
         frame = super().receive(timeout_s)
-        if frame is None or self._wanted is None or (frame.frame_id, frame.is_extended) in self._wanted:
+        wanted = self._receive_ids
+        if frame is None or wanted is None or (frame.frame_id, frame.is_extended) in wanted:
             return frame
         return None
 

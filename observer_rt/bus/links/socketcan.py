@@ -10,7 +10,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from observer_rt.bus.can_frame import ARPHRD_CAN, CLASSIC_LENGTH, FD_LENGTHS, FD_MTU
+from observer_rt.bus.can_frame import (
+    ARPHRD_CAN,
+    BIT_RATE_SWITCH,
+    CLASSIC_LENGTH,
+    ERROR_STATE,
+    FD_LENGTHS,
+    FD_MTU,
+)
 from observer_rt.bus.j1939 import GroupIdentifier, ParameterGroups
 from observer_rt.bus.links.controller import BusCondition, BusState, ErrorClass, after_error_frame
 from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, LinkDownError, StampSource
@@ -24,10 +31,9 @@ SEND_PATIENCE_S = 0.5
 
 # Of the generic Linux interface, not all known to Python's socket module.
 _SO_RCVBUFFORCE = 33
-_SO_RXQ_OVFL = 40
+SO_RXQ_OVFL = 40
 _SIOCGIFMTU = 0x8921
 _CAN_RAW_ERR_FILTER = 2
-_CANFD_BRS, _CANFD_ESI = 0x01, 0x02  # flags: bit rate switched, sender error passive
 
 # struct can_frame: identifier, length, 3 unused, data. struct canfd_frame: identifier, length, flags, 2
 # unused, data. The whole size tells which of the two was read.
@@ -90,7 +96,7 @@ class SocketCanLink(Link):
         if self._receive_ids is None or self._receive_ids:  # else nobody would ever read them
             self._socket.setsockopt(socket.SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, int(_TOLD_ERRORS))
             self._warnings = self._size_receive_buffer()
-        self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        self._socket.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
         self._stamps = StampReader(self._socket, self._channel, self._computer_time)
         self._socket.bind((self._channel,))
         self._socket.setblocking(False)
@@ -160,8 +166,8 @@ class SocketCanLink(Link):
                 stamp_ns,
                 is_extended,
                 is_fd,
-                is_fd and bool(flags & _CANFD_BRS),  # nothing stands there in a classic frame
-                is_fd and bool(flags & _CANFD_ESI),
+                is_fd and bool(flags & BIT_RATE_SWITCH),  # nothing stands there in a classic frame
+                is_fd and bool(flags & ERROR_STATE),
             )
 
     def _read_ancillary(self, ancillary: list[tuple[int, int, bytes]]) -> int:
@@ -170,7 +176,7 @@ class SocketCanLink(Link):
         for level, kind, value in ancillary:
             if level != socket.SOL_SOCKET:
                 continue
-            if kind == _SO_RXQ_OVFL:
+            if kind == SO_RXQ_OVFL:
                 self.note_dropped(_COUNT.unpack(value)[0])
             else:
                 stamp_ns = self._stamps.read(kind, value) or stamp_ns
@@ -190,7 +196,7 @@ class SocketCanLink(Link):
         self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
     ) -> None:
         deadline = time.monotonic() + SEND_PATIENCE_S
-        bits = _CANFD_BRS * flags.bit_rate_switch | _CANFD_ESI * flags.error_state_indicator
+        bits = BIT_RATE_SWITCH * flags.bit_rate_switch | ERROR_STATE * flags.error_state_indicator
         frame = self._packed(frame_id, payload, is_extended, is_fd, bits)
         while not self._try_send(frame):
             if time.monotonic() > deadline:
@@ -202,7 +208,7 @@ class SocketCanLink(Link):
             time.sleep(SEND_RETRY_S)
 
     def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
-        return self._try_send(self._packed(frame_id, payload, is_extended, is_fd, _CANFD_BRS))
+        return self._try_send(self._packed(frame_id, payload, is_extended, is_fd, BIT_RATE_SWITCH))
 
     def _packed(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: int) -> bytes:
         """The frame as the kernel takes it. Raises as `send` does."""

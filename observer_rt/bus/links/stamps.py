@@ -7,8 +7,8 @@ import struct
 import time
 
 # Of the generic Linux interface (linux/net_tstamp.h, linux/ethtool.h), not known to Python's socket module.
-_SO_TIMESTAMPNS = 35
-_SO_TIMESTAMPING = 37
+SO_TIMESTAMPNS = 35
+SO_TIMESTAMPING = 37
 _RX_HARDWARE, _RX_SOFTWARE, _SOFTWARE, _RAW_HARDWARE = 1 << 2, 1 << 3, 1 << 4, 1 << 6
 _SIOCETHTOOL = 0x8946
 _ETHTOOL_GET_TS_INFO = 0x41
@@ -34,16 +34,16 @@ class StampReader:
         self._offset: int | None = None
         if self.by_hardware:
             wanted = _RX_HARDWARE | _RAW_HARDWARE | _RX_SOFTWARE | _SOFTWARE
-            can_socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPING, wanted)
+            can_socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPING, wanted)
         else:
-            can_socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+            can_socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
 
     def read(self, kind: int, value: bytes) -> int | None:
         """The stamp [ns since 1970] in a control message of the socket level, None if it holds none."""
-        if kind == _SO_TIMESTAMPNS:
+        if kind == SO_TIMESTAMPNS:
             seconds, nanoseconds = _TIMESPEC.unpack(value)
             return int(seconds * 1_000_000_000 + nanoseconds)
-        if kind != _SO_TIMESTAMPING:
+        if kind != SO_TIMESTAMPING:
             return None
         seconds, nanoseconds, _, _, raw_seconds, raw_nanoseconds = _THREE_TIMESPECS.unpack(value)
         by_kernel = int(seconds * 1_000_000_000 + nanoseconds) or time.time_ns()

@@ -103,10 +103,13 @@ class Core:
             self.take_inputs(key, data, stamp_ns)
         return self._go_on(self.compiled.handle(key, data, stamp_ns))
 
-    def take_inputs(self, key: int, data: NDArray[np.uint8], stamp_ns: int) -> Again:
-        """Look at the optional inputs before a frame is taken; when to do so again, frames that bring one apart."""
+    def take_inputs(self, key: int, data: NDArray[np.uint8], stamp_ns: int) -> None:
+        """Look at the optional inputs before a frame is taken."""
         self._inputs.take(key, data, stamp_ns)
         self.compiled.pipeline.publisher.memory["learning"] = self.learning
+
+    def again(self) -> Again:
+        """When to look at them again, frames that bring one apart."""
         return self._inputs.again()
 
     def attend(self) -> list[OutputFrame]:

@@ -10,8 +10,7 @@ from typing import Any
 
 from numba import njit, typeof, types
 
-from observer_rt.bus.can_frame import FD_MTU
-from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.can_frame import FD_MTU, HEADER_BYTES
 from observer_rt.bus.j1939 import GroupIdentifier
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.receiver import BusDownError
@@ -28,8 +27,6 @@ from observer_rt.service.watch.arrivals import Arrivals
 
 BUSY_WAIT = 2e-3  # s between two looks while events wait to be judged
 _RAW = ("socketcan", "descriptor")  # interfaces
-_HEADER = struct.Struct("=IB")  # identifier and length of a frame
-_DATA = 8  # bytes before its data
 _TIMEVAL = struct.Struct("@ll")
 
 
@@ -105,9 +102,9 @@ class CompiledPump(FramePump):
         for number, link in enumerate(self._links):
             self._refuse_failure(number, link)
         with self._inputs:
-            frames = self._core.answer() if self._waits.is_set() else self._core.attend()
-        if not self._waits.is_set():
-            return frames
+            if not self._waits.is_set():
+                return self._core.attend()
+            frames = self._core.answer()
         self._waits.clear()
         self._may_go_on.set()
         return frames
@@ -166,12 +163,10 @@ class CompiledPump(FramePump):
         number = int(memory["asked_bus"])
         bus = pump.buses[number]
         at = (number * BATCH + int(bus["next"])) * FD_MTU
-        identifier, length = _HEADER.unpack(pump.frames[at : at + _HEADER.size].tobytes())
-        is_extended = bool(identifier & socket.CAN_EFF_FLAG)
-        key = frame_key(identifier & socket.CAN_EFF_MASK, is_extended, number)
-        data = pump.frames[at + _DATA : at + _DATA + length]
+        data = pump.frames[at + HEADER_BYTES : at + HEADER_BYTES + int(pump.frames[at + 4])]
         with self._inputs:
-            again = self._core.take_inputs(key, data, int(bus["stamp"]))
+            self._core.take_inputs(int(memory["asked_key"]), data, int(bus["stamp"]))
+            again = self._core.again()
         memory["answered_at"], memory["ask_at"], memory["ask_at_rest"] = again.now, again.due, again.at_rest
         memory["answered"] = int(memory["frames"]) + 1
 

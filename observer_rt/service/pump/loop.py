@@ -8,9 +8,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import FD_MTU
+from observer_rt.bus.can_frame import (
+    ERROR_FLAG,
+    EXTENDED_FLAG,
+    EXTENDED_MASK,
+    FD_MTU,
+    HEADER_BYTES,
+    REMOTE_FLAG,
+    STANDARD_MASK,
+)
 from observer_rt.bus.database.frame_key import BUS as BUS_KEY
 from observer_rt.bus.database.frame_key import EXTENDED as EXTENDED_KEY
+from observer_rt.bus.links.socketcan import SO_RXQ_OVFL
+from observer_rt.bus.links.stamps import SO_TIMESTAMPING, SO_TIMESTAMPNS
 from observer_rt.observer.stream.state import RING, Observer
 from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
 from observer_rt.service.compiled.publisher import Publisher
@@ -19,10 +29,6 @@ from observer_rt.service.pump.memory import BATCH, CONTROL_WORDS, ERRORS, WAITIN
 
 WAIT_MS = 20  # longest time deaf to Python
 RETRY_MS = 1  # a full transmit queue cannot be polled for
-_EXTENDED_FLAG, _REMOTE_FLAG, _ERROR_FLAG = 0x80000000, 0x40000000, 0x20000000
-_EXTENDED_MASK, _STANDARD_MASK = 0x1FFFFFFF, 0x7FF
-_HEADER = 8  # bytes of a frame before its data
-_STAMP, _THREE_STAMPS, _OVERFLOWS = 35, 37, 40  # kinds of control messages at the level of the socket
 _SECOND = 1_000_000_000
 
 _NOTHING, _VERDICT, _INPUT = (int(each) for each in Need)
@@ -77,7 +83,7 @@ def send_rates(pump: Pump, publisher: Publisher) -> None:
         frame[4] = row.length
         frame[5] = memory.flags
         for byte in range(row.length):
-            frame[_HEADER + byte] = row.payload[byte]
+            frame[HEADER_BYTES + byte] = row.payload[byte]
         memory.end_waiting += 1
     ready.frames = 0
     if memory.first_waiting < memory.end_waiting:
@@ -186,9 +192,9 @@ def _note_stamp(pump: Pump, number: int) -> None:
         kind = words[at + 1] >> 32
         if words[at + 1] & 0xFFFFFFFF != libc.SOL_SOCKET:
             pass
-        elif kind == _STAMP:
+        elif kind == SO_TIMESTAMPNS:
             stamp = words[at + 2] * _SECOND + words[at + 3]
-        elif kind == _THREE_STAMPS:
+        elif kind == SO_TIMESTAMPING:
             by_kernel = words[at + 2] * _SECOND + words[at + 3]
             by_interface = words[at + 6] * _SECOND + words[at + 7]
             stamp = by_kernel
@@ -199,7 +205,7 @@ def _note_stamp(pump: Pump, number: int) -> None:
                     ) - by_interface
                     bus.has_offset = True
                 stamp = by_interface + bus.offset
-        elif kind == _OVERFLOWS:
+        elif kind == SO_RXQ_OVFL:
             bus.overflows = words[at + 2] & 0xFFFFFFFF
         at += (words[at] + 7) // 8
     bus.stamp = stamp if stamp != 0 else _now(pump, libc.CLOCK_REALTIME)
@@ -214,23 +220,24 @@ def _take(pump: Pump, pipeline: Pipeline, number: int) -> int:
         bus.failure = libc.ENODEV
         return _NOTHING
     identifier = pump.words[place * FD_MTU // 4]
-    data = place * FD_MTU + _HEADER
+    data = place * FD_MTU + HEADER_BYTES
     length = pump.frames[data - 4]
     payload = pump.frames[data : data + length]
     key = number * BUS_KEY
-    if identifier & _EXTENDED_FLAG:
-        key += (identifier & _EXTENDED_MASK) + EXTENDED_KEY
+    if identifier & EXTENDED_FLAG:
+        key += (identifier & EXTENDED_MASK) + EXTENDED_KEY
     else:
-        key += identifier & _STANDARD_MASK
-    is_data = identifier & (_ERROR_FLAG | _REMOTE_FLAG) == 0
+        key += identifier & STANDARD_MASK
+    is_data = identifier & (ERROR_FLAG | REMOTE_FLAG) == 0
     if is_data and _is_asked_for(pump, pipeline.observer, key):
         pump.memory[0].asked_bus = number
+        pump.memory[0].asked_key = key
         return _INPUT
     stamp = bus.stamp
     bus.next += 1
     _note_stamp(pump, number)
     if not is_data:
-        if identifier & _ERROR_FLAG:
+        if identifier & ERROR_FLAG:
             _note_error(pump, number, identifier, payload)
         return _NOTHING
     pump.memory[0].frames += 1

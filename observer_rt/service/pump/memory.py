@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import FD_MTU
+from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLAG, FD_MTU
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.service.pump.libc import IOVEC, MMSGHDR, POLLFD, POLLIN
@@ -45,10 +45,7 @@ ARRIVAL = np.dtype([("key", np.int64), ("frames", np.int64), ("last", np.int64)]
 PUMP = np.dtype(
     [
         ("is_to_stop", np.bool_),
-        (
-            "told",
-            np.int64,
-        ),  # what Python knows: events closed and taken, failures, errors; of a change it is told
+        ("told", np.int64),  # events closed and taken, failures, errors that Python was told of
         ("turns", np.int64),
         ("frames", np.int64),  # received
         ("unsent", np.int64),
@@ -57,7 +54,8 @@ PUMP = np.dtype(
         ("answered_at", np.int64),  # index of the newest sample then: again if the index begins anew,
         ("ask_at", np.int64),  # .. from this index on,
         ("ask_at_rest", np.bool_),  # .. and outside every event
-        ("asked_bus", np.int64),  # whose next frame it is
+        ("asked_bus", np.int64),  # whose next frame it is,
+        ("asked_key", np.int64),  # .. and its key
         # results
         ("bus", np.int64),  # they go to, -1: none are sent
         ("identifier", np.uint32),
@@ -89,9 +87,6 @@ class Pump(NamedTuple):
     clock: NDArray[np.int64]  # (2,) seconds, nanoseconds
 
 
-_FD, _BRS, _EXTENDED = 0x80, 0x01, 0x80000000
-
-
 def make_pump(
     buses: int,
     watched: Sequence[MessageLayout],
@@ -119,9 +114,9 @@ def make_pump(
     memory["bus"] = -1
     if result is not None:
         memory["bus"] = result.bus
-        memory["identifier"] = result.frame_id | (_EXTENDED if result.is_extended else 0)
-        memory["flags"] = _BRS if result.is_fd else 0
-        memory["size"] = FD_MTU if result.is_fd else 16
+        memory["identifier"] = result.frame_id | (EXTENDED_FLAG if result.is_extended else 0)
+        memory["flags"] = BIT_RATE_SWITCH if result.is_fd else 0
+        memory["size"] = FD_MTU if result.is_fd else CLASSIC_MTU
     return Pump(
         memory,
         np.zeros(buses, BUS),

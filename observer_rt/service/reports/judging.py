@@ -149,11 +149,8 @@ class Judging:
             self._post_learned(closed, closed.learning.result())
 
     def post(self) -> None:
-        """Post the verdicts that are known, on events that the stream will come to."""
+        """Post the verdicts that are known, on events that the stream will come to; none where it waits for them."""
         if self._waits:
-            for closed in self._waiting:
-                if closed.learning is not None and closed.learning.done():
-                    self._post_learned(closed, closed.learning.result())
             return
         self._end_learning()
         if self._waiting and self._waiting[0].examined is None and self._is_pressing(self._waiting[0]):

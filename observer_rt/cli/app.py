@@ -20,6 +20,7 @@ from observer_rt.cli.help import WordedCommand, first_sentence
 from observer_rt.cli.journal import journal
 from observer_rt.cli.live import check, demo, run
 from observer_rt.cli.logs import convert, record, replay
+from observer_rt.cli.monitor import monitor
 from observer_rt.cli.offline import evaluate, simulate
 from observer_rt.cli.reproduce import reproduce
 from observer_rt.foundation.errors import ObserverError
@@ -91,6 +92,7 @@ for _command, _example in (
     (evaluate, "worn.csv --output trace.csv --plot worn.png"),
     (check, "--bench bench.toml --recording mine.csv"),
     (replay, "recording.csv --bench bench.toml --speed 0.1"),
+    (monitor, "--bench bench.toml"),
     (journal, "injections.sqlite --csv > injections.csv"),
     (record, "--bench bench.toml --out bus.blf --rotate-size 500"),
     (convert, "bus.blf recording.csv --bench bench.toml"),

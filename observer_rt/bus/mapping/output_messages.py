@@ -12,7 +12,16 @@ from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.e2e import PROFILES, shortest_frame
 from observer_rt.bus.database.lookup import MessageLayout, signal_names
-from observer_rt.bus.database.multiplexing import Conditions, blank_frame, conditions_of, frame_kinds, meets
+from observer_rt.bus.database.multiplexing import (
+    Condition,
+    Conditions,
+    Selection,
+    blank_frame,
+    compile_conditions,
+    conditions_of,
+    frame_kinds,
+    meets,
+)
 from observer_rt.foundation.errors import UserError
 
 HEADER_SIGNALS = ("SampleIndex", "Valid", "Learning", "State")
@@ -94,13 +103,14 @@ def signals_of(values: type[SummaryValues] | type[StatusValues]) -> tuple[str, .
 class OutputPage:
     """One frame of an output message: `names` of the known signals in it, their table, and the frame without them.
 
-    places: of these signals among all known ones.
+    places: of these signals among all known ones. selection: what a received frame must hold to be this one.
     """
 
     names: tuple[str, ...]
     table: NDArray[np.void]
     blank: NDArray[np.uint8]
     places: NDArray[np.int64]
+    selection: Selection
 
 
 @dataclass(frozen=True)
@@ -156,7 +166,14 @@ def _page(
 ) -> OutputPage:
     names = tuple(name for name, needed in conditions.items() if meets(kind, needed))
     places = np.array([known.index(name) for name in names], np.int64)
-    return OutputPage(names, signal_table(message, names), blank_frame(message, kind), places)
+    held = frozenset(Condition(selector, frozenset({value})) for selector, value in kind.items())
+    return OutputPage(
+        names,
+        signal_table(message, names),
+        blank_frame(message, kind),
+        places,
+        compile_conditions(message, held),
+    )
 
 
 def protected_layout(message: Message, bus: int) -> MessageLayout:

@@ -14,7 +14,7 @@ from numba.experimental import structref
 from numpy.typing import NDArray
 
 from observer_rt.observer.stream.state import Constants, Observer
-from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
+from observer_rt.service.compiled.pipeline import Pipeline, handle, listen, proceed
 
 
 @structref.register
@@ -47,6 +47,11 @@ def _handle(held, key, payload, stamp):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _listen(held, key, payload, stamp):  # type: ignore[no-untyped-def]
+    listen(held.pipeline, key, payload, stamp)
+
+
+@njit(cache=True, nogil=True)
 def _proceed(held):  # type: ignore[no-untyped-def]
     return proceed(held.pipeline)
 
@@ -60,8 +65,16 @@ class CompiledPipeline:
 
     @cached_property
     def _handle(self) -> Any:
-        payload = types.Array(types.uint8, 1, "C")  # written by nobody
-        return _handle.compile((typeof(self._held), types.int64, payload, types.int64))
+        return _handle.compile(self._of_a_frame)
+
+    @cached_property
+    def _listen(self) -> Any:
+        return _listen.compile(self._of_a_frame)
+
+    @property
+    def _of_a_frame(self) -> tuple[types.Type, ...]:
+        """Types of what comes with a frame; its payload is written by nobody."""
+        return typeof(self._held), types.int64, types.Array(types.uint8, 1, "C"), types.int64
 
     @cached_property
     def _proceed(self) -> Any:
@@ -85,6 +98,10 @@ class CompiledPipeline:
     def handle(self, key: int, payload: NDArray[np.uint8], stamp: int) -> bool:
         """Take one frame: see `pipeline.handle`."""
         return bool(self._handle(self._held, key, payload, stamp))
+
+    def listen(self, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
+        """Take the samples of one frame without observing them: see `pipeline.listen`."""
+        self._listen(self._held, key, payload, stamp)
 
     def proceed(self) -> bool:
         """Go on after a judgement: see `pipeline.proceed`."""

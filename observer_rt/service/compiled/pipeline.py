@@ -85,6 +85,15 @@ def handle(pipeline: Pipeline, key: int, payload: NDArray[np.uint8], stamp: int)
 
 
 @njit(cache=True, nogil=True)
+def listen(pipeline: Pipeline, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
+    """Take one frame as `handle` does, but observe nothing: its samples only go into the observer's ring."""
+    for number in range(pipeline.inputs.messages.size):
+        if pipeline.inputs.messages[number].key == key:
+            _take(pipeline, number, payload, stamp)
+            return
+
+
+@njit(cache=True, nogil=True)
 def proceed(pipeline: Pipeline) -> bool:
     """Observe what is aligned and publish what is observed; True when a judgement is needed to go on."""
     waiting = advance_stream(pipeline.observer)

@@ -51,6 +51,10 @@ class Arrivals:
         """What stays away does so from now on, at the earliest: before, nothing could come."""
         self._begin = now
 
+    def last_result(self, layout: MessageLayout) -> int:
+        """When the last frame of a message of results came, or when it could have come first [ns]."""
+        return max(self._begin, self._heard[_key(layout)].last)
+
     def note(self, bus: int, frame_id: int, is_extended: bool, now: int) -> None:
         """A frame came."""
         heard = self._heard.get((bus, frame_id, is_extended))

@@ -1,0 +1,115 @@
+"""Everything that was seen of one injector: its last injections, its state, what is wrong."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.links.link import BusFrame
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.bus.mapping.output_messages import StatusValues, SummaryValues
+from observer_rt.config.bench import Bench
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.service.watch.arrivals import Arrivals
+from observer_rt.watch.faults import Fault, FaultWatch
+from observer_rt.watch.injection import Curves, SeenInjection
+from observer_rt.watch.modelled import InjectionModel
+from observer_rt.watch.results import Rates, ResultReader
+from observer_rt.watch.samples import InputSamples, PublishedRates
+
+KEPT = 1000  # injections
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What is known of an injector at a moment: of its last injections the newest last."""
+
+    name: str
+    injections: tuple[SeenInjection, ...]
+    status: StatusValues | None
+    faults: tuple[Fault, ...]
+    lost: int
+    """Frames of its results that were refused, and those the observer says it lost."""
+
+
+class WatchedInjector:
+    """Takes the frames of its buses in; not to be used by several threads at once."""
+
+    def __init__(self, alone: Bench) -> None:
+        """alone: the bench with this injector only."""
+        fitted = alone.injector
+        self.bus: BusMap = map_bus(alone)
+        self.name = fitted.name
+        self.rate_hz = fitted.config.sampling.rate_hz
+        self._results = ResultReader(self.bus)
+        self._samples = InputSamples(fitted, self.bus)
+        self._rates = PublishedRates()
+        self._model = InjectionModel(fitted)
+        self._arrivals = Arrivals(self.bus)
+        self._faults = FaultWatch(self.bus, self._arrivals)
+        self._status: StatusValues | None = None
+        self._injections: deque[SeenInjection] = deque(maxlen=KEPT)
+
+    def begin(self, now: int) -> None:
+        """Listening begins at a time [ns since 1970]."""
+        self._arrivals.begin(now)
+
+    def take(self, came: BusFrame, now: int) -> None:
+        """A frame of any bus, that came at a time [ns since 1970]."""
+        frame = came.frame
+        self._arrivals.note(came.bus, frame.frame_id, frame.is_extended, now)
+        self._samples.take(came)
+        result = self._results.read(came)
+        if isinstance(result, Rates):
+            self._rates.take(result)
+        elif isinstance(result, SummaryValues):
+            self._injections.append(self._seen(result, now))
+        elif isinstance(result, StatusValues):
+            self._status = result
+
+    def seen(self, now: int) -> Seen:
+        """All of it at a time [ns since 1970]."""
+        status = self._status
+        said = 0.0 if status is None else np.nansum([status.dropped_frames, status.lost_samples])
+        return Seen(
+            self.name,
+            tuple(self._injections),
+            status,
+            self._faults.look(now, status),
+            self._results.refused + int(said),
+        )
+
+    def _seen(self, summary: SummaryValues, now: int) -> SeenInjection:
+        rows = self._samples.between(int(summary.sample_index), int(summary.end_index))
+        if not len(rows):
+            return SeenInjection(summary, now, _no_curves(), np.nan)
+        rail, lift = rows["rail_pressure"].copy(), rows["needle_lift"].copy()
+        nominal = self._model(rail, lift)
+        worn = self._model(rail, lift, _number(summary.nozzle_wear), _number(summary.seat_wear))
+        c = self._model.coefficients
+        place = (rows["index"] - rows["index"][0]).astype(np.float64)
+
+        def in_mpa(values: NDArray[np.float64]) -> NDArray[np.float32]:
+            return ((values * c.pressure_scale + c.chamber_pressure) / MEGAPASCAL).astype(np.float32)
+
+        curves = Curves(
+            time=(place / self.rate_hz / MILLISECOND).astype(np.float32),
+            rail_pressure=in_mpa(rail),
+            needle_lift=(lift / MICROMETRE).astype(np.float32),
+            line_pressure=in_mpa(rows["line_pressure"]),
+            rate=self._rates.at(rows["index"] & 0xFFFFFFFF).astype(np.float32),
+            nominal=nominal.rate.astype(np.float32),
+            phi=worn.phi.astype(np.float32),
+        )
+        volume = float(np.trapezoid(nominal.rate * MM3_PER_MS)) / self.rate_hz
+        return SeenInjection(summary, now, curves, volume * c.density / MILLIGRAM)
+
+
+def _number(value: float) -> float:
+    return 0.0 if np.isnan(value) else value
+
+
+def _no_curves() -> Curves:
+    nothing = np.empty(0, np.float32)
+    return Curves(nothing, nothing, nothing, nothing, nothing, nothing, np.empty((3, 0), np.float32))

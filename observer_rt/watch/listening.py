@@ -1,0 +1,108 @@
+"""Where frames come from: the buses of a bench, or a log of them at its own pace."""
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from observer_rt.bus.links.link import BusFrame, LinkDownError
+from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.receiver import BusDownError, reading
+from observer_rt.config.links import NamedLink
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.channels import chosen_channels
+from observer_rt.recording.formats import open_log
+
+Taker = Callable[[BusFrame, int], None]
+"""Takes a frame that came at a time [ns since 1970]."""
+_WAIT = 0.05  # s that the listener is deaf to its end
+_RETRY = 0.5  # s between two tries to connect anew
+
+
+@dataclass
+class Heard:
+    """What the links themselves tell: frames the kernel or the interface lost, and buses that are down, with why."""
+
+    dropped: int = 0
+    down: Mapping[int, str] | None = None
+
+
+class LiveSource:
+    """All buses of a bench, unfiltered."""
+
+    is_live = True
+
+    def __init__(self, links: Sequence[NamedLink]) -> None:
+        self._links = links
+        self.heard = Heard()
+
+    def run(self, take: Taker, stop: threading.Event) -> None:
+        """Listen until told to stop. Raises `RunError` when a link cannot be opened, or fails for good."""
+        with ExitStack() as stack:
+            links = [
+                stack.enter_context(
+                    open_link(link.config.interface, link.config.channel, link.config.fd, computer_time=True)
+                )
+                for link in self._links
+            ]
+            read = reading(links)
+            stack.callback(read.close)
+            down: dict[int, str] = {}
+            retry = 0.0
+            while not stop.is_set():
+                try:
+                    came = read.receive(_WAIT)
+                except BusDownError as error:
+                    read.leave_out(error.bus)
+                    down[error.bus] = str(error)
+                    came = None
+                if came is not None:
+                    take(came, time.time_ns())
+                self.heard = Heard(sum(link.dropped for link in links), dict(down))
+                if down and time.monotonic() >= retry:
+                    retry = time.monotonic() + _RETRY
+                    for bus in list(down):
+                        try:
+                            links[bus].reconnect()
+                        except LinkDownError:
+                            continue
+                        read.take_back(bus)
+                        del down[bus]
+
+
+class LogSource:
+    """A CAN log, from its first frame on, at the pace of its stamps."""
+
+    is_live = False
+
+    def __init__(
+        self, path: Path, links: Sequence[NamedLink], from_channels: Sequence[str] = (), speed: float = 1.0
+    ) -> None:
+        """from_channels: texts of `--from-channel`. Raises `UserError` for a log that is none, or malformed."""
+        self.heard = Heard()
+        self._speed = speed
+        self._channels = chosen_channels(path, links, set(range(len(links))), from_channels)
+        self._log = open_log(path)
+        self._path = path
+
+    def run(self, take: Taker, stop: threading.Event) -> None:
+        """Give all frames. Raises `UserError` where the log is malformed, or has none."""
+        bus_of = {channel: bus for bus, channel in self._channels.items()}
+        first: int | None = None
+        begin = time.monotonic_ns()
+        for entry in self._log:
+            if stop.is_set():
+                return
+            bus = bus_of.get(entry.channel, bus_of.get(None))
+            if bus is None:
+                continue
+            stamp = entry.frame.stamp_ns
+            first = stamp if first is None else first
+            early = (stamp - first) / self._speed - (time.monotonic_ns() - begin)
+            if early > 0 and stop.wait(early * 1e-9):
+                return
+            take(BusFrame(bus, entry.frame), stamp)
+        if first is None:
+            raise UserError(str(self._path), "holds no data frame", "record it while frames are on the bus")

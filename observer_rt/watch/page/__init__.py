@@ -1,0 +1,1 @@
+"""What the live page shows, as a Bokeh document: a session a browser."""

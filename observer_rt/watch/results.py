@@ -1,0 +1,104 @@
+"""What an observer publishes, read back from its frames."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.database import e2e
+from observer_rt.bus.database.codec import decode
+from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.database.multiplexing import is_selected
+from observer_rt.bus.links.link import BusFrame
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.output_messages import (
+    HEADER_SIGNALS,
+    OutputMessage,
+    OutputPage,
+    StatusValues,
+    SummaryValues,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Rates:
+    """Injection rates of consecutive samples [mm3/ms], (n,), nan: not available; index: of the first."""
+
+    index: int
+    valid: bool
+    rates: NDArray[np.float64]
+
+
+Result: TypeAlias = Rates | SummaryValues | StatusValues
+
+
+class ResultReader:
+    """Reads the result frames of one injector. Frames that its protection refuses are counted and left out."""
+
+    def __init__(self, bus: BusMap) -> None:
+        self.refused = 0
+        """Frames of wrong length or checksum."""
+        self._rate = bus.rate
+        self._summary = _Collected(bus.summary, len(SummaryValues._fields))
+        self._status = _Collected(bus.status, len(StatusValues._fields))
+
+    def read(self, came: BusFrame) -> Result | None:
+        """What a frame says; None where it is none of these, is refused, or more pages are to come.
+
+        All numbers of summary and status are floats, nan where they are not available.
+        """
+        if self._rate is not None and _is_of(self._rate.layout, came):
+            payload = self._accepted(self._rate.layout, came)
+            return None if payload is None else self._rates(self._rate.page, payload)
+        for collected, kind in ((self._summary, SummaryValues), (self._status, StatusValues)):
+            if _is_of(collected.message.layout, came):
+                payload = self._accepted(collected.message.layout, came)
+                values = None if payload is None else collected.after(payload)
+                return None if values is None else kind._make(values)
+        return None
+
+    def _accepted(self, layout: MessageLayout, came: BusFrame) -> NDArray[np.uint8] | None:
+        payload = np.frombuffer(came.frame.payload, np.uint8)
+        profile, data_id = layout.e2e_profile or e2e.UNPROTECTED, layout.e2e_data_id or 0
+        if payload.size >= layout.length and e2e.check(payload, layout.length, profile, data_id):
+            return payload
+        self.refused += 1
+        return None
+
+    def _rates(self, page: OutputPage, payload: NDArray[np.uint8]) -> Rates | None:
+        values = np.empty(page.table.size)
+        decode(payload, page.table, values)
+        known = len(page.table) - (self._rate.samples if self._rate else 0)
+        header = dict(zip(page.names[:known], values, strict=False))
+        index = header.get(HEADER_SIGNALS[0], np.nan)
+        if np.isnan(index):
+            return None
+        return Rates(int(index), bool(header.get("Valid", 0.0) == 1.0), values[known:])
+
+
+class _Collected:
+    """The values of a message that may take several frames."""
+
+    def __init__(self, message: OutputMessage, width: int) -> None:
+        self.message = message
+        self._values = np.full(width, np.nan)
+        self._missing = set(range(len(message.pages)))
+
+    def after(self, payload: NDArray[np.uint8]) -> list[float] | None:
+        """All values once their last page has come: nan where they are not available or not in the message."""
+        for number, page in enumerate(self.message.pages):
+            if is_selected(payload, page.selection, 0, page.selection.conditions.size):
+                values = np.empty(page.table.size)
+                decode(payload, page.table, values)
+                self._values[page.places] = values
+                self._missing.discard(number)
+        if self._missing:
+            return None
+        self._missing = set(range(len(self.message.pages)))
+        return self._values.tolist()
+
+
+def _is_of(layout: MessageLayout, came: BusFrame) -> bool:
+    frame = came.frame
+    return (layout.bus, layout.frame_id, layout.is_extended) == (came.bus, frame.frame_id, frame.is_extended)

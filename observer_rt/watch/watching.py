@@ -1,0 +1,110 @@
+"""All injectors of a bench, listened to by a thread of its own."""
+
+import threading
+import time
+from dataclasses import dataclass
+from typing import Protocol
+
+from observer_rt.bus.links.link import BusFrame
+from observer_rt.config.bench import Bench
+from observer_rt.watch.injector import Seen, WatchedInjector
+from observer_rt.watch.listening import Heard, Taker
+from observer_rt.watch.load import BusLoad
+
+
+class Source(Protocol):
+    """Gives frames until told to stop."""
+
+    is_live: bool
+    """Else time is that of the frames."""
+    heard: Heard
+
+    def run(self, take: Taker, stop: threading.Event) -> None:
+        """Give frames. Raises `ObserverError` when it cannot go on."""
+
+
+@dataclass(frozen=True)
+class BusSeen:
+    """A bus: its name, the share of the time it is busy, and why it is down, if it is."""
+
+    label: str
+    load: float
+    down: str = ""
+
+
+class Watching:
+    """Listens beside; what it knows may be asked for by any thread."""
+
+    def __init__(self, bench: Bench, source: Source) -> None:
+        self._source = source
+        self._labels = [link.label for link in bench.config.buses]
+        self._loads = [BusLoad(link.config) for link in bench.config.buses]
+        self._injectors = [WatchedInjector(alone) for alone in bench.each]
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._now = 0  # of the last frame
+        self._thread = threading.Thread(target=self._run, name="listening", daemon=True)
+        self.failure: Exception | None = None
+        """Why it hears nothing any more."""
+
+    @property
+    def is_live(self) -> bool:
+        """Whether it listens to buses; else to a log."""
+        return self._source.is_live
+
+    @property
+    def now(self) -> int:
+        """The time, of a log that of its last frame [ns since 1970]."""
+        return time.time_ns() if self.is_live else self._now
+
+    @property
+    def dropped(self) -> int:
+        """Frames that were lost before they were heard."""
+        return self._source.heard.dropped
+
+    def start(self) -> None:
+        """Begin to listen."""
+        if self.is_live:
+            self._begin(time.time_ns())
+        self._thread.start()
+
+    def close(self) -> None:
+        """Listen no longer."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def buses(self) -> tuple[BusSeen, ...]:
+        """Every bus as it is now."""
+        with self._lock:
+            now, down = self.now, self._source.heard.down or {}
+            loads = [load.share(now) for load in self._loads]
+        return tuple(
+            BusSeen(label, load, down.get(bus, ""))
+            for bus, (label, load) in enumerate(zip(self._labels, loads, strict=True))
+        )
+
+    def injectors(self) -> tuple[Seen, ...]:
+        """Every injector as it is now."""
+        with self._lock:
+            now = self.now
+            return tuple(injector.seen(now) for injector in self._injectors)
+
+    def _begin(self, now: int) -> None:
+        for injector in self._injectors:
+            injector.begin(now)
+
+    def _run(self) -> None:
+        try:
+            self._source.run(self._take, self._stop)
+        except Exception as error:  # the page says it; nothing else could
+            self.failure = error
+
+    def _take(self, came: BusFrame, now: int) -> None:
+        with self._lock:
+            if not self._now and not self.is_live:
+                self._begin(now)
+            self._now = now
+            self._loads[came.bus].note(came.frame, now)
+            for injector in self._injectors:
+                injector.take(came, now)

@@ -1,0 +1,95 @@
+"""An injector as it is seen on the bus: the injections its observer reported, with the samples they were made of."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from observer_rt.bus.links.link import BusFrame
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
+from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.watch.injector import Seen, WatchedInjector
+from tests.service.participants import SAMPLE_RATE, bench_file, worn_recording
+from tests.watch.traffic import BEGIN, Observed, traffic
+
+WEAR = 0.2
+
+
+class Watched:
+    """A recording, its observer's reports, and what was seen of them on the bus."""
+
+    def __init__(self, bench: Bench, recording: Recording) -> None:
+        self.recording = recording
+        observer = Observed(bench)
+        frames = list(Framer(map_bus(bench)).frames(recording, whole(recording)))
+        self.came: Sequence[BusFrame] = list(traffic(frames, [observer]))
+        self.reports = observer.reports
+        self.seen = seen_after(bench, self.came)
+
+
+def seen_after(bench: Bench, came: Sequence[BusFrame]) -> Seen:
+    injector = WatchedInjector(bench)
+    injector.begin(BEGIN)
+    for each in came:
+        injector.take(each, each.frame.stamp_ns)
+    return injector.seen(came[-1].frame.stamp_ns)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    return load_bench(bench_file(tmp_path_factory.mktemp("watched"), "watched"))
+
+
+@pytest.fixture(scope="module")
+def watched(bench: Bench) -> Watched:
+    return Watched(bench, worn_recording(6, WEAR))
+
+
+def test_every_reported_injection_is_seen(watched: Watched) -> None:
+    assert len(watched.reports) >= 5
+    assert [each.summary.injection_number for each in watched.seen.injections] == [
+        each.number for each in watched.reports
+    ]
+    for seen, report in zip(watched.seen.injections, watched.reports, strict=True):
+        assert seen.summary.mass == pytest.approx(report.mass / MILLIGRAM, abs=0.01)
+        assert (seen.summary.valid == 1.0) == report.valid
+
+
+def test_its_samples_are_those_of_the_recording(watched: Watched) -> None:
+    for seen, report in zip(watched.seen.injections, watched.reports, strict=True):
+        window = slice(report.start_index, report.end_index + 1)
+        recording, curves = watched.recording, seen.curves
+        assert curves.rail_pressure == pytest.approx(recording.rail_pressure[window] / MEGAPASCAL, abs=0.004)
+        assert curves.line_pressure == pytest.approx(recording.line_pressure[window] / MEGAPASCAL, abs=0.004)
+        assert curves.needle_lift * 1e-3 == pytest.approx(
+            recording.needle_lift[window] / MILLIMETRE, abs=1e-5
+        )
+        assert curves.time[-1] == pytest.approx(1e3 * (curves.time.size - 1) / SAMPLE_RATE, rel=1e-6)
+
+
+def test_its_rate_is_the_published_one_and_has_its_mass(watched: Watched) -> None:
+    for seen, report in zip(watched.seen.injections[1:], watched.reports[1:], strict=True):
+        volume = float(np.trapezoid(seen.curves.rate, seen.curves.time))  # mm3
+        assert 1e-3 * volume * report.density == pytest.approx(seen.summary.mass, rel=0.01)
+
+
+def test_the_nominal_model_is_right_for_a_healthy_injector_and_misses_wear(
+    bench: Bench, watched: Watched
+) -> None:
+    for seen in Watched(bench, worn_recording(4, 0.0)).seen.injections[1:]:
+        assert seen.nominal_mass == pytest.approx(seen.summary.mass, rel=0.01)
+    for seen in watched.seen.injections[1:]:
+        assert seen.summary.mass / seen.nominal_mass == pytest.approx(1.0 + WEAR, abs=0.05)
+        assert seen.curves.phi[2].min() < -100.0
+        assert not seen.curves.phi[1].any()
+
+
+def test_an_injection_whose_samples_nobody_heard_has_no_curves(bench: Bench, watched: Watched) -> None:
+    bus = map_bus(bench)
+    inputs = {layout.frame_id for layout in bus.input_layouts}
+    seen = seen_after(bench, [each for each in watched.came if each.frame.frame_id not in inputs])
+    assert len(seen.injections) == len(watched.reports)
+    assert all(each.curves.time.size == 0 and np.isnan(each.nominal_mass) for each in seen.injections)

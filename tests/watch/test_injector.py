@@ -11,6 +11,7 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.watch.injection import SeenInjection
 from observer_rt.watch.injector import Seen, WatchedInjector
 from tests.service.participants import SAMPLE_RATE, bench_file, worn_recording
 from tests.watch.traffic import BEGIN, Observed, traffic
@@ -36,6 +37,12 @@ def seen_after(bench: Bench, came: Sequence[BusFrame]) -> Seen:
     for each in came:
         injector.take(each, each.frame.stamp_ns)
     return injector.seen(came[-1].frame.stamp_ns)
+
+
+def valid(seen: Seen) -> list[SeenInjection]:
+    found = [each for each in seen.injections if each.summary.valid]
+    assert found
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +86,9 @@ def test_its_rate_is_the_published_one_and_has_its_mass(watched: Watched) -> Non
 def test_the_nominal_model_is_right_for_a_healthy_injector_and_misses_wear(
     bench: Bench, watched: Watched
 ) -> None:
-    for seen in Watched(bench, worn_recording(4, 0.0)).seen.injections[1:]:
+    for seen in valid(Watched(bench, worn_recording(6, 0.0)).seen):
         assert seen.nominal_mass == pytest.approx(seen.summary.mass, rel=0.01)
-    for seen in watched.seen.injections[1:]:
+    for seen in valid(watched.seen):
         assert seen.summary.mass / seen.nominal_mass == pytest.approx(1.0 + WEAR, abs=0.05)
         assert seen.curves.phi[2].min() < -100.0
         assert not seen.curves.phi[1].any()

@@ -64,7 +64,8 @@ class WatchedInjector:
         if isinstance(result, Rates):
             self._rates.take(result)
         elif isinstance(result, SummaryValues):
-            self._injections.append(self._seen(result, now))
+            if not self._injections or result != self._injections[-1].summary:
+                self._injections.append(self._seen(result, now))
         elif isinstance(result, StatusValues):
             self._status = result
 

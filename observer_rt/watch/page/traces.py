@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from bokeh.models import ColumnDataSource
+from bokeh.models.ranges import DataRange1d
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
@@ -13,11 +14,12 @@ from observer_rt.watch.page.look import BAND, NOMINAL, OBSERVER, PAST, SECOND, T
 _OVERLAID = 8  # injections, the one shown included
 _POINTS = 300  # of a curve, at the most: a screen shows no more
 _TIME = "time from the beginning, ms"
-_DETAILS = (
-    ("line_pressure", "Line pressure", "MPa"),
-    ("rail_pressure", "Rail pressure", "MPa"),
-    ("needle_lift", "Needle lift", "µm"),
+_DETAILS = (  # the last: what the axis shows at least, so that noise looks like noise
+    ("line_pressure", "Line pressure", "MPa", 20.0),
+    ("rail_pressure", "Rail pressure", "MPa", 20.0),
+    ("needle_lift", "Needle lift", "µm", 50.0),
 )
+_NAMES = tuple(name for name, *_ in _DETAILS)
 
 
 class RatePanel:
@@ -62,13 +64,13 @@ class DetailPanels:
     """What lies behind the rate: pressures, lift, the three rows of phi."""
 
     def __init__(self) -> None:
-        names = [name for name, _, _ in _DETAILS]
         phi_names = [f"phi_{row}" for row in (1, 2, 3)]
-        self._past = ColumnDataSource({name: [] for name in ("time", *names)})
-        self._shown = ColumnDataSource({name: [] for name in ("time", *names, *phi_names)})
+        self._past = ColumnDataSource({name: [] for name in ("time", *_NAMES)})
+        self._shown = ColumnDataSource({name: [] for name in ("time", *_NAMES, *phi_names)})
         self.figures: dict[str, figure] = {}
-        for name, title, unit in _DETAILS:
+        for name, title, unit, span in _DETAILS:
             made = self.figures[name] = panel(title, _TIME, unit)
+            made.y_range = DataRange1d(min_interval=span)
             _before(made, name, self._past)
             made.line("time", name, source=self._shown, color=OBSERVER, line_width=3)
         phi = self.figures["phi"] = panel("Correction phi", _TIME, "1/s")
@@ -85,11 +87,10 @@ class DetailPanels:
 
     def show(self, injections: Sequence[SeenInjection]) -> None:
         """Draw some injections, the last of them as the one that counts."""
-        names = [name for name, _, _ in _DETAILS]
         before, last = _overlaid(injections)
-        self._past.data = _past_columns(before, names)
+        self._past.data = _past_columns(before, _NAMES)
         if last is not None:
-            columns = {name: getattr(last.curves, name) for name in names}
+            columns = {name: getattr(last.curves, name) for name in _NAMES}
             columns |= {f"phi_{row + 1}": last.curves.phi[row] for row in range(3)}
             self._shown.data = _columns(last.curves, columns)
 

@@ -16,6 +16,7 @@ from observer_rt.cli.compare import compare
 from observer_rt.cli.discover import discover
 from observer_rt.cli.effects import effects
 from observer_rt.cli.fit import fit
+from observer_rt.cli.fleet import batch, trend
 from observer_rt.cli.help import WordedCommand, first_sentence
 from observer_rt.cli.journal import journal
 from observer_rt.cli.live import check, demo, run
@@ -90,6 +91,8 @@ for _command, _example in (
         "--output worn.csv",
     ),
     (evaluate, "worn.csv --output trace.csv --plot worn.png"),
+    (batch, "measured/ --out results --bench bench.toml"),
+    (trend, "results --plot wear.png"),
     (check, "--bench bench.toml --recording mine.csv"),
     (replay, "recording.csv --bench bench.toml --speed 0.1"),
     (monitor, "--bench bench.toml"),

@@ -22,11 +22,25 @@ RECORDED = ", ".join(suffixes_of(each for each in _logs if each.recorder))
 CLASSIC_ONLY = ", ".join(suffixes_of(each for each in _logs if not each.keeps_fd))
 
 
-def _use_effects(paths: list[Path] | None) -> None:
+def _use_effects(paths: list[Path] | None) -> list[Path] | None:
     """The vocabulary of this command: installed effects are in it without the option."""
     from observer_rt.config.own_effects import use_effects
 
     use_effects(paths or ())
+    return paths
+
+
+def effects_option(exposed: bool) -> OptionInfo:
+    """Files with effects of the user's own, in force from here on; exposed: the command is given them, too."""
+    option: OptionInfo = typer.Option(
+        "--effects",
+        help="Python file with effects of your own, as in docs/effects.md; repeatable.",
+        metavar="FILE",
+        callback=_use_effects,
+        is_eager=True,  # before any injector file is read
+        expose_value=exposed,
+    )
+    return option
 
 
 def file_option(name: str, purpose: str, metavar: str = "FILE", show_default: bool = True) -> OptionInfo:
@@ -56,17 +70,7 @@ BenchOption = Annotated[
     Path,
     file_option("--bench", "Bench file (default: the example bench of the package).", show_default=False),
 ]
-EffectsOption = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--effects",
-        help="Python file with effects of your own, as in docs/effects.md; repeatable.",
-        metavar="FILE",
-        callback=_use_effects,
-        is_eager=True,  # before any injector file is read
-        expose_value=False,
-    ),
-]
+EffectsOption = Annotated[list[Path] | None, effects_option(exposed=False)]
 FuelTemperatureOption = Annotated[
     float | None,
     typer.Option(

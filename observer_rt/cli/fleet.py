@@ -1,0 +1,106 @@
+"""Commands over many recordings: `batch` and `trend`."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from observer_rt.cli.options import (
+    BenchOption,
+    InjectorOption,
+    JsonOption,
+    LenientOption,
+    ModelOption,
+    StateOption,
+    effects_option,
+    file_option,
+)
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+
+messages = Console(stderr=True)
+FolderArgument = Annotated[
+    Path, typer.Argument(help="Folder that `batch` filled.", metavar="DIR", show_default=False)
+]
+
+
+def batch(
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            help="Files, folders (all below them) or patterns such as 'run_*/**/*.mf4'.",
+            metavar="SOURCE",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", help="Folder for the tables; what is done there is not done again.", metavar="DIR"
+        ),
+    ],
+    bench: BenchOption = EXAMPLE_BENCH,
+    model: ModelOption = None,
+    injector: InjectorOption = None,
+    injector_from: Annotated[
+        str | None,
+        typer.Option(
+            "--injector-from",
+            help="Regular expression that finds an injector's name in a file's path: its first group.",
+            metavar="PATTERN",
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", help="Address of a Dask scheduler (default: workers here).", metavar="ADDRESS"
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="Processes here (default: one a CPU).", min=1)
+    ] = None,
+    state: StateOption = None,
+    no_learning: Annotated[bool, typer.Option("--no-learning", help="Judge only.")] = False,
+    lenient: LenientOption = False,
+    as_json: JsonOption = False,
+    effects: Annotated[list[Path] | None, effects_option(exposed=True)] = None,
+) -> None:
+    """Evaluate thousands of recordings side by side: an injection a row of Parquet, resumed where it stopped."""
+    from observer_rt.fleet.batch import BatchOptions
+    from observer_rt.fleet.batch import batch as run
+
+    chosen = load_bench(bench, model, lenient).of(injector)
+    options = BatchOptions(
+        out, scheduler, workers, state, not no_learning, injector_from, tuple(effects or ()), as_json
+    )
+    run(chosen, sources, options, messages)
+
+
+def trend(
+    folder: FolderArgument,
+    out: Annotated[
+        Path | None, file_option("--out", "Page to write (default: trend.html in DIR).", show_default=False)
+    ] = None,
+    picture: Annotated[Path | None, file_option("--plot", "Picture to write (.png, .svg, .pdf).")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show the wear of every injector over its recordings, the most worn first, with 95 % bands."""
+    from observer_rt.fleet.dataset import read_injections
+    from observer_rt.fleet.trend import NEEDED, trends
+    from observer_rt.fleet.trend import as_json as document
+    from observer_rt.fleet.trend_page import write_page, write_picture
+    from observer_rt.terminal.console import say
+    from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination
+
+    page = out or folder / "trend.html"
+    check_destination("--out", page, (".html",))
+    if picture is not None:
+        check_destination("--plot", picture, FIGURE_SUFFIXES)
+    found = trends(read_injections(folder, NEEDED))
+    write_page(page, found, folder)
+    if picture is not None:
+        write_picture(picture, found)
+    if as_json:
+        print(json.dumps(document(found), indent=2))
+    say(messages, f"{len(found)} injectors: {page}")

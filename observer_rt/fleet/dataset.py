@@ -1,0 +1,126 @@
+"""The folder that a batch fills: partitioned Parquet, which files are done, which failed.
+
+injections/injector=NAME/SHA256.parquet   rows of one file, `columns.SCHEMA` without the injector
+done.jsonl                                a line for every file whose rows are written
+errors.parquet                            files without rows, and why
+batch.json                                by which model and how: another one needs another folder
+"""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
+
+from observer_rt.evaluation.replacing import replacing
+from observer_rt.fleet.columns import SCHEMA
+from observer_rt.fleet.job import Failed
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
+
+INJECTIONS = "injections"
+_DONE, _ERRORS, _SETTINGS = "done.jsonl", "errors.parquet", "batch.json"
+_FAILED = pa.schema([("file", pa.string()), ("sha256", pa.string()), ("problem", pa.string())])
+_PARTITION = "injector"
+
+
+class Dataset:
+    """Takes results in whatever order; what is there when the power fails is whole, and is not done again."""
+
+    def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
+        """settings: what the rows depend on beside the files. Raises `UserError` for a folder with others."""
+        self.folder = folder
+        with file_errors(folder):
+            (folder / INJECTIONS).mkdir(parents=True, exist_ok=True)
+            self._refuse_other(settings)
+            self._done = self._read_done()
+        self._failed: list[Failed] = []
+        self.injections = 0
+        """Rows written since it was opened."""
+
+    def is_done(self, sha256: str) -> bool:
+        """Whether the rows of a file with this content are there."""
+        return sha256 in self._done
+
+    @property
+    def failed(self) -> tuple[Failed, ...]:
+        """Files without rows."""
+        return tuple(self._failed)
+
+    def take(self, path: Path, sha256: str, rows: pa.Table) -> None:
+        """Rows of one file; first they are written, then it is noted as done."""
+        with file_errors(self.folder):
+            for name in pc.unique(rows[_PARTITION]).to_pylist():
+                self._write(sha256, name, rows.filter(pc.equal(rows[_PARTITION], name)))
+            with (self.folder / _DONE).open("a", encoding="utf-8") as done:
+                line = {"sha256": sha256, "file": str(path), "injections": rows.num_rows}
+                done.write(json.dumps(line) + "\n")
+        self._done.add(sha256)
+        self.injections += rows.num_rows
+
+    def take_failure(self, failed: Failed) -> None:
+        """A file without rows, into the table of errors."""
+        self._failed.append(failed)
+        columns = {
+            "file": [str(each.path) for each in self._failed],
+            "sha256": [each.sha256 for each in self._failed],
+            "problem": [each.problem for each in self._failed],
+        }
+        self._write_table(self.folder / _ERRORS, pa.table(columns, _FAILED))
+
+    def forget_failures(self) -> None:
+        """Files that failed in an earlier run are tried again."""
+        with file_errors(self.folder):
+            (self.folder / _ERRORS).unlink(missing_ok=True)
+
+    def _write(self, sha256: str, injector: str, rows: pa.Table) -> None:
+        place = self.folder / INJECTIONS / f"{_PARTITION}={quote(injector, safe='')}"
+        place.mkdir(exist_ok=True)
+        self._write_table(place / f"{sha256}.parquet", rows.drop_columns([_PARTITION]))
+
+    def _write_table(self, path: Path, table: pa.Table) -> None:
+        with file_errors(path), replacing(path) as part:
+            pq.write_table(table, part)
+
+    def _read_done(self) -> set[str]:
+        path = self.folder / _DONE
+        if not path.exists():
+            return set()
+        text = path.read_text(encoding="utf-8")
+        if not text.endswith("\n"):  # the power failed within the last line: that file is done again
+            text = text[: text.rfind("\n") + 1]
+            path.write_text(text, encoding="utf-8")
+        return {str(json.loads(line)["sha256"]) for line in text.splitlines()}
+
+    def _refuse_other(self, settings: dict[str, Any]) -> None:
+        path = self.folder / _SETTINGS
+        if not path.exists():
+            path.write_text(json.dumps(settings, indent=2), encoding="utf-8")
+            return
+        before = json.loads(path.read_text(encoding="utf-8"))
+        other = [key for key in settings if before.get(key) != settings[key]]
+        if other:
+            raise UserError(
+                f"--out {self.folder}",
+                f"holds the results of another batch: {', '.join(other)} differ",
+                "name another folder",
+            )
+
+
+def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.Table:
+    """All rows of a batch's folder. Raises `UserError` for a folder that is none."""
+    place = folder / INJECTIONS
+    if not place.is_dir():
+        raise UserError(
+            str(folder), "is no folder of a batch", "make one: observer-rt batch RECORDING... --out DIR"
+        )
+    with file_errors(place):
+        partitioning = ds.partitioning(pa.schema([(_PARTITION, pa.string())]), flavor="hive")
+        found = ds.dataset(place, schema=SCHEMA, format="parquet", partitioning=partitioning)
+        table: pa.Table = found.to_table(columns=list(columns))
+    return table

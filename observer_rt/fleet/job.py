@@ -1,0 +1,117 @@
+"""One file through the observer: what a worker does, knowing nothing of the others."""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+from rich.console import Console
+
+from observer_rt.config.bench import Bench
+from observer_rt.config.own_effects import use_effects
+from observer_rt.evaluation.sources import open_source
+from observer_rt.evaluation.streamed import evaluate_stream
+from observer_rt.fleet.columns import SCHEMA, row_of
+from observer_rt.fleet.names import InjectorNames
+from observer_rt.foundation.errors import ObserverError
+from observer_rt.foundation.file_hash import file_hash
+from observer_rt.model.effects import effective_model
+from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.recording.canlog.can_log import NANOSECONDS
+from observer_rt.recording.formats import is_log, open_log
+from observer_rt.recording.signals.stream import SignalStream
+
+_MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since 1970]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is the same for all files. knowledge: learned before, to start each file with.
+
+    pattern: as of `InjectorNames`; effects: files with effects of the user's own.
+    """
+
+    bench: Bench
+    knowledge: Knowledge | None = None
+    learning: bool = True
+    pattern: str | None = None
+    effects: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Failed:
+    """Why a file has no rows; sha256: empty where it could not even be read."""
+
+    path: Path
+    sha256: str
+    problem: str
+
+
+def hashed(path: Path) -> str | Failed:
+    """SHA-256 of a file."""
+    try:
+        return file_hash(path)
+    except OSError as error:
+        return Failed(path, "", f"{path}: {error.strerror}")
+
+
+def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | Failed:
+    """The file's injections as rows of `SCHEMA`, of every injector of the bench."""
+    _use(task.effects)
+    try:
+        rows = [row for alone in task.bench.each for row in _rows(task, path, sha256, alone)]
+    except ObserverError as error:
+        return Failed(path, sha256, str(error))
+    except MemoryError:
+        return Failed(path, sha256, "not enough memory\n  remedy: fewer --workers")
+    return pa.Table.from_pylist(rows, SCHEMA)
+
+
+@cache
+def _use(effects: tuple[Path, ...]) -> None:
+    """Once in a worker."""
+    use_effects(effects)
+
+
+def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[str, Any]]:
+    """Of one injector."""
+    name = InjectorNames(task.pattern).of(path, alone)
+    source = open_source(path, alone, (), Console(quiet=True))
+    learning = task.learning and alone.injector.config.learning.enabled
+    (evaluation,), _ = evaluate_stream(alone, [source], knowledge=task.knowledge, learning=learning)
+    c = effective_model(alone.injector.parameters).coefficients
+    zero = _zero(path, source)
+    for result in evaluation.injections:
+        yield {
+            **row_of(result, evaluation.has_energizing, c),
+            "file": str(path),
+            "sha256": sha256,
+            "injector": name,
+            "time": zero + timedelta(seconds=result.start),
+        }
+
+
+def _zero(path: Path, source: SignalStream) -> datetime:
+    """When the time of a file is 0: by its frames or its header; else it ended when it was last written."""
+    start, end = source.stretches[0].start, source.stretches[-1]
+    if is_log(path):
+        begin = next(iter(open_log(path))).frame.stamp_ns / NANOSECONDS - start
+    elif (stated := _mdf4_start(path)) > 0:
+        begin = stated / NANOSECONDS
+    else:
+        begin = path.stat().st_mtime - end.start - end.samples / source.sample_rate
+    return datetime.fromtimestamp(begin, UTC)
+
+
+def _mdf4_start(path: Path) -> int:
+    """Start time in the header of an MDF 4 file [ns since 1970]; 0 without one, or of another file."""
+    with path.open("rb") as file:
+        head = file.read(_MDF4_START + 8)
+    if not head.startswith(b"MDF     4") or len(head) < _MDF4_START + 8:
+        return 0
+    (start,) = struct.unpack_from("<Q", head, _MDF4_START)
+    return int(start)

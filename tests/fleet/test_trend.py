@@ -1,0 +1,75 @@
+"""Wear over time: what all recordings of an injector say together, the most worn first."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from observer_rt.fleet.columns import SCHEMA
+from observer_rt.fleet.trend import SURE, as_json, smoothed, trends
+from observer_rt.fleet.trend_page import write_page, write_picture
+from tests.fleet.rows import rows
+
+
+def test_the_band_holds_what_drifts_and_is_narrower_than_single_sightings() -> None:
+    random = np.random.default_rng(1)
+    inside, widths = [], []
+    for _ in range(30):
+        truth = np.cumsum(random.normal(0.0, 0.004, 40))
+        sigma = np.full(40, 0.01)
+        course = smoothed(truth + random.normal(0.0, sigma), sigma)
+        inside.append(np.abs(course.level - truth) <= SURE * course.level_sigma)
+        widths.append(course.level_sigma.mean() / 0.01)
+    assert 0.88 < np.mean(inside) < 0.99
+    assert np.mean(widths) < 0.8
+
+
+def test_what_stays_is_known_ever_better() -> None:
+    random = np.random.default_rng(2)
+    sigma = np.full(100, 0.01)
+    course = smoothed(0.2 + random.normal(0.0, sigma), sigma)
+    assert course.level[-1] == pytest.approx(0.2, abs=0.006)
+    assert course.level_sigma[-1] < 0.005
+
+
+@pytest.mark.parametrize("sightings", [0, 1, 2])
+def test_few_sightings_are_taken_as_they_are(sightings: int) -> None:
+    course = smoothed(np.full(sightings, 0.1), np.full(sightings, 0.01))
+    assert course.level.tolist() == pytest.approx([0.1] * sightings)
+
+
+@pytest.fixture
+def table() -> pa.Table:
+    return pa.concat_tables(
+        [
+            rows("aa", "healthy", [0.5, 0.01], day=0),
+            rows("bb", "healthy", [0.0], day=1),
+            rows("cc", "worn", [0.2], day=0),
+            rows("dd", "worn", [0.25], day=2),
+            rows("ee", "doubtful", [0.9], valid=False),
+        ]
+    ).select(SCHEMA.names)
+
+
+def test_the_most_worn_comes_first_by_the_last_valid_estimate_of_each_recording(table: pa.Table) -> None:
+    worn, healthy, doubtful = trends(table)
+    assert [worn.injector, healthy.injector, doubtful.injector] == ["worn", "healthy", "doubtful"]
+    assert healthy.courses["nozzle"].value.tolist() == [0.01, 0.0]
+    assert (healthy.recordings, healthy.injections) == (2, 3)
+    assert doubtful.times == ()
+    assert doubtful.wear == 0.0
+    first = as_json([worn])[0]
+    assert first["injector"] == "worn"
+
+
+def test_page_and_picture_are_written(table: pa.Table, tmp_path: Path) -> None:
+    found = trends(table)
+    write_page(tmp_path / "trend.html", found, tmp_path)
+    write_picture(tmp_path / "trend.png", found)
+    page = (tmp_path / "trend.html").read_text()
+    assert page.index("worn") < page.index("healthy") < page.index("doubtful")
+    assert page.count("<svg") == len(found)
+    assert not re.search(r"(?:src|href)=.http", page)
+    assert (tmp_path / "trend.png").read_bytes().startswith(b"\x89PNG")

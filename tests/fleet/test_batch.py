@@ -1,0 +1,125 @@
+"""A batch on a real cluster of processes: nothing is lost, doubled or done again, whatever is killed or damaged."""
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import psutil
+import pyarrow.parquet as pq
+import pytest
+
+from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.evaluation.streamed import evaluate_stream
+from observer_rt.fleet.dataset import read_injections
+from observer_rt.foundation.file_hash import file_hash
+from observer_rt.model.effects import sized
+from observer_rt.recording.formats import open_recording, write_recording
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+
+pytestmark = pytest.mark.slow
+INJECTIONS = 6
+PATIENCE = 300.0  # s
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two recordings of each of three injectors, one of them twice, a damaged one, and a truth."""
+    folder = tmp_path_factory.mktemp("measured")
+    for number in range(6):
+        wear = 0.1 * (number % 3)
+        schedule = make_schedule([60e6, 120e6], INJECTIONS, 0.05, [1.1e-3])
+        made = simulate(
+            load_injector(), schedule, 50e3, (sized("orifice_area", v_H=wear),), NoiseLevels(), seed=number
+        )
+        path = folder / f"injector_{number % 3}" / f"run_{number // 3}.csv"
+        path.parent.mkdir(exist_ok=True)
+        write_recording(path, made.recording)
+    shutil.copy(folder / "injector_1" / "run_0.csv", folder / "injector_1" / "copy.csv")
+    (folder / "injector_2" / "damaged.csv").write_text("time_s,rail_pressure_MPa\n1,2\n")
+    (folder / "injector_2" / "run_0.csv.truth.csv").write_text("not for the observer")
+    return folder
+
+
+def started(*arguments: str | Path) -> "subprocess.Popen[str]":
+    words = [sys.executable, "-m", "observer_rt", "batch", *map(str, arguments), "--json", "--workers", "2"]
+    pattern = ["--injector-from", r"injector_(\d)"]
+    return subprocess.Popen([*words, *pattern], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def ended(process: "subprocess.Popen[str]") -> dict[str, int]:
+    out, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, err
+    said: dict[str, int] = json.loads(out)
+    return said
+
+
+def workers_of(process: "subprocess.Popen[str]") -> Sequence[psutil.Process]:
+    """The processes that evaluate: what the command has started, but for the tracker of their resources."""
+    children = psutil.Process(process.pid).children(recursive=True)
+    return [each for each in children if "spawn_main" in " ".join(each.cmdline())]
+
+
+def test_a_killed_worker_loses_and_doubles_nothing_and_a_bad_file_is_a_row(
+    recordings: Path, tmp_path: Path
+) -> None:
+    process = started(recordings, "--out", tmp_path)
+    end = time.monotonic() + PATIENCE
+    while not (tmp_path / "done.jsonl").exists():
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    workers_of(process)[0].kill()
+    said = ended(process)
+
+    assert (said["done"], said["skipped"], said["failed"]) == (6, 1, 1)
+    rows = read_injections(tmp_path).to_pylist()
+    keys = [(row["file"], row["number"]) for row in rows]
+    assert len(set(keys)) == len(keys) == said["injections"]
+    failed = pq.read_table(tmp_path / "errors.parquet").to_pylist()
+    assert [Path(each["file"]).name for each in failed] == ["damaged.csv"]
+
+    for path in sorted(recordings.glob("*/run_?.csv")):
+        (alone,), _ = evaluate_stream(load_bench(), [open_recording(path, load_bench().injector)])
+        mine = [
+            row for row in rows if Path(row["file"]).parent == path.parent and row["file"].endswith(path.name)
+        ]
+        mine = mine or [row for row in rows if row["sha256"] == file_hash(path)]  # the copy came first
+        assert [row["mass_mg"] for row in mine] == [1e6 * each.report.mass for each in alone.injections]
+        assert {row["injector"] for row in mine} == {path.parent.name[-1]}
+
+    again = ended(started(recordings, "--out", tmp_path))
+    assert (again["done"], again["skipped"], again["failed"]) == (0, 7, 1)
+    assert read_injections(tmp_path).num_rows == len(rows)
+
+
+def test_an_interrupted_batch_goes_on(recordings: Path, tmp_path: Path) -> None:
+    process = started(recordings, "--out", tmp_path)
+    end = time.monotonic() + PATIENCE
+    while not (tmp_path / "done.jsonl").exists():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    process.terminate()
+    _, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 1
+    assert "give the same command again" in err
+    before = read_injections(tmp_path).num_rows
+    assert before > 0
+
+    said = ended(started(recordings, "--out", tmp_path))
+    assert said["done"] != 0
+    assert said["done"] + said["skipped"] == 7
+    assert read_injections(tmp_path).num_rows == before + said["injections"]
+
+
+def test_no_scheduler_is_said_with_what_to_do(recordings: Path, tmp_path: Path) -> None:
+    process = started(recordings, "--out", tmp_path, "--scheduler", "tcp://127.0.0.1:1")
+    _, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 1
+    assert "tcp://127.0.0.1:1" in err
+    assert "remedy: start one" in err

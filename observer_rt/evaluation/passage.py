@@ -86,12 +86,16 @@ class Passage:
         if self.measured_rate is not None:
             self.measured_rate = self.measured_rate[done:].copy()
 
-    def note(self, rows: NDArray[np.void], position: int) -> None:
-        """What the observer said of some samples, the first of them at a position of its stream."""
+    def note(self, rows: NDArray[np.void], position: int, nominal: Signal) -> None:
+        """What the observer said of some samples, the first of them at a position of its stream.
+
+        nominal [m3/s]: what the nominal model says of them.
+        """
         if self.begin is None:
             self.begin = position
         self.end = position + len(rows)
-        rows, place = self._places(rows)
+        mine, place = self._places(rows)
+        rows = rows[mine]
         if place.size:
             self._marks.append((position, self.first + int(place[0])))
         trace = self.trace
@@ -102,11 +106,7 @@ class Passage:
         trace.state[place] = rows["state"]
         trace.x[place[available]] = rows["x_hat"][available, :3]
         trace.phi[place[available]] = rows["phi"][available]
-
-    def note_nominal(self, rows: NDArray[np.void]) -> None:
-        """What the nominal model said of some samples."""
-        rows, place = self._places(rows)
-        self.trace.nominal_rate[place] = rows["injection_rate"]
+        trace.nominal_rate[place] = nominal[mine]
 
     def note_report(self, report: InjectionReport) -> None:
         """Tell an injection and how sure its rate is."""
@@ -116,14 +116,14 @@ class Passage:
             sigma[:] = report.rate_sigma[max(0, -start) :][: len(sigma)]
         self.hearer.take_report(self, report)
 
-    def _places(self, rows: NDArray[np.void]) -> tuple[NDArray[np.void], NDArray[np.int64]]:
-        """The rows that belong to it, and their places among the samples remembered."""
+    def _places(self, rows: NDArray[np.void]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+        """Which rows belong to it, and their places among the samples remembered."""
         place = rows["index"] - self.first_index
         mine = (place >= 0) & (place < self.samples)
         if mine.any():
             self._reach(int(place[mine].max()) + 1)
         mine &= place >= self.first
-        return rows[mine], place[mine] - self.first
+        return mine, place[mine] - self.first
 
     def _reach(self, samples: int) -> None:
         """Go on to a sample of a log, whose times nobody gives: those of its sample index."""

@@ -1,15 +1,19 @@
-"""The observer and, beside it, the nominal model on the same frames, of one recording after another."""
+"""The observer and, beside it, the nominal model on the same samples, of one recording after another."""
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.frame_block import FrameBlock, blocks_of
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.evaluation.nominal import NominalModel
 from observer_rt.evaluation.passage import Hearer, Passage
+from observer_rt.evaluation.trace import Signal
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import RING
@@ -23,24 +27,27 @@ from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, News
 
 Progress = Callable[[int], None]  # samples done
-_READ_EVERY = 64  # frames between two looks at the observer's memory
-_FORGET_EVERY = 64 * _READ_EVERY
 
 
 class _Reading:
     """What of a core's samples was read, and in which passage they lie."""
 
-    def __init__(self, core: Core) -> None:
+    def __init__(self, core: Core, nominal: NominalModel) -> None:
         self.core = core
+        self._nominal = nominal
         self._seen = 0
         self.passage = 0
         """Number of that of the last sample read."""
         self._last_index = -1
 
-    def parts(self, passages: list[Passage]) -> Iterator[tuple[Passage, int, NDArray[np.void]]]:
-        """What was processed since the last reading, by passage, with the position of the first sample."""
+    def parts(self, passages: list[Passage]) -> Iterator[tuple[Passage, int, NDArray[np.void], Signal]]:
+        """What was processed since the last reading, by passage, with the position of the first sample.
+
+        And the rates of the nominal model [m3/s].
+        """
         rows = self.core.rows(self._seen, self.core.processed)
         position = self.core.processed - len(rows)
+        nominal = self._nominal.rates(self.core.compiled.observer, position, self.core.processed)
         self._seen = self.core.processed
         index = rows["index"].astype(np.int64)
         begins_anew = (
@@ -49,12 +56,12 @@ class _Reading:
         for first, end in pairwise([0, *(row for row in begins_anew if row), len(rows)]):
             if first in begins_anew:
                 self.passage += 1
-            yield from self._by_passage(passages, position + first, rows[first:end])
+            yield from self._by_passage(passages, position + first, rows[first:end], nominal[first:end])
         self._last_index = int(index[-1]) if len(rows) else self._last_index
 
     def _by_passage(
-        self, passages: list[Passage], position: int, rows: NDArray[np.void]
-    ) -> Iterator[tuple[Passage, int, NDArray[np.void]]]:
+        self, passages: list[Passage], position: int, rows: NDArray[np.void], nominal: Signal
+    ) -> Iterator[tuple[Passage, int, NDArray[np.void], Signal]]:
         """Of rows whose index rises."""
         while len(rows):
             self.passage = min(self.passage, len(passages) - 1)
@@ -64,10 +71,10 @@ class _Reading:
             if after and after[0].first_index < here.first_index + here.samples:  # begins anew, not yet
                 end = len(rows)
             if end:
-                yield here, position, rows[:end]
+                yield here, position, rows[:end], nominal[:end]
             if end < len(rows):
                 self.passage += 1
-            rows, position = rows[end:], position + int(end)
+            rows, nominal, position = rows[end:], nominal[end:], position + int(end)
 
 
 class ObserverRun:
@@ -85,6 +92,8 @@ class ObserverRun:
     ) -> None:
         """keeps_frames: those that were sent."""
         bus: BusMap = map_bus(bench)
+        if not keeps_frames:
+            bus = replace(bus, rate=None)
         self._core = Core(
             bench.injector,
             bus,
@@ -94,8 +103,7 @@ class ObserverRun:
             learner_of=learner_of,
             fuel_temperature=fuel_temperature,
         )
-        nominal = Core(bench.injector, bus, learning=False, fuel_temperature=fuel_temperature)
-        self._reading, self._nominal = _Reading(self._core), _Reading(nominal)
+        self._reading = _Reading(self._core, NominalModel(bench.injector))
         self._device = Device(bus)
         self._progress = progress or (lambda _: None)
         self._keeps_frames = keeps_frames
@@ -113,13 +121,13 @@ class ObserverRun:
                 samples = stream.stretches[chunk.stretch].samples
                 self._passages.append(Passage(hearer, self._device.begin(rate), samples, rate))
             self._passages[-1].give(chunk.time, chunk.injection_rate)
-            self._observe(self._device.frames(chunk))
+            self._observe(self._device.blocks(chunk))
         return self._passages[before:]
 
     def take_frames(self, frames: Iterable[BusFrame], passages: Iterable[Passage]) -> None:
         """Observe frames as they are, which carry the samples of passages in their order."""
         self._passages += passages
-        self._observe(frames)
+        self._observe(blocks_of(frames))
 
     @property
     def counters(self) -> Counters:
@@ -144,22 +152,15 @@ class ObserverRun:
     def finish(self) -> None:
         """No recording will come: judge every event."""
         self._sent(self._core.finish())
-        self._nominal.core.finish()
         self._read()
         for passage in self._passages[self._finished :]:
             passage.finish()
 
-    def _observe(self, frames: Iterable[BusFrame]) -> None:
-        nominal = self._nominal.core
-        for count, (bus, frame) in enumerate(frames):
-            arguments = frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, bus
-            self._sent(self._core.handle(*arguments))
-            nominal.handle(*arguments)
-            if count % _READ_EVERY == 0:
-                self._read()
-                if count % _FORGET_EVERY == 0:
-                    self._forget()
-        self._read()
+    def _observe(self, blocks: Iterable[FrameBlock]) -> None:
+        for block in blocks:
+            self._sent(self._core.handle_many(block))
+            self._read()
+            self._forget()
 
     def _sent(self, frames: list[OutputFrame]) -> None:
         if self._keeps_frames:
@@ -170,10 +171,8 @@ class ObserverRun:
 
     def _read(self) -> None:
         """Note what was processed since the last look, then what was said of injections."""
-        for passage, position, rows in self._reading.parts(self._passages):
-            passage.note(rows, position)
-        for passage, _, rows in self._nominal.parts(self._passages):
-            passage.note_nominal(rows)
+        for passage, position, rows, nominal in self._reading.parts(self._passages):
+            passage.note(rows, position, nominal)
         news, self._news = self._news, []
         for each in news:
             match each:

@@ -9,11 +9,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit, typeof, types
+from numba import from_dtype, njit, typeof, types
 from numba.experimental import structref
 from numpy.typing import NDArray
 
+from observer_rt.bus.frame_block import FrameBlock
 from observer_rt.observer.stream.state import Constants, Observer
+from observer_rt.service.compiled.asking import ASKING, Asking, Need
+from observer_rt.service.compiled.many import take_many
 from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
 
 
@@ -47,6 +50,11 @@ def _handle(held, key, payload, stamp):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _take_many(held, asking, block, first):  # type: ignore[no-untyped-def]
+    return take_many(held.pipeline, asking, block, first)
+
+
+@njit(cache=True, nogil=True)
 def _proceed(held):  # type: ignore[no-untyped-def]
     return proceed(held.pipeline)
 
@@ -62,6 +70,13 @@ class CompiledPipeline:
     def _handle(self) -> Any:
         payload = types.Array(types.uint8, 1, "C")  # written by nobody
         return _handle.compile((typeof(self._held), types.int64, payload, types.int64))
+
+    @cached_property
+    def _take_many(self) -> Any:
+        numbers, payloads = types.Array(types.int64, 1, "C"), types.Array(types.uint8, 1, "C")
+        block = types.NamedTuple((numbers, numbers, numbers, payloads), FrameBlock)
+        asking = types.NamedTuple((types.Array(from_dtype(ASKING), 1, "C"), numbers), Asking)
+        return _take_many.compile((typeof(self._held), asking, block, types.int64))
 
     @cached_property
     def _proceed(self) -> Any:
@@ -85,6 +100,11 @@ class CompiledPipeline:
     def handle(self, key: int, payload: NDArray[np.uint8], stamp: int) -> bool:
         """Take one frame: see `pipeline.handle`."""
         return bool(self._handle(self._held, key, payload, stamp))
+
+    def take_many(self, asking: Asking, block: FrameBlock, first: int) -> tuple[int, Need]:
+        """Take frames of a block from `first` on: see `many.take_many`."""
+        number, need = self._take_many(self._held, asking, block, first)
+        return number, Need(need)
 
     def proceed(self) -> bool:
         """Go on after a judgement: see `pipeline.proceed`."""

@@ -103,6 +103,11 @@ class OptionalInputs:
         index = _NEVER if left == math.inf else newest + math.ceil(left / interval)
         return Again(newest, index, any(one.waits_for_rest for one in self._all))
 
+    @property
+    def looks_at_each(self) -> bool:
+        """Whether `look` is to be called after every frame: else only now and then."""
+        return any(one.looks_at_each for one in self._all)
+
     def look(self) -> None:
         """Samples were observed."""
         for one in self._all:

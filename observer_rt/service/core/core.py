@@ -18,7 +18,7 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.evidence.slow_noise import SlowNoise
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
-from observer_rt.observer.observer import make_observer
+from observer_rt.observer.observer import make_observer, remembered
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.lift_figures import LiftFigures, lift_figures
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
@@ -175,7 +175,7 @@ class Core:
 
         Only the last `RING` samples are remembered.
         """
-        return self.compiled.observer.ring[np.arange(max(start, end - RING), end) % RING]
+        return remembered(self.compiled.observer.ring, max(start, end - RING), end).copy()
 
     def inputs(self, first: int, most: int) -> dict[Role, NDArray[np.float64]]:
         """Processed samples from a position on [m; Pa above the chamber pressure], of those that are remembered.

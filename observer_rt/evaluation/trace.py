@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from observer_rt.observer.stream.state import State
 
 Signal = NDArray[np.float64]
 
@@ -25,6 +28,15 @@ class Trace:
     x: Signal
     phi: Signal
     nominal_rate: Signal
+
+    @classmethod
+    def unavailable(cls, samples: int, state: State) -> Self:
+        """The observer in one state, nothing available."""
+        rate, sigma, nominal = np.full((3, samples), np.nan)
+        x, phi = np.full((2, samples, 3), np.nan)
+        return cls(
+            rate, sigma, np.zeros(samples, np.bool_), np.full(samples, state, np.int8), x, phi, nominal
+        )
 
 
 def joined(traces: Sequence[Trace]) -> Trace:

@@ -3,10 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from tools.benchmarks.speed.evaluated import ARRAYS, CAN_LOG, MDF4, PARQUET
 from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.roundtrip import BUSY, ECHO, LEAN, OURS, PEER
 from tools.benchmarks.speed.scaling import exponent
 from tools.benchmarks.speed.traffic import SAMPLES
+
+EVALUATE_BARS = {ARRAYS: 0.8, PARQUET: 0.5, MDF4: 0.5, CAN_LOG: 0.5}
+"""Of the core's speed, by what is evaluated."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,8 @@ class Figure:
 
 def figures(speed: Speed) -> list[Figure]:
     """All of them, None for those not measured."""
-    return [*_round_trip(speed), *_sustained(speed), *_sample(speed), *_training(speed), *_rest(speed)]
+    parts = (_round_trip, _sustained, _sample, _evaluate, _training, _rest)
+    return [figure for part in parts for figure in part(speed)]
 
 
 def _round_trip(speed: Speed) -> Iterator[Figure]:
@@ -73,6 +78,14 @@ def _sample(speed: Speed) -> Iterator[Figure]:
     yield Figure(
         "whole_step_vs_c", found.whole / found.in_c if found else None, "the same C: no events, no statistics"
     )
+
+
+def _evaluate(speed: Speed) -> Iterator[Figure]:
+    found = speed.evaluate
+    for source, bar in EVALUATE_BARS.items():
+        name = f"evaluate_{source.replace(' ', '_')}_vs_core"
+        value = found.share(source) if found else None
+        yield Figure(name, value, "the compiled core alone, nothing learned", at_least=bar)
 
 
 def _training(speed: Speed) -> Iterator[Figure]:

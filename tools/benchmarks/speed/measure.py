@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from tools.benchmarks.speed.evaluated import EvaluateTimes, measure_evaluate
 from tools.benchmarks.speed.roundtrip import RoundTrips, measure_roundtrips
 from tools.benchmarks.speed.sample import SampleTimes, measure_sample
 from tools.benchmarks.speed.scaling import Row, measure_scaling
@@ -24,6 +25,7 @@ class Part(StrEnum):
     SUSTAINED = "sustained"
     ROUNDTRIP = "roundtrip"
     SAMPLE = "sample"
+    EVALUATE = "evaluate"
     TRAINING = "training"
     STARTUP = "startup"
     SCALING = "scaling"
@@ -47,6 +49,7 @@ class Speed:
     sustained: Sustained | None = None
     roundtrips: RoundTrips | None = None
     sample: SampleTimes | None = None
+    evaluate: EvaluateTimes | None = None
     training: TrainingTimes | None = None
     startup: Startup | None = None
     scaling: tuple[Row, ...] = ()
@@ -67,8 +70,9 @@ def measure_speed(plan: SpeedPlan, messages: Console) -> Speed:
         sustained = measure_sustained(folder, traffic, plan.seconds) if wanted(Part.SUSTAINED) else None
         roundtrips = measure_roundtrips(folder, plan.roundtrip_seconds) if wanted(Part.ROUNDTRIP) else None
         sample = measure_sample(folder) if wanted(Part.SAMPLE) else None
+        evaluate = measure_evaluate(folder) if wanted(Part.EVALUATE) else None
         training = measure_training(traffic) if wanted(Part.TRAINING) else None
         startup = measure_startup(folder, cold=plan.cold) if wanted(Part.STARTUP) else None
         scaling = tuple(measure_scaling()) if wanted(Part.SCALING) else ()
     load = before, os.getloadavg()[0]
-    return Speed(load, sustained, roundtrips, sample, training, startup, scaling)
+    return Speed(load, sustained, roundtrips, sample, evaluate, training, startup, scaling)

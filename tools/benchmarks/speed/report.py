@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tools.benchmarks.speed.bars import figures
+from tools.benchmarks.speed.evaluated import EvaluateTimes
 from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.roundtrip import ECHO, RoundTrips
 from tools.benchmarks.speed.training import USUAL, TrainingTimes
@@ -30,6 +31,8 @@ def print_speed(speed: Speed, console: Console) -> None:
         times = speed.sample
         text = f"open sample: {times.ours:.2f} us, in C {times.in_c:.2f}, whole step {times.whole:.2f}"
         console.print(f"{text}; the same rates to {times.largest_difference:.1e}", highlight=False)
+    if speed.evaluate:
+        console.print(_evaluate_table(speed.evaluate))
     if speed.training:
         console.print(_training_table(speed.training))
         ours, theirs = speed.training.costs
@@ -62,6 +65,7 @@ def speed_document(speed: Speed) -> dict[str, Any]:
             "roundtrip": speed.roundtrips and speed.roundtrips.document(),
             "sustained": speed.sustained and speed.sustained.document(),
             "sample": speed.sample and asdict(speed.sample),
+            "evaluate": speed.evaluate and asdict(speed.evaluate),
             "training": speed.training and asdict(speed.training),
             "startup": speed.startup and asdict(speed.startup),
             "scaling": [asdict(row) for row in speed.scaling],
@@ -96,6 +100,15 @@ def _round_trip_table(found: RoundTrips) -> Table:
         if not found.is_kept(pace):
             table.add_row(pace, "the echo falls behind: too busy a machine, no verdict at this pace")
         table.add_section()
+    return table
+
+
+def _evaluate_table(times: EvaluateTimes) -> Table:
+    title = f"evaluate, us a sample ({times.seconds:g} s, nothing learned; verdicts {times.verdicts:.2f})"
+    table = Table("", "us", "of the core's speed", title=title, title_justify="left")
+    table.add_row("compiled core alone", f"{times.core:.2f}", "")
+    for source, us in times.whole.items():
+        table.add_row(source, f"{us:.2f}", f"{100 * times.share(source):.0f} %")
     return table
 
 

@@ -41,7 +41,7 @@ class Hearer(Protocol):
         """The mass of the last injection, measured."""
 
     def take_passed(self, time: Signal, trace: Trace) -> None:
-        """Samples that are now forgotten: times [s] (n,) and what was said of them."""
+        """Samples that are now forgotten: times [s] (n,) and what was said of them, to be copied where it is kept."""
 
 
 class Passage:
@@ -88,12 +88,9 @@ class Passage:
 
     def give(self, time: Signal, measured_rate: Signal | None) -> None:
         """Further samples, which the observer will be given: their times [s] and measured rates [m3/s], (n,)."""
+        if self._end + time.size > len(self._rows):
+            self._make_room(time.size)
         end = self._end + time.size
-        if end > len(self._rows):
-            kept = self._remembered
-            self._rows = np.empty(2 * (len(kept) + time.size), HELD)  # others have views of the old ones
-            self._rows[: len(kept)] = kept
-            self._begin, self._end, end = 0, len(kept), len(kept) + time.size
         rows = self._rows[self._end : end]
         rows.view(np.float64)[:] = np.nan  # several times as fast as field by field
         rows["valid"], rows["state"] = False, State.STARTING
@@ -102,6 +99,14 @@ class Passage:
             self._is_measured = True
             rows["measured_rate"] = measured_rate
         self._end = end
+
+    def _make_room(self, samples: int) -> None:
+        """For so many further ones, and seldom."""
+        kept = self._remembered
+        if 2 * (len(kept) + samples) > len(self._rows):
+            self._rows = np.empty(3 * (len(kept) + samples), HELD)
+        self._rows[: len(kept)] = kept
+        self._begin, self._end = 0, len(kept)
 
     def pass_on(self, processed: int) -> None:
         """Hand over what lies so far back that no injection will need it. processed: samples of the observer."""

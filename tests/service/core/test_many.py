@@ -108,9 +108,9 @@ def test_from_several_buses(tmp_path: Path, many: Callable[[], None]) -> None:
 
 
 def _fuel(celsius: Sequence[float | None]) -> list[core_frames.Frame]:
-    """A temperature every 100 frames: within events, between them, and stale in the end."""
+    """A temperature every 200 frames: within events, between them, and stale in the end."""
     frames = test_fuel_temperature.frames_of(test_fuel_temperature.simulation(40.0).recording)
-    told = ((100 * n, test_fuel_temperature.sensor(each)) for n, each in enumerate(celsius))
+    told = ((200 * n, test_fuel_temperature.sensor(each)) for n, each in enumerate(celsius))
     return inserted(frames, told)
 
 

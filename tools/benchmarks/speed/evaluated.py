@@ -1,10 +1,11 @@
 """How fast recordings run through `evaluate`, beside the compiled core alone on the same frames."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
@@ -35,22 +36,33 @@ REPEATED = 15  # times: 30 s
 PASSES = 3
 
 
+class Cost(NamedTuple):
+    """Microseconds a sample: by the clock, and of processors, this process alone (MDF4 is read by another)."""
+
+    wall: float
+    processor: float
+
+
 @dataclass(frozen=True)
 class EvaluateTimes:
-    """Microseconds a sample, wall time of the fastest of interleaved passes; nothing is learned.
+    """The least of interleaved passes; nothing is learned.
 
     core: compiled code, frames in arrays; verdicts: what Python does beside when events are judged; whole: from a
     source to its results, by source. seconds: of the recording.
     """
 
     seconds: float
-    core: float
-    verdicts: float
-    whole: dict[str, float]
+    core: Cost
+    verdicts: Cost
+    whole: dict[str, Cost]
 
     def share(self, source: str) -> float:
-        """Of the core's speed."""
-        return self.core / self.whole[source]
+        """Of the core's speed, by the clock."""
+        return self.core.wall / self.whole[source].wall
+
+    def processor_share(self, source: str) -> float:
+        """The same by the time of processors."""
+        return self.core.processor / self.whole[source].processor
 
 
 def measure_evaluate(folder: Path) -> EvaluateTimes:
@@ -60,21 +72,45 @@ def measure_evaluate(folder: Path) -> EvaluateTimes:
     device, held = Device(map_bus(bench)), HeldSignals(recording)
     device.begin(SAMPLE_RATE)
     blocks = [block for chunk in device.chunks(held.chunks()) for block in device.blocks(chunk)]
-    core, verdicts, whole = [], [], {name: [] for name in sources}  # type: ignore[var-annotated]
+    core, verdicts = _Watch(), _Watch()
+    whole = {name: _Watch() for name in sources}
     for _ in range(1 + PASSES):
-        compiled, answered = _core_alone(bench, blocks)
-        core.append(compiled)
-        verdicts.append(answered)
+        _core_alone(bench, blocks, core, verdicts)
         for name, opened in sources.items():
-            begin = time.perf_counter()
-            evaluate_stream(bench, [opened()], learning=False)
-            whole[name].append(time.perf_counter() - begin)
+            with whole[name].runs():
+                evaluate_stream(bench, [opened()], learning=False)
+            whole[name].end_pass()
+    samples = recording.samples
+    found = {name: watch.least(samples) for name, watch in whole.items()}
+    return EvaluateTimes(samples / SAMPLE_RATE, core.least(samples), verdicts.least(samples), found)
 
-    def us(times: Sequence[float]) -> float:
-        return min(times[1:]) / recording.samples / MICROSECOND
 
-    found = {name: us(times) for name, times in whole.items()}
-    return EvaluateTimes(recording.samples / SAMPLE_RATE, us(core), us(verdicts), found)
+class _Watch:
+    """Adds up what runs while it does, pass by pass."""
+
+    def __init__(self) -> None:
+        self._passes = [Cost(0.0, 0.0)]  # s; the last one is under way
+
+    @contextmanager
+    def runs(self) -> Iterator[None]:
+        wall, processor = time.perf_counter(), time.process_time()
+        yield
+        before = self._passes[-1]
+        self._passes[-1] = Cost(
+            before.wall + time.perf_counter() - wall, before.processor + time.process_time() - processor
+        )
+
+    def leave_out(self, other: "_Watch") -> None:
+        """What ran within."""
+        mine, theirs = self._passes[-1], other._passes[-1]
+        self._passes[-1] = Cost(mine.wall - theirs.wall, mine.processor - theirs.processor)
+
+    def end_pass(self) -> None:
+        self._passes.append(Cost(0.0, 0.0))
+
+    def least(self, samples: int) -> Cost:
+        """Of all but the first pass, which compiles; a sample."""
+        return Cost(*(min(times) / samples / MICROSECOND for times in zip(*self._passes[1:-1], strict=True)))
 
 
 def _recording() -> Recording:
@@ -109,18 +145,14 @@ def _sources(folder: Path, bench: Bench, recording: Recording) -> dict[str, Call
     }
 
 
-def _core_alone(bench: Bench, blocks: Sequence[FrameBlock]) -> tuple[float, float]:
-    """Seconds in compiled code, and beside it."""
+def _core_alone(bench: Bench, blocks: Sequence[FrameBlock], compiled: _Watch, beside: _Watch) -> None:
+    """One pass over the frames: compiled code by one watch, what is done beside it by the other."""
     core = Core(bench.injector, map_bus(bench), learning=False)
-    compiled = 0.0
 
     def timed(call: Callable[..., Any]) -> Callable[..., Any]:
         def run(*arguments: Any) -> Any:
-            nonlocal compiled
-            begin = time.perf_counter()
-            result = call(*arguments)
-            compiled += time.perf_counter() - begin
-            return result
+            with compiled.runs():
+                return call(*arguments)
 
         return run
 
@@ -128,9 +160,11 @@ def _core_alone(bench: Bench, blocks: Sequence[FrameBlock]) -> tuple[float, floa
     with (
         patch.object(pipeline, "take_many", timed(pipeline.take_many)),
         patch.object(pipeline, "proceed", timed(pipeline.proceed)),
+        beside.runs(),
     ):
-        begin = time.perf_counter()
         for block in blocks:
             core.handle_many(block)
         core.finish()
-        return compiled, time.perf_counter() - begin - compiled
+    beside.leave_out(compiled)
+    compiled.end_pass()
+    beside.end_pass()

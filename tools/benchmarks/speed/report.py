@@ -104,11 +104,13 @@ def _round_trip_table(found: RoundTrips) -> Table:
 
 
 def _evaluate_table(times: EvaluateTimes) -> Table:
-    title = f"evaluate, us a sample ({times.seconds:g} s, nothing learned; verdicts {times.verdicts:.2f})"
-    table = Table("", "us", "of the core's speed", title=title, title_justify="left")
-    table.add_row("compiled core alone", f"{times.core:.2f}", "")
-    for source, us in times.whole.items():
-        table.add_row(source, f"{us:.2f}", f"{100 * times.share(source):.0f} %")
+    title = f"evaluate, us a sample ({times.seconds:g} s, nothing learned; verdicts {times.verdicts.processor:.2f})"
+    columns = ("", "clock", "of the core's speed", "processor", "of the core's")
+    table = Table(*columns, title=title, title_justify="left")
+    table.add_row("compiled core alone", f"{times.core.wall:.2f}", "", f"{times.core.processor:.2f}", "")
+    for source, cost in times.whole.items():
+        shares = f"{100 * times.share(source):.0f} %", f"{100 * times.processor_share(source):.0f} %"
+        table.add_row(source, f"{cost.wall:.2f}", shares[0], f"{cost.processor:.2f}", shares[1])
     return table
 
 

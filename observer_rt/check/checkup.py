@@ -44,7 +44,7 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
         findings.append(failed("mapping", error))
     findings += _each(bench, channel_findings)
     findings += _each(bench, observer_findings)
-    findings += real_time_findings(this_host())
+    findings += real_time_findings(this_host(bench.config.realtime.cpus, len(bench.injectors)))
     for link in bench.config.buses:
         if link.config.interface == "socketcan":
             controller = read_controller(link.config.channel)

@@ -48,15 +48,17 @@ class Daemon:
         on_alive: Callable[[], None] = lambda: None,
         failed_writes: Callable[[], int] = lambda: 0,
         learning: Executor | None = None,
+        processor: int | None = None,
     ) -> None:
         """links: of all buses, in order. knowledge: restored from an earlier run.
 
         on_alive: called some ten times a second by the loop, for whoever watches that it goes round. failed_writes:
         so far, of whoever writes files beside the loop; for the status. learning: where events are learned from,
-        one after another; None: in a thread of its own.
+        one after another; None: in a thread of its own. processor: that a compiled loop is to stay on.
         """
         self._links = links
         self._bus = bus
+        self._processor = processor
         self._tell = tell = to_all(listeners)
         self._on_alive = on_alive
         self._failed_writes = failed_writes
@@ -116,7 +118,9 @@ class Daemon:
         if not can_pump(self._links, self._bus):
             return PythonPump(self._links, self.core, self.arrivals)
         port = self.ports[self._bus.rate.layout.bus if self._bus.rate else 0]
-        return CompiledPump(self._links, self.core, self._bus, self.arrivals, port.count_unsent)
+        return CompiledPump(
+            self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._processor
+        )
 
     def _serve_once(self) -> None:
         """What the pump has, soon; results, and status when it is due."""

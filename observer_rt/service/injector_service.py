@@ -26,13 +26,25 @@ from observer_rt.service.words import Topic
 class InjectorService:
     """Waits for the injector's interfaces, then observes it, until told to stop."""
 
-    def __init__(self, bench: Bench, bus: BusMap, keeper: Keeper, voice: Voice, notifier: Notifier) -> None:
-        """bench: with this injector only. Says what was learned before, and what it will observe."""
+    def __init__(
+        self,
+        bench: Bench,
+        bus: BusMap,
+        keeper: Keeper,
+        voice: Voice,
+        notifier: Notifier,
+        processor: int | None = None,
+    ) -> None:
+        """bench: with this injector only; processor: of its loop.
+
+        Says what was learned before, and what it will observe.
+        """
         injector = bench.injector
         self._bench = bench
         self._bus = bus
         self._keeper = keeper
         self._voice = voice
+        self._processor = processor
         self._knowledge = restored_knowledge(
             keeper.state,
             model_hash(injector.parameters),
@@ -70,6 +82,7 @@ class InjectorService:
                 on_alive,
                 lambda: self._keeper.failures + self._voice.log.lost,
                 learning,
+                self._processor,
             )
             self.screen.watch(daemon)
             self._voice.say(Topic.START, "ready")

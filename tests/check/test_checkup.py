@@ -14,6 +14,7 @@ from observer_rt.check.checkup import Finding, Level, as_json_document, as_table
 from observer_rt.check.host import Host, real_time_findings
 from observer_rt.check.load import expected_load
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
+from observer_rt.service.processors import Processors
 from observer_rt.service.rights import Rights
 
 DATABASE = EXAMPLE_BENCH.with_name("observer_fd.dbc")
@@ -200,11 +201,13 @@ def test_levels_of_the_bus_load(
     assert [finding.level for finding in of(findings_of(bench), "bus load")] == levels
 
 
-GOOD_HOST = Host(Rights(may_hurry=True, may_lock_memory=True), swap_in_use=False, processors=4)
+GOOD_HOST = Host(
+    Rights(may_hurry=True, may_lock_memory=True), swap_in_use=False, processors=4, loops=Processors()
+)
 
 
 def test_a_good_machine() -> None:
-    assert [finding.level for finding in real_time_findings(GOOD_HOST)] == [Level.OK] * 4
+    assert [finding.level for finding in real_time_findings(GOOD_HOST)] == [Level.OK] * 5
 
 
 @pytest.mark.parametrize(
@@ -214,6 +217,7 @@ def test_a_good_machine() -> None:
         (replace(GOOD_HOST, rights=Rights(may_hurry=True, may_lock_memory=False)), "--memlock=unlimited"),
         (replace(GOOD_HOST, swap_in_use=True), "sudo swapoff"),
         (replace(GOOD_HOST, processors=1), "taskset"),
+        (replace(GOOD_HOST, loops=Processors(refused=(9,))), "cpuset"),
     ],
 )
 def test_a_machine_that_may_not_keep_up(host: Host, remedy: str) -> None:

@@ -1,4 +1,4 @@
-"""Findings about the machine: real-time rights, memory, processors."""
+"""Findings about the machine: real-time rights, memory, processors, compiled code."""
 
 import os
 from collections.abc import Sequence
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.check.findings import Finding, Level, graded
+from observer_rt.foundation.compilation import CompiledCode
 from observer_rt.service.processors import REMEDY, Processors, processors
 from observer_rt.service.rights import PRIORITY, Rights, rights
 
@@ -31,6 +32,12 @@ def this_host(cpus: Sequence[int] | None = None, loops: int = 1) -> Host:
         processors=len(os.sched_getaffinity(0)),
         loops=processors(cpus, loops),
     )
+
+
+def compiled_code_findings(code: CompiledCode) -> list[Finding]:
+    """Whether what is compiled once is still there at the next start."""
+    text = code.trouble or f"kept in {code.folder}"
+    return [graded("compiled code", not code.trouble, text, code.remedy)]
 
 
 def real_time_findings(host: Host) -> list[Finding]:

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bench_map import BenchMap, map_bench
 from observer_rt.config.bench import Bench
-from observer_rt.foundation.compilation import is_compiled
+from observer_rt.foundation.compilation import compiled_code, is_compiled
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.service.injector_service import InjectorService
 from observer_rt.service.keeping.keeper import keeper_of
@@ -70,6 +70,8 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         stop = stack.enter_context(stop_on_signals())
         if not is_compiled():
             log.say(Topic.START, COMPILING)
+        if trouble := compiled_code().trouble:
+            log.say(Topic.START, f"warning: {trouble}\n  remedy: {compiled_code().remedy}")
         for alone, bus in zip(bench.each, mapped.injectors, strict=True):
             warm_up(alone, bus)
         notifier.ready()

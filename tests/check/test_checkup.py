@@ -11,9 +11,10 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.check.checkup import Finding, Level, as_json_document, as_table, checkup
-from observer_rt.check.host import Host, real_time_findings
+from observer_rt.check.host import Host, compiled_code_findings, real_time_findings
 from observer_rt.check.load import expected_load
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
+from observer_rt.foundation.compilation import CompiledCode
 from observer_rt.service.processors import Processors
 from observer_rt.service.rights import Rights
 
@@ -224,6 +225,13 @@ def test_a_machine_that_may_not_keep_up(host: Host, remedy: str) -> None:
     (finding,) = (f for f in real_time_findings(host) if f.level is not Level.OK)
     assert finding.level is Level.WARNING
     assert remedy in finding.text
+
+
+def test_where_compiled_code_is_kept() -> None:
+    (kept,) = compiled_code_findings(CompiledCode(Path("/var/cache/ours")))
+    assert (kept.level, kept.text) == (Level.OK, "kept in /var/cache/ours")
+    (lost,) = compiled_code_findings(CompiledCode(Path("/tmp/ours"), "cannot be kept in /home", "make room"))
+    assert (lost.level, lost.text) == (Level.WARNING, "cannot be kept in /home; make room")
 
 
 def test_the_interface_is_looked_at_for_socketcan_only(findings_of: Callable[..., list[Finding]]) -> None:

@@ -1,6 +1,7 @@
 """Processors of the loops: what is asked for is tried, and Python is kept off what was granted."""
 
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -11,7 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.service.processors import Processors, numbers_in, processors
+from tests.service.participants import until
 
 NOT_THERE = 8191
 USED = """
@@ -106,3 +109,40 @@ def test_lists_of_linux(numbers: set[int]) -> None:
 )
 def test_what_is_said(found: Processors, text: str) -> None:
     assert found.as_text() == text
+
+
+def test_the_loop_of_a_daemon_is_alone_on_its_processor(tmp_path: Path) -> None:
+    there = os.sched_getaffinity(0)
+    mine = max(there)
+    bench = tmp_path / "bench.toml"
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    link = f'interface = "descriptor"\nchannel = "{ours.fileno()}"'
+    text = EXAMPLE_BENCH.read_text().replace('interface = "socketcan"', link).replace('channel = "can0"', "")
+    bench.write_text(f"{text}\n[realtime]\ncpus = [{mine}, {NOT_THERE}]\n")
+    command = [sys.executable, "-m", "observer_rt", "run", "--bench", str(bench)]
+    with (
+        ours,
+        theirs,
+        subprocess.Popen(command, stderr=subprocess.PIPE, text=True, pass_fds=[ours.fileno()]) as daemon,
+    ):
+        assert daemon.stderr is not None
+        said = []
+        for line in daemon.stderr:
+            said.append(line)
+            if line.endswith("ready\n"):
+                break
+        until(lambda: {mine} in allowed(daemon.pid))
+        found = allowed(daemon.pid)
+        daemon.terminate()
+        said += daemon.stderr.readlines()
+    others = there - {mine} or there
+    assert sorted(map(sorted, found)) == sorted([[mine], *[sorted(others)] * (len(found) - 1)])
+    beside = "Python beside it" if others != there else "with Python on it, too"
+    assert any(f"the loop on CPU {mine}, {beside}" in line for line in said), said
+    assert any(f"WARNING start: CPU {NOT_THERE} of realtime.cpus cannot be used" in line for line in said)
+    assert daemon.returncode == 0, said
+
+
+def allowed(process: int) -> list[set[int]]:
+    """Processors that each thread of a process may run on."""
+    return [set(os.sched_getaffinity(int(task.name))) for task in Path(f"/proc/{process}/task").iterdir()]

@@ -1,7 +1,7 @@
 """The command line: which commands there are, errors as messages and exit codes.
 
 Exit codes: 0 there is a result, 1 failed at run time or `check` found an error, 2 the command line or a file the
-user supplied must change.
+user supplied must change, 130 it was interrupted.
 """
 
 import os

@@ -209,6 +209,11 @@ class Daemon:
         return sum(port.unsent for port in self.ports)
 
     @property
+    def failed_writes(self) -> int:
+        """How often learned state or journal could not be written, and lines of the log that were given up."""
+        return self._failed_writes()
+
+    @property
     def troubles(self) -> int:
         """How often an interface went down or away, and its controller error-passive or bus-off."""
         return sum(port.troubles for port in self.ports)
@@ -225,7 +230,7 @@ class Daemon:
             rail_pressure_age=rail,
             needle_lift_age=lift,
             line_pressure_age=line,
-            failed_writes=self._failed_writes(),
+            failed_writes=self.failed_writes,
         )
         injector_id = self._injector.config.outputs.injector_id
         return self._status_writer.write(

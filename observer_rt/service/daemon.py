@@ -22,13 +22,12 @@ from observer_rt.service.port import Port
 from observer_rt.service.pump.compiled_pump import CompiledPump, can_pump
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.pump.python_pump import PythonPump
-from observer_rt.service.reports.news import Listener, Notice, to_all
+from observer_rt.service.reports.news import Listener, to_all
 from observer_rt.service.rights import take_time
 from observer_rt.service.state_file import model_hash
 from observer_rt.service.watch.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.service.watch.input_watch import InputWatch
 from observer_rt.service.watch.state_watch import StateWatch
-from observer_rt.service.words import Topic
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data
@@ -59,7 +58,7 @@ class Daemon:
         self._links = links
         self._bus = bus
         self._processor = processor
-        self._tell = tell = to_all(listeners)
+        self._tell = to_all(listeners)
         self._on_alive = on_alive
         self._failed_writes = failed_writes
         self.ports = tuple(
@@ -68,7 +67,7 @@ class Daemon:
                 named.config.channel,
                 each,
                 any(layout.bus == number for layout in bus.received),
-                lambda text, is_over: tell(Notice(Topic.LINK, text, is_over)),
+                self._tell,
             )
             for number, (named, each) in enumerate(zip(bench.config.buses, self._links, strict=True))
         )

@@ -16,6 +16,7 @@ from observer_rt.service.log import Voice
 from observer_rt.service.notify import Notifier
 from observer_rt.service.opening import StoppedError, buses_of, open_links, tell_other_senders
 from observer_rt.service.reports.news import News
+from observer_rt.service.reports.once import Once
 from observer_rt.service.reports.telling import Teller
 from observer_rt.service.restoring import restored_knowledge
 from observer_rt.service.state_file import model_hash
@@ -33,9 +34,10 @@ class InjectorService:
         keeper: Keeper,
         voice: Voice,
         notifier: Notifier,
+        once: Once,
         processor: int | None = None,
     ) -> None:
-        """bench: with this injector only; processor: of its loop.
+        """bench: with this injector only; once: of all injectors; processor: of its loop.
 
         Says what was learned before, and what it will observe.
         """
@@ -53,7 +55,7 @@ class InjectorService:
         )
         self._announce()
         self.screen = View(voice.named(f"observer_rt: {self._buses}"), injector)
-        self._teller = Teller(voice, notifier, bench_constants(injector).coefficients)
+        self._teller = Teller(voice, notifier, bench_constants(injector).coefficients, once)
 
     @property
     def name(self) -> str:

@@ -11,7 +11,7 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.links import NamedLink
 from observer_rt.recording.replay.traffic import first_heard
-from observer_rt.service.reports.news import Listener, Notice
+from observer_rt.service.reports.news import Listener, Notice, of_bus
 from observer_rt.service.watch.arrivals import message_text
 from observer_rt.service.watch.senders import REMEDY
 from observer_rt.service.words import Topic
@@ -40,9 +40,9 @@ def open_links(
         link = _when_there(named, _wanted(bus, number), len(used) > 1, tell, stop, on_alive)
         yield link
         on = f"{named.label}: " if len(used) > 1 else ""
-        tell(Notice(Topic.START, f"{on}time stamps: {link.stamp_source}", is_over=True))
+        tell(of_bus(Topic.START, f"{on}time stamps: {link.stamp_source}", is_over=True))
         for warning in link.warnings:
-            tell(Notice(Topic.LINK, warning))
+            tell(of_bus(Topic.LINK, warning))
 
 
 def tell_other_senders(
@@ -91,10 +91,10 @@ def _when_there(
         except LinkDownError as error:
             if str(error) != told:
                 told = str(error)
-                tell(Notice(Topic.LINK, f"waiting for the interface: {told}"))
+                tell(of_bus(Topic.LINK, f"waiting for the interface: {told}"))
         else:
             if told:
-                tell(Notice(Topic.LINK, f"{named.label} is there", is_over=True))
+                tell(of_bus(Topic.LINK, f"{named.label} is there", is_over=True))
             return link
         on_alive()
         if stop.wait(RETRY):

@@ -22,9 +22,8 @@ from observer_rt.service.notify import Notifier
 from observer_rt.service.overview import Overview
 from observer_rt.service.processors import REMEDY, Processors, leave_to_loops, processors
 from observer_rt.service.pump.compiled_pump import is_pumped
-from observer_rt.service.reports.once import Once
 from observer_rt.service.rights import lock_memory, rights
-from observer_rt.service.sharing import refuse_shared
+from observer_rt.service.sharing import Shared, refuse_shared, shared_buses
 from observer_rt.service.show import Screen, draw
 from observer_rt.service.side_by_side import serve_side_by_side
 from observer_rt.service.warm_up import warm_up
@@ -97,12 +96,13 @@ def _services(
     stack: ExitStack,
 ) -> list[InjectorService]:
     """One for each injector; the stack lets go of their files."""
-    services, once = [], Once()
+    services = []
+    shared = Shared(notifier, shared_buses(bench, mapped.injectors))
     for number, (alone, bus) in enumerate(zip(bench.each, mapped.injectors, strict=True)):
         voice = Voice(log, alone.injector.name)
         tell_kept = partial(voice.say, Topic.KEPT)
         keeper = stack.enter_context(keeper_of(alone, options.state, options.journal, tell_kept))
-        services.append(InjectorService(alone, bus, keeper, voice, notifier, once, own.of(number)))
+        services.append(InjectorService(alone, bus, keeper, voice, shared, own.of(number)))
     return services
 
 

@@ -148,6 +148,26 @@ def test_each_is_observed_as_if_it_were_alone(
         assert f"INFO kept: {name}: learned state restored" in again.err
 
 
+def test_on_an_interface_that_opens_once_they_share_the_connection(
+    command: Command, bench: Path, traffic: Traffic, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As those of vendors; it is opened with what all of them want."""
+    opened: list[tuple[int, bool]] = []
+
+    def connect(interface: str, channel: str, fd: bool, wanted: list[tuple[int, bool]], stamps: bool) -> Link:
+        opened.extend(wanted)
+        return open_link(interface, channel, fd, wanted, stamps)
+
+    monkeypatch.setattr(opening, "open_link", connect)
+    monkeypatch.setattr("observer_rt.service.sharing.OPENED_OFTEN", ())
+    outcome, heard = run_and_stop(command, bench, traffic.frames, EVERYONE)
+    assert outcome.code == 0, outcome.err
+    for number in EVERYONE:
+        assert_as_alone(heard, traffic, number)
+        assert opened.count((lift_id(number), False)) == opened.count((RAIL_ID, False)) <= 2
+    assert "another node" not in outcome.err
+
+
 def test_damaged_frames_of_one_leave_the_others_alone(
     command: Command, bench: Path, traffic: Traffic
 ) -> None:
@@ -289,7 +309,6 @@ def test_one_of_them_can_be_run_by_itself(command: Command, bench: Path, traffic
         ("learned_{injector}.json", "learned.json", "have one state.file ="),
         ("injections_{injector}.sqlite", "injections.sqlite", "have one state.journal ="),
         ("[sampling]", "[outputs_]", "did you mean 'outputs'?"),
-        ('"virtual"', '"pcan"', "'pcan' can be opened once only, but one and two and three use"),
     ],
 )
 def test_what_they_cannot_share(command: Command, bench: Path, old: str, new: str, said: str) -> None:

@@ -127,6 +127,11 @@ int main(int argc, char **argv)
     for (long n = 0; n < first; n++)
         pauses += frames[n % loop].len == 0;
     for (long n = 0; n < count;) {
+        if (frames[(first + n) % loop].len == 0) {
+            n++;
+            pauses++;
+            continue;
+        }
         const int64_t due = start + n * period;
         if (now_ns() < due) {
             is_held = 0;
@@ -136,11 +141,6 @@ int main(int argc, char **argv)
         }
         hear(s, rate_id, &heard);
         struct canfd_frame f = frames[(first + n) % loop];
-        if (f.len == 0) {
-            n++;
-            pauses++;
-            continue;
-        }
         f.can_id = input_id;
         put_index(&f, (uint32_t)((first + n) * SAMPLES));
         protect(&f, (uint8_t)(first + n - pauses), data_id);

@@ -20,18 +20,21 @@ class SharedBus:
         self._lock = threading.Lock()  # of users, and of the connection's comings and goings
         self._sending = threading.Lock()
         self._users: tuple[_Share, ...] = ()
-        self._connections = 0
         self._end = threading.Event()
+        self._is_lost = False
+        self.connections = 0
+        """How often it was connected."""
+        self.trouble = Exception()
+        """What ended the last connection that was lost."""
 
     def open(self, receive_ids: Sequence[tuple[int, bool]]) -> Link:
         """A link for one more user, who wants these (identifier, is extended). Raises as `open_link`."""
         with self._lock:
             if not self._users:
                 self.link = self._connect()
+                self._begin_reading()
             share = _Share(self, frozenset(receive_ids))
             self._users = (*self._users, share)
-            if len(self._users) == 1:
-                self._begin_reading()
         return share
 
     def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
@@ -44,12 +47,16 @@ class SharedBus:
         with self._sending:
             self.link.send(frame_id, payload, is_extended, is_fd, flags)
 
-    def reconnect(self, failed: int) -> None:
-        """Connect anew after connection number `failed` was lost, unless another user's try did. Raises as `Link`."""
+    def reconnect(self) -> None:
+        """Connect anew, unless another user's try did. Raises as `Link`."""
         with self._lock, self._sending:
-            if failed == self._connections:
+            if self._is_lost:
                 self.link.reconnect()
                 self._begin_reading()
+
+    def is_good(self, connection: int) -> bool:
+        """Whether that is the connection there is."""
+        return not self._is_lost and connection == self.connections
 
     def leave(self, share: "_Share") -> None:
         """One user less."""
@@ -61,21 +68,19 @@ class SharedBus:
                 self.link.close()
 
     def _begin_reading(self) -> None:
-        self._connections += 1
+        self.connections += 1
+        self._is_lost = False
         self._end = threading.Event()
-        self._reader = threading.Thread(
-            target=self._read, args=(self._connections,), name="reading a shared bus", daemon=True
-        )
+        self._reader = threading.Thread(target=self._read, name="reading a shared bus", daemon=True)
         self._reader.start()
 
-    def _read(self, connection: int) -> None:
-        """Until nobody is left, or the link fails, which all hear."""
+    def _read(self) -> None:
+        """Until nobody is left, or the link fails."""
         while not self._end.is_set():
             try:
                 frame = self.link.receive(_LONGEST_WAIT)
             except Exception as error:  # whatever it is, all who wait for frames must hear of it
-                for user in self._users:
-                    user.fail(error, connection)
+                self.trouble, self._is_lost = error, True
                 return
             if frame is not None:
                 for user in self._users:
@@ -90,8 +95,7 @@ class _Share(Link):
         self._wanted = wanted
         self._arrived: Queue[Frame] = Queue(CAPACITY)
         self._overflown = 0
-        self._failure: Exception | None = None
-        self._failed = 0  # connection
+        self._connection = bus.connections
 
     def hand(self, frame: Frame) -> None:
         """Take a frame, if wanted."""
@@ -101,13 +105,9 @@ class _Share(Link):
             except Full:
                 self._overflown += 1
 
-    def fail(self, error: Exception, connection: int) -> None:
-        """Tell at the next `receive` that the connection is lost."""
-        self._failed, self._failure = connection, error
-
     def receive(self, timeout_s: float) -> Frame | None:
-        if self._failure is not None:
-            raise self._failure
+        if not self._bus.is_good(self._connection):
+            raise self._bus.trouble
         try:
             return self._arrived.get(timeout_s > 0.0, timeout_s)
         except Empty:
@@ -122,8 +122,8 @@ class _Share(Link):
         return self._bus.try_send(frame_id, payload, is_extended, is_fd)
 
     def reconnect(self) -> None:
-        self._bus.reconnect(self._failed)
-        self._failure = None
+        self._bus.reconnect()
+        self._connection = self._bus.connections
 
     @property
     def dropped(self) -> int:

@@ -33,6 +33,7 @@ class DeviceLink(FakeLink):
             return None
         arrived = self.waiting.popleft()
         if isinstance(arrived, Exception):
+            self.emptied.set()
             raise arrived
         return arrived
 
@@ -63,6 +64,12 @@ def users(device: DeviceLink) -> Iterator[list[Link]]:
     with ExitStack() as stack:
         wanted = ([(1, False), (2, False)], [(2, False), (3, True)])
         yield [stack.enter_context(bus.open(each)) for each in wanted]
+
+
+def read_on(link: Link) -> None:
+    """For as long as nothing keeps it from reading, a second at the most."""
+    for _ in range(100):
+        link.receive(0.01)
 
 
 def heard(link: Link) -> list[int]:
@@ -105,10 +112,10 @@ def test_it_closes_with_its_last_user_and_opens_with_the_next(device: DeviceLink
 
 
 def test_an_outage_is_one_for_all_and_ends_once(device: DeviceLink, users: list[Link]) -> None:
-    device.give(Frame(2, b"", 0), LinkDownError("unplugged"))
+    device.give(LinkDownError("unplugged"))
     for user in users:
         with pytest.raises(LinkDownError, match="unplugged"):
-            user.receive(1.0)
+            read_on(user)
     device.is_away = True
     with pytest.raises(LinkDownError, match="still away"):
         users[0].reconnect()
@@ -119,14 +126,31 @@ def test_an_outage_is_one_for_all_and_ends_once(device: DeviceLink, users: list[
         users[1].receive(1.0)
     users[1].reconnect()
     assert device.connections == 2
-    assert [heard(user) for user in users] == [[2, 2], [2, 2]]
+    assert [heard(user) for user in users] == [[2], [2]]
+
+
+def test_who_comes_during_an_outage_hears_of_it() -> None:
+    device = DeviceLink()
+    bus = SharedBus(lambda: device)
+    with bus.open([(1, False)]) as first:
+        device.give(LinkDownError("unplugged"))
+        with pytest.raises(LinkDownError):
+            read_on(first)
+        with bus.open([(1, False)]) as second:
+            with pytest.raises(LinkDownError, match="unplugged"):
+                read_on(second)
+            for user in (second, first):
+                user.reconnect()
+            device.give(Frame(1, b"", 0))
+            assert [heard(user) for user in (first, second)] == [[1], [1]]
+    assert device.connections == 2
 
 
 def test_whatever_ends_the_reading_is_heard_by_all(device: DeviceLink, users: list[Link]) -> None:
     device.give(ZeroDivisionError("in the driver"))
     for user in users:
         with pytest.raises(ZeroDivisionError):
-            user.receive(1.0)
+            read_on(user)
 
 
 @pytest.mark.parametrize("failure", [UserError("link", "no"), LinkDownError("away"), RunError("broken")])

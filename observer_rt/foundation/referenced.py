@@ -8,12 +8,15 @@ runs. Its elements are read where they are used; one that is a referenced tuple,
 """
 
 import hashlib
+from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar
 
-from numba import types
+import numpy as np
+from numba import njit, types
 from numba.core import cgutils
 from numba.core.datamodel import models
-from numba.core.imputils import impl_ret_borrowed, lower_getattr_generic
+from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import (
     NativeValue,
@@ -23,6 +26,7 @@ from numba.extending import (
     typeof_impl,
     unbox,
 )
+from numpy.typing import NDArray
 
 _Kind = TypeVar("_Kind", bound=type)
 _kinds: set[type] = set()
@@ -70,11 +74,57 @@ register_model(Reference)(models.OpaqueModel)
 
 @unbox(Reference)
 def _unbox(kind: Reference, value: Any, c: Any) -> NativeValue:
-    """On the stack of the entry."""
-    native = c.unbox(kind.tuple_type, value)
-    place = cgutils.alloca_once_value(c.builder, native.value)
-    pointer = c.builder.bitcast(place, cgutils.voidptr_t)
-    return NativeValue(pointer, is_error=native.is_error, cleanup=native.cleanup)
+    """To a copy of the leaves that lasts as long as the call; made elsewhere, for every entry has this code."""
+    make, its_kind = (c.pyapi.unserialize(c.pyapi.serialize_object(each)) for each in (_native, kind))
+    native = c.pyapi.call_function_objargs(make, (value, its_kind))
+    c.pyapi.decref(make)
+    c.pyapi.decref(its_kind)
+    is_error = cgutils.is_null(c.builder, native)
+    place = cgutils.alloca_once_value(c.builder, cgutils.get_null_value(cgutils.voidptr_t))
+    with c.builder.if_then(c.builder.not_(is_error)):
+        c.builder.store(c.pyapi.bytes_as_string(native), place)
+    return NativeValue(c.builder.load(place), is_error=is_error, cleanup=lambda: c.pyapi.decref(native))
+
+
+def _native(value: Any, kind: Reference) -> bytes:
+    """The leaves of a tuple as compiled code has them."""
+    return bytes(_entry(kind)(value))
+
+
+@cache
+def _entry(kind: Reference) -> Callable[[Any], NDArray[np.uint8]]:
+    compiled: Any = _leaves
+    entry: Callable[[Any], NDArray[np.uint8]] = compiled.compile((kind.tuple_type,))
+    return entry
+
+
+@njit(cache=True)
+def _leaves(value: Any) -> NDArray[np.uint8]:
+    found = np.empty(_size(value), np.uint8)
+    _write(found, value)
+    return found
+
+
+@intrinsic
+def _size(typing_context: Any, value: Any) -> Any:
+    """Bytes of a value."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return context.get_constant(types.intp, context.get_abi_sizeof(context.get_value_type(value)))
+
+    return types.intp(value), codegen
+
+
+@intrinsic
+def _write(typing_context: Any, target: Any, value: Any) -> Any:
+    """A value into an array of as many bytes."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(target)(context, builder, arguments[0]).data
+        builder.store(arguments[1], builder.bitcast(data, context.get_value_type(value).as_pointer()))
+        return context.get_dummy_value()
+
+    return types.none(target, value), codegen
 
 
 @infer_getattr
@@ -122,20 +172,6 @@ def _load(context: Any, builder: Any, kind: Any, pointer: Any) -> Any:
     )
     array.shape, array.strides = there.shape, there.strides
     return array._getvalue()
-
-
-@intrinsic
-def by_value(typing_context: Any, reference: Any) -> Any:
-    """The tuple itself, its arrays counted: for code that keeps it."""
-    if not isinstance(reference, Reference):
-        return None
-    kind = reference.tuple_type
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        value = builder.load(_typed(context, builder, reference, arguments[0]))
-        return impl_ret_borrowed(context, builder, kind, value)
-
-    return kind(reference), codegen
 
 
 def reference_to(builder: Any, pointer: Any) -> Any:

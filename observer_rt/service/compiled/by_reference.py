@@ -15,7 +15,7 @@ from numba.experimental import structref
 from numba.extending import intrinsic, overload_attribute
 from numpy.typing import NDArray
 
-from observer_rt.foundation.referenced import Reference, by_value, reference_to
+from observer_rt.foundation.referenced import Reference, reference_to
 from observer_rt.observer.stream.state import Constants, Observer
 from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
 
@@ -36,7 +36,7 @@ structref.define_proxy(_Held, _HeldType, ["leaves"])
 
 @njit(cache=True, nogil=True)
 def _hold(pipeline):  # type: ignore[no-untyped-def]
-    return _Held(by_value(pipeline))
+    return _Held(pipeline)
 
 
 @intrinsic
@@ -70,7 +70,10 @@ class CompiledPipeline:
 
     def __init__(self, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
-        self._held = _hold(pipeline)
+        self._held = self._hold()
+
+    def _hold(self) -> Any:
+        return _hold.compile((typeof(self._pipeline).tuple_type,))(self._pipeline)
 
     @cached_property
     def _handle(self) -> Any:
@@ -107,4 +110,4 @@ class CompiledPipeline:
     def change_constants(self, constants: Constants) -> None:
         """Observe with other constants from here on."""
         self._pipeline = self._pipeline._replace(observer=self.observer._replace(constants=constants))
-        self._held = _hold(self._pipeline)
+        self._held = self._hold()

@@ -72,7 +72,7 @@ class Pipeline(NamedTuple):
     publisher: Publisher
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def handle(pipeline: Pipeline, key: int, payload: NDArray[np.uint8], stamp: int) -> bool:
     """Take one frame, received at `stamp` [ns]; `key` as by `frame_key.frame_key`.
 

@@ -36,7 +36,7 @@ _recvmmsg, _send, _write, _poll = libc.recvmmsg, libc.send, libc.write, libc.pol
 _clock_gettime, _errno_location = libc.clock_gettime, libc.errno_location
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def run(pump: Pump, pipeline: Pipeline, wake: int) -> int:
     """Pump until told to stop, or until Python must do something first: `Need`. Call it again then.
 

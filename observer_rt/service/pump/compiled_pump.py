@@ -67,12 +67,14 @@ class CompiledPump(FramePump):
         bus: BusMap,
         arrivals: Arrivals,
         on_unsent: Callable[[int], None] = lambda count: None,
+        processor: int | None = None,
     ) -> None:
-        """on_unsent: hears how many rates were given up, now and then."""
+        """on_unsent: hears how many rates were given up, now and then; processor: that the loop is to stay on."""
         self._links = [link for link in links if isinstance(link, SocketCanLink)]
         self._core = core
         self._arrivals = arrivals
         self._on_unsent = on_unsent
+        self._processor = processor
         self._layouts = (*bus.received, *bus.sent)
         asked = [slow.layout for slow in bus.slow]
         self._pump = make_pump(len(links), self._layouts, asked, bus.rate.layout if bus.rate else None)
@@ -144,7 +146,7 @@ class CompiledPump(FramePump):
     def _loop(self) -> None:
         """The thread of the compiled loop; Python runs in it only for what the loop needs of it."""
         try:
-            hurry()
+            hurry(self._processor)
             while need := Need(self._compiled(self._pump, self._core.compiled.held, self._wake)):
                 if need is Need.INPUT:
                     self._take_input()

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from tools.benchmarks.speed.injectors import NUMBERS
 from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.roundtrip import BUSY, ECHO, LEAN, OURS, PEER
 from tools.benchmarks.speed.scaling import exponent
@@ -89,5 +90,10 @@ def _rest(speed: Speed) -> Iterator[Figure]:
     yield Figure("ready_cold_s", started.cold_s if started else None, "", 20.0)
     yield Figure("memory_mib", started.memory_mib if started else None, "")
     yield Figure("samples_exponent", exponent(speed.scaling) if speed.scaling else None, "1: linear", 1.1)
+    most = speed.injectors[-1] if speed.injectors else None
+    what = f"{NUMBERS[-1]} injectors, windows, learning"
+    yield Figure("injectors_cpu_share", most.cpu_share if most else None, f"one core; {what}", 1.0)
+    yield Figure("injectors_lost_samples", float(most.lost_samples) if most else None, what, 0.0)
+    yield Figure("injectors_not_judged", float(most.injections - most.judged) if most else None, what, 0.0)
     yield Figure("block_samples", SAMPLES, "")
     yield Figure("substeps", float(speed.sample.substeps) if speed.sample else None, "")

@@ -1,5 +1,6 @@
 """A run of `tools/bench speed` as tables and as a document."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -7,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tools.benchmarks.speed.bars import figures
+from tools.benchmarks.speed.injectors import InjectorsRow
 from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.roundtrip import ECHO, RoundTrips
 from tools.benchmarks.speed.training import USUAL, TrainingTimes
@@ -50,6 +52,8 @@ def print_speed(speed: Speed, console: Console) -> None:
         for row in speed.scaling:
             table.add_row(row.what, f"{row.value:g}", f"{row.us_a_sample:.2f}")
         console.print(table)
+    if speed.injectors:
+        console.print(_injectors_table(speed.injectors))
 
 
 def speed_document(speed: Speed) -> dict[str, Any]:
@@ -65,6 +69,7 @@ def speed_document(speed: Speed) -> dict[str, Any]:
             "training": speed.training and asdict(speed.training),
             "startup": speed.startup and asdict(speed.startup),
             "scaling": [asdict(row) for row in speed.scaling],
+            "injectors": [asdict(row) for row in speed.injectors],
         },
     }
 
@@ -96,6 +101,16 @@ def _round_trip_table(found: RoundTrips) -> Table:
         if not found.is_kept(pace):
             table.add_row(pace, "the echo falls behind: too busy a machine, no verdict at this pace")
         table.add_section()
+    return table
+
+
+def _injectors_table(rows: Sequence[InjectorsRow]) -> Table:
+    title = "injectors in one daemon, windows of 100 kHz, 25 injections a second each"
+    columns = ("injectors", "CPU", "lost samples", "injections", "judged", "learned from", "of these late")
+    table = Table(*columns, title=title, title_justify="left")
+    for each in rows:
+        counts = (each.lost_samples, each.injections, each.judged, each.learned, each.late)
+        table.add_row(str(each.injectors), f"{each.cpu_share:.2f}", *map(str, counts))
     return table
 
 

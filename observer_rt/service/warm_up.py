@@ -31,6 +31,7 @@ def warm_up(bench: Bench, bus: BusMap) -> Core:
     is_here = is_compiled()
     with nullcontext(lambda: None) if is_here else learning_compiled_beside(bench.injector) as wait:
         core = Core(bench.injector, bus)
+        core.compiled.proceed()  # compiled now, and not while another process is waited for
         if is_pumped(bench, bus):
             _pump(core, bus, len(bench.config.buses), lambda: _frames(bench, bus, wait))
             return core

@@ -17,17 +17,22 @@ from observer_rt.model.right_hand_side import ByTheta, Tangent
 
 @intrinsic
 def borrowed(typing_context: Any, array: Any) -> Any:
-    """The same array, uncounted."""
+    """The same array, uncounted; one that lies in a record is an array like any other."""
     if not isinstance(array, types.Array):
         return None
+    is_nested = isinstance(array, types.NestedArray)
+    kind = types.Array(array.dtype, array.ndim, "C") if is_nested else array
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        held = context.make_array(signature.args[0])(context, builder, arguments[0])
-        held.meminfo = cgutils.get_null_value(held.meminfo.type)
-        held.parent = cgutils.get_null_value(held.parent.type)
-        return held._getvalue()
+        held = context.make_array(array)(context, builder, arguments[0])
+        result = context.make_array(kind)(context, builder)
+        result.meminfo = cgutils.get_null_value(result.meminfo.type)
+        result.parent = cgutils.get_null_value(result.parent.type)
+        for name in ("nitems", "itemsize", "data", "shape", "strides"):
+            setattr(result, name, getattr(held, name))
+        return result._getvalue()
 
-    return array(array), codegen
+    return kind(array), codegen
 
 
 @njit(cache=True, nogil=True)

@@ -37,7 +37,7 @@ _recvmmsg, _send, _write, _poll = libc.recvmmsg, libc.send, libc.write, libc.pol
 _clock_gettime, _errno_location = libc.clock_gettime, libc.errno_location
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def run(pump: Pump, pipeline: Pipeline, wake: int) -> int:
     """Pump until told to stop, or until Python must do something first: `Need`. Call it again then.
 
@@ -242,15 +242,21 @@ def _take(pump: Pump, pipeline: Pipeline, number: int) -> int:
             _note_error(pump, number, identifier, payload)
         return _NOTHING
     pump.asking.memory[0].taken += 1
+    waits = handle(pipeline, key, payload, stamp)
+    send_rates(pump, pipeline.publisher)
+    _note_arrival(pump, key)
+    return _VERDICT if waits else _NOTHING
+
+
+@njit(cache=True, nogil=True)
+def _note_arrival(pump: Pump, key: int) -> None:
+    """Of a frame that is watched; once its rates are sent, for asking for the time may be a system call."""
     for watched in range(pump.arrivals.size):
         arrival = pump.arrivals[watched]
         if arrival.key == key:
-            arrival.frames += 1
             arrival.last = _now(pump, libc.CLOCK_MONOTONIC)
+            arrival.frames += 1
             break
-    waits = handle(pipeline, key, payload, stamp)
-    send_rates(pump, pipeline.publisher)
-    return _VERDICT if waits else _NOTHING
 
 
 @njit(cache=True, nogil=True)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLAG, FD_MTU
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.foundation.referenced import referenced
 from observer_rt.service.compiled.asking import Asking
 from observer_rt.service.pump.libc import IOVEC, MMSGHDR, POLLFD, POLLIN
 
@@ -54,6 +55,7 @@ PUMP = np.dtype(
 )
 
 
+@referenced
 class Pump(NamedTuple):
     """All memory of the pump; buffers of bus b begin at b * BATCH."""
 

@@ -94,11 +94,11 @@ def _run(
     drained = last + 1 + math.ceil(DRAINING / setting.interval)
     for k in range(max(window.opening, 1), min(drained, window.output.shape[0])):
         interval = interval_before(window, setting, k)
-        tangent.by[:, m:] = unit
+        tangent.by[:, m : m + states] = unit
         advance_over(x, interval, knot_before(window, k), c, network, tangent)
         if window.resting[k]:
             empty_sac(x, tangent)
-        result.transition[k] = tangent.by[:, m:]
+        result.transition[k] = tangent.by[:, m : m + states]
         u = (interval.end[0], max(interval.end[1], 0.0))
         if is_at_rest(x, u):
             continue

@@ -58,20 +58,12 @@ def open_loop(
         relaxation=np.zeros(n),
         by_area=np.zeros(n),
     )
-    before = _before_opening(window)
+    before = window.until(max(window.opening, 1))
     x = follow(before, setting, learned, window.opening, np.empty(n), NO_RATE, None, NO_SLOPES)
     c, network = learned.coefficients, learned.network
     tangent = tangent_of(c, network, by_theta(theta, setting.coefficients, scalars), m + states)
     _run(window, setting, c, network, x, tangent, result)
     return result
-
-
-def _before_opening(window: Window) -> Window:
-    """The part of a window before its opening; at least its first sample."""
-    end = max(window.opening, 1)
-    return window._replace(
-        inputs=window.inputs[:end], output=window.output[:end], resting=window.resting[:end]
-    )
 
 
 @njit(cache=True, nogil=True)

@@ -44,6 +44,18 @@ class Window(NamedTuple):
     knots: NDArray[np.float64] = np.empty((0, 2))
     masked: NDArray[np.bool_] = np.empty(0, np.bool_)
 
+    def until(self, end: int) -> "Window":
+        """Its first samples, so many."""
+        return Window(
+            self.inputs[:end],
+            self.output[:end],
+            self.resting[:end],
+            self.start,
+            self.opening,
+            self.knots[:end],
+            self.masked[:end],
+        )
+
 
 class Setting(NamedTuple):
     """What stays the same while parameters are sought: sample interval [s], substeps, model, gain (states,).
@@ -325,14 +337,14 @@ def innovations_with_sensitivity(
     follow(window, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)
 
 
-def open_loop_error(window: Window, setting: Setting, learned: Learned) -> float:
-    """Sum of squared output errors of the observer re-simulated over a window, through the sensor's lag.
+def open_loop_errors(window: Window, setting: Setting, learned: Learned) -> NDArray[np.float64]:
+    """Output errors (n,) of the observer re-simulated over a window, through the sensor's lag.
 
     x^ follows x~ up to the opening and runs open loop from there, as it does live.
     """
     errors = np.empty(window.output.size)
     follow(window, setting, learned, window.opening, errors, NO_RATE, None, NO_SLOPES)
-    return float(sum_of_squares(errors[window.opening :]))
+    return errors
 
 
 @njit(cache=True, nogil=True)

@@ -79,7 +79,7 @@ class EventFitter:
         A step that lowers the total as its linearisation says is the last: there is nothing to be learned from
         repeating it. One that does not lower it is halved. Raises numpy.linalg.LinAlgError when singular.
         """
-        prior_information = prior.information()
+        prior_information = prior.information
         prior_vector = prior_information @ prior.mean
 
         def total(theta: NDArray[np.float64], value: float) -> float:

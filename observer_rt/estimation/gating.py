@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -138,39 +139,43 @@ def _solve_back(
         solution[i] = total / factor[i, i]
 
 
-def gated_covariance(belief: Belief, gate: Gate, active: frozenset[int]) -> NDArray[np.float64]:
-    """Error covariance (m, m) of the free and active parameters as `best_subset` estimates them, the others being 0.
+@dataclass(frozen=True, eq=False)
+class GatedBelief:
+    """A belief as the estimate has it in which the scalars that do not pay are 0; active: those that do."""
 
-    Where the belief's error covariance is its covariance, the result is the inverse of that part of the information.
-    Raises numpy.linalg.LinAlgError when singular.
-    """
-    by_joint = _by_joint(belief.information, gate, active)
-    return by_joint @ belief.error_covariance @ by_joint.T
+    belief: Belief
+    gate: Gate
+    active: frozenset[int]
 
+    @cached_property
+    def covariance(self) -> NDArray[np.float64]:
+        """Error covariance (m, m) of the free and active parameters as `best_subset` estimates them.
 
-def carried_covariance(
-    theta: NDArray[np.float64], belief: Belief, gate: Gate, active: frozenset[int]
-) -> NDArray[np.float64]:
-    """Error covariance (m, m) of a theta (m,) carried under a belief: `gated_covariance`, and two squares.
+        Where the belief's error covariance is its covariance, the result is the inverse of that part of the
+        information. Raises numpy.linalg.LinAlgError when singular.
+        """
+        return self._by_joint @ self.belief.error_covariance @ self._by_joint.T
 
-    One of what lies between theta and the estimate (it was not adopted). One of what the scalars that do not pay yet
-    for being active would change, by the share that noise does not explain: 1 - k/chi2 for k of them (the positive
-    part estimator of James and Stein 1961).
-    """
-    information = belief.information
-    by_joint = _by_joint(information, gate, active)
-    estimate = by_joint @ belief.mean
-    left_out = sum(column not in active for column in gate.columns)
-    shift = estimate - belief.mean
-    chi2 = float(shift @ information @ shift)
-    share = 1.0 - left_out / chi2 if chi2 > left_out else 0.0
-    known = by_joint @ belief.error_covariance @ by_joint.T
-    return known + np.outer(theta - estimate, theta - estimate) + share * np.outer(shift, shift)
+    def carried(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Error covariance (m, m) of a theta (m,) that is carried: that of the estimate, and two squares.
 
+        One of what lies between theta and the estimate (it was not adopted). One of what the scalars that do not pay
+        yet for being active would change, by the share that noise does not explain: 1 - k/chi2 for k of them (the
+        positive part estimator of James and Stein 1961).
+        """
+        estimate = self._by_joint @ self.belief.mean
+        left_out = sum(column not in self.active for column in self.gate.columns)
+        shift = estimate - self.belief.mean
+        chi2 = float(shift @ self.belief.information @ shift)
+        share = 1.0 - left_out / chi2 if chi2 > left_out else 0.0
+        return self.covariance + np.outer(theta - estimate, theta - estimate) + share * np.outer(shift, shift)
 
-def _by_joint(information: NDArray[np.float64], gate: Gate, active: frozenset[int]) -> NDArray[np.float64]:
-    """What the estimate with the active columns is of the joint mean, (m, m): the others' rows are 0."""
-    columns = [i for i in range(len(information)) if i not in gate.columns or i in active]
-    result = np.zeros_like(information)
-    result[columns] = np.linalg.solve(information[np.ix_(columns, columns)], information[columns])
-    return result
+    @cached_property
+    def _by_joint(self) -> NDArray[np.float64]:
+        """What the estimate is of the joint mean, (m, m): the rows of what is left out are 0."""
+        information = self.belief.information
+        columns = [i for i in range(len(information)) if i not in self.gate.columns or i in self.active]
+        result = np.zeros_like(information)
+        rows = information[columns]
+        result[columns] = np.linalg.solve(rows[:, columns], rows)
+        return result

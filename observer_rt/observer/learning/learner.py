@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
-from observer_rt.estimation.gating import carried_covariance, gated_covariance
+from observer_rt.estimation.gating import GatedBelief
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.phases import Phase, no_statistics
 from observer_rt.estimation.posterior import Belief
@@ -73,6 +73,7 @@ class Learner:
         self._belief = knowledge.belief
         self._theta = knowledge.in_force
         self._active = knowledge.active
+        self._kept = GatedBelief(self._belief, scalars.gate, self._active)
         self._noise = knowledge.noise
         self._events = knowledge.events
         self._statistics = knowledge.statistics
@@ -123,7 +124,7 @@ class Learner:
             if event is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
             lag = lag_score(event.window, believed.setting, event.fit, event.cost, self._wide, self._scalars)
-            carried = carried_covariance(in_force, event.fit.prior, self._scalars.gate, self._active)
+            carried = GatedBelief(event.fit.prior, self._scalars.gate, self._active).carried(in_force)
             self._take_in(event)
         except np.linalg.LinAlgError:
             return self._outcome(Adoption.FAILED, window, in_force)
@@ -239,12 +240,19 @@ class Learner:
         """An event with what was learned from it; carried (m, m): covariance of the theta in force before."""
         strange = self._strangeness(window)
         more = self._energizing.covariance
-        now = carried_covariance(self._theta, self._belief, self._scalars.gate, self._active) + more
+        now = self._gated.carried(self._theta) + more
         event = resimulated(
             window, self._setting(), self._noise, self._theta, now, carried + more, self._scalars
         )
         shares = self._healthy.mass_share, UNSEEN * strange, self._pressure_gains.flow_share
         return replace(event, systematic=math.hypot(*shares))
+
+    @property
+    def _gated(self) -> GatedBelief:
+        """The belief as the estimate has it."""
+        if self._kept.belief is not self._belief or self._kept.active != self._active:
+            self._kept = GatedBelief(self._belief, self._scalars.gate, self._active)
+        return self._kept
 
     def _strangeness(self, window: Window) -> float:
         """How far an event's operating point was from those learned at, of which it is one from now on."""
@@ -317,7 +325,7 @@ class Learner:
             schedule=self._schedule,
             objections=self._objections(adoption, window, doubts),
             estimate=self._theta.copy(),
-            covariance=gated_covariance(self._belief, self._scalars.gate, self._active)
+            covariance=self._gated.covariance
             + np.diag(self._pressure_gains.wear_variance(self._scalars.width))
             + np.diag(self._lag_doubt.variance(self._scalars.width)),
         )

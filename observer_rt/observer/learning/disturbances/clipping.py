@@ -62,15 +62,15 @@ class EndsOfRange:
         before = mask_of(window)
         mask = before.copy()
         is_explained = median(np.abs(innovations[first:])) < EXPLAINED * sigmas.innovation
+        smoothed = _smoothed(window.output)
         for end, (sign, levels) in enumerate(zip(_SIGNS, self._levels, strict=True)):
-            y = sign * window.output
-            means = _smoothed(y)
+            y, means = sign * window.output, sign * smoothed
             if levels and np.count_nonzero(_is_beyond(means, float(np.mean(levels)), sigmas)) >= FEWEST:
                 levels.clear()
             if len(levels) >= RECURS:
                 mask |= _about(means, float(np.mean(levels)), sigmas)
                 continue
-            pile = pile_of(y, innovations, before, sigmas, first)
+            pile = _pile(y, means, innovations, before, sigmas, first)
             if pile is None:
                 continue
             self._piles[end] = pile
@@ -101,7 +101,18 @@ def pile_of(
     first: int,
 ) -> Pile | None:
     """The samples of y (n,) about its highest level that are not masked, None where they are too few, or y rests."""
-    means = _smoothed(y)
+    return _pile(y, _smoothed(y), innovations, masked, sigmas, first)
+
+
+def _pile(
+    y: NDArray[np.float64],
+    means: NDArray[np.float64],
+    innovations: NDArray[np.float64],
+    masked: NDArray[np.bool_],
+    sigmas: Sigmas,
+    first: int,
+) -> Pile | None:
+    """`pile_of`; means: of y over some neighbours (n,)."""
     level, lowest = _reach(means, masked, first)
     if not level - lowest >= MOVING * sigmas.noise:
         return None

@@ -1,10 +1,11 @@
-"""Several numbers in one, for loops of compiled code over the columns of a few rows.
+"""Several numbers in one, for compiled loops over the columns of a few rows, or over samples.
 
-What LLVM makes of such a loop by itself hangs on whether it can prove that its arrays do not overlap, and is a fifth
-as fast where it cannot. A vector is added and scaled as a number is; it stands for `WIDTH` columns side by side.
+What LLVM makes of such a loop by itself hangs on whether it can prove that its arrays do not overlap, and a sum over
+samples it leaves as it is. A vector is reckoned with as a number is; it stands for `WIDTH` neighbours.
 """
 
 import operator
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -30,9 +31,9 @@ class _VectorModel(models.PrimitiveModel):
         super().__init__(manager, kind, _IR)
 
 
-def whole_vectors(columns: int) -> int:
-    """So many columns, or as many more as fill vectors."""
-    return -(-columns // WIDTH) * WIDTH
+def whole_vectors(count: int) -> int:
+    """So many numbers, or as many more as fill vectors."""
+    return -(-count // WIDTH) * WIDTH
 
 
 @intrinsic
@@ -60,24 +61,8 @@ def _pointer(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     return builder.bitcast(builder.gep(array.data, [arguments[1]]), _IR.as_pointer())
 
 
-def _elementwise(instruction: str) -> Any:
-    """What does it to two vectors, element by element; the name is that of LLVM's builder."""
-
-    @intrinsic
-    def done(typing_context: Any, left: Any, right: Any) -> Any:
-        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return getattr(builder, instruction)(*arguments)
-
-        return _VECTOR(left, right), codegen
-
-    return done
-
-
-_sum, _difference, _product, _quotient = (_elementwise(name) for name in ("fadd", "fsub", "fmul", "fdiv"))
-
-
 @intrinsic
-def _filled(typing_context: Any, number: Any) -> Any:
+def filled(typing_context: Any, number: Any) -> Any:
     """A vector of one number."""
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -88,29 +73,50 @@ def _filled(typing_context: Any, number: Any) -> Any:
     return _VECTOR(types.float64), codegen
 
 
-@overload(operator.add, strict=False)
-def _add(left: Any, right: Any) -> Any:
-    if isinstance(left, _Vector) and isinstance(right, _Vector):
-        return lambda left, right: _sum(left, right)
-    return None
+@intrinsic
+def sum_of(typing_context: Any, vector: Any) -> Any:
+    """The sum of a vector's numbers, in their order."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        numbers = [
+            builder.extract_element(arguments[0], ir.Constant(ir.IntType(32), i)) for i in range(WIDTH)
+        ]
+        total = numbers[0]
+        for number in numbers[1:]:
+            total = builder.fadd(total, number)
+        return total
+
+    return types.float64(vector), codegen
 
 
-@overload(operator.sub, strict=False)
-def _subtract(left: Any, right: Any) -> Any:
-    if isinstance(left, _Vector) and isinstance(right, _Vector):
-        return lambda left, right: _difference(left, right)
-    return None
+def _give(function: Callable[..., Any], of_numbers: Callable[[Any, Any, Any], Any]) -> None:
+    """Let compiled code apply a function of two numbers to vectors, or to a vector and a number.
+
+    of_numbers: LLVM's instructions, from a builder and two vectors.
+    """
+
+    @intrinsic
+    def of_vectors(typing_context: Any, left: Any, right: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return of_numbers(builder, *arguments)
+
+        return _VECTOR(left, right), codegen
+
+    @overload(function, strict=False)
+    def compiled(left: Any, right: Any) -> Any:
+        kinds = isinstance(left, _Vector), isinstance(right, _Vector)
+        if kinds == (True, True):
+            return lambda left, right: of_vectors(left, right)
+        if kinds == (False, True) and isinstance(left, types.Float):
+            return lambda left, right: of_vectors(filled(left), right)
+        if kinds == (True, False) and isinstance(right, types.Float):
+            return lambda left, right: of_vectors(left, filled(right))
+        return None
 
 
-@overload(operator.mul, strict=False)
-def _multiply(left: Any, right: Any) -> Any:
-    if isinstance(left, types.Float) and isinstance(right, _Vector):
-        return lambda left, right: _product(_filled(left), right)
-    return None
-
-
-@overload(operator.truediv, strict=False)
-def _divide(left: Any, right: Any) -> Any:
-    if isinstance(left, _Vector) and isinstance(right, types.Float):
-        return lambda left, right: _quotient(left, _filled(right))
-    return None
+_give(operator.add, lambda builder, left, right: builder.fadd(left, right))
+_give(operator.sub, lambda builder, left, right: builder.fsub(left, right))
+_give(operator.mul, lambda builder, left, right: builder.fmul(left, right))
+_give(operator.truediv, lambda builder, left, right: builder.fdiv(left, right))
+_give(min, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", a, b), a, b))
+_give(max, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b))

@@ -313,7 +313,7 @@ def _over(x: Any, interval: Any, knot: Any, c: Any, network: Any, tangent: Any) 
     """The way the line at hand goes over an interval."""
 
 
-@overload(_over, strict=False)
+@overload(_over, strict=False, jit_options={"forceinline": True})
 def _over_compiled(x: Any, interval: Any, knot: Any, c: Any, network: Any, tangent: Any) -> Any:
     line = c.types[c.fields.index("line")].instance_class
     return _leapfrog_over.py_func if line.staggered else _runge_kutta_over.py_func

@@ -75,11 +75,11 @@ def _search(
     _find_gradient(objective, theta, gradient)
     for iteration in range(max_iterations):
         direction = -(inverse @ gradient)
-        slope = gradient @ direction
+        slope = float(gradient @ direction)
         if not slope < 0.0:
             inverse = inverse_hessian.copy()
             direction = -(inverse @ gradient)
-            slope = gradient @ direction
+            slope = float(gradient @ direction)
         if 0.0 <= -slope <= tolerance:
             return theta, value, gradient, iteration, -slope, True
         step = 0.0
@@ -92,7 +92,7 @@ def _search(
         _find_gradient(objective, theta, gradient)
         change = change + gradient
         _update(inverse, step * direction, change)
-    return theta, value, gradient, max_iterations, gradient @ (inverse @ gradient), False
+    return theta, value, gradient, max_iterations, float(gradient @ (inverse @ gradient)), False
 
 
 _compiled_search = njit(cache=True, nogil=True)(_search)

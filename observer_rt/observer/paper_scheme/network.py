@@ -128,7 +128,15 @@ def _add(sums: NDArray[np.float64], place: int, more: Any) -> None:
     store(sums, place * WIDTH, load(sums, place * WIDTH) + more)
 
 
-class FaultCost(NamedTuple):
+class _Samples(NamedTuple):
+    z: NDArray[np.float64]
+    target: NDArray[np.float64]
+    counts: NDArray[np.float64]
+    sigmas: NDArray[np.float64]
+    errors: NDArray[np.float64]
+
+
+class FaultCost(_Samples):
     """The cost (10) of a training as the minimiser wants it: the sum of eps'eps/2, eps = target - phi in its unit.
 
     n samples and as many more as fill vectors, all along the rows. z: (6, n) columns [x^ u 1]; target: (3, n) of phi,
@@ -136,12 +144,7 @@ class FaultCost(NamedTuple):
     theta that was asked for last.
     """
 
-    z: NDArray[np.float64]
-    target: NDArray[np.float64]
-    counts: NDArray[np.float64]
-    sigmas: NDArray[np.float64]
-    errors: NDArray[np.float64]
-
+    __slots__ = ()
     compiled_value = staticmethod(_value)
     compiled_gradient = staticmethod(_find_gradient)
 
@@ -163,5 +166,10 @@ def fault_cost(z: NDArray[np.float64], target: NDArray[np.float64], unit: float)
     spare = whole_vectors(samples) - samples
     columns = np.pad(np.hstack([z, target / unit, np.ones((samples, 1))]).T, ((0, 0), (0, spare)))
     n = samples + spare
-    rows = columns[:ARGUMENTS], columns[ARGUMENTS:-1], columns[-1]
-    return FaultCost(*(np.ascontiguousarray(row) for row in rows), np.zeros((HIDDEN, n)), np.zeros((ROWS, n)))
+    return FaultCost(
+        z=np.ascontiguousarray(columns[:ARGUMENTS]),
+        target=np.ascontiguousarray(columns[ARGUMENTS:-1]),
+        counts=np.ascontiguousarray(columns[-1]),
+        sigmas=np.zeros((HIDDEN, n)),
+        errors=np.zeros((ROWS, n)),
+    )

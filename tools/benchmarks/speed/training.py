@@ -1,5 +1,7 @@
 """The paper's training, 30 epochs over the samples of an event, against scipy's BFGS on the same cost and gradient.
 
+Both are given the same compiled cost; scipy's search is Python round it, ours is compiled with it.
+
 That is `training = "paper"`. The default training is another problem, Gauss-Newton on the prediction error, for which
 scipy has no peer; what an event of it takes stands beside.
 """

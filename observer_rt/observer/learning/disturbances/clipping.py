@@ -5,6 +5,7 @@ event after event at one level, beyond which no value goes. What lies there says
 bridges it as it does outliers.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -61,7 +62,6 @@ class EndsOfRange:
         """
         before = mask_of(window)
         mask = before.copy()
-        is_explained = median(np.abs(innovations[first:])) < EXPLAINED * sigmas.innovation
         smoothed = _smoothed(window.output)
         for end, (sign, levels) in enumerate(zip(_SIGNS, self._levels, strict=True)):
             y, means = sign * window.output, sign * smoothed
@@ -74,7 +74,7 @@ class EndsOfRange:
             if pile is None:
                 continue
             self._piles[end] = pile
-            if pile.changing > CLEAR and is_explained:
+            if pile.changing > CLEAR and _is_explained(innovations[first:], sigmas):
                 mask |= _about(means, pile.level, sigmas)
         return mask
 
@@ -116,18 +116,11 @@ def _pile(
     level, lowest = _reach(means, masked, first)
     if not level - lowest >= MOVING * sigmas.noise:
         return None
-    for _ in range(REFINEMENTS):
-        at = _is_at(means, level, sigmas) & ~masked
-        at[:first] = False
-        if np.count_nonzero(at) < FEWEST:
-            return None
-        values = y[at]
-        level = float(values.mean())
-    samples = values.size
-    constant = float(np.sum((values - level) ** 2)) / sigmas.noise**2
-    there = innovations[at]
-    changing = float(np.sum((there - there.mean()) ** 2)) / sigmas.innovation**2
-    is_flat = constant < samples + FLAT * np.sqrt(2.0 * samples)
+    samples, level, constant, changing = _gather(y, means, innovations, masked, level, sigmas.noise, first)
+    if samples < FEWEST:
+        return None
+    constant, changing = constant / sigmas.noise**2, changing / sigmas.innovation**2
+    is_flat = constant < samples + FLAT * math.sqrt(2.0 * samples)
     return Pile(level, changing - constant if is_flat else 0.0)
 
 
@@ -139,6 +132,38 @@ def _reach(means: NDArray[np.float64], masked: NDArray[np.bool_], first: int) ->
         if not masked[k]:
             highest, lowest = max(highest, means[k]), min(lowest, means[k])
     return highest, lowest
+
+
+@njit(cache=True, nogil=True)
+def _gather(
+    y: NDArray[np.float64],
+    means: NDArray[np.float64],
+    innovations: NDArray[np.float64],
+    masked: NDArray[np.bool_],
+    level: float,
+    noise: float,
+    first: int,
+) -> tuple[int, float, float, float]:
+    """The samples at a level, refined: how many, their mean, the squares of y and of the innovations round theirs."""
+    for _ in range(REFINEMENTS):
+        samples, total, other, lowest = 0, 0.0, 0.0, level - AT_LEVEL * noise
+        for k in range(first, y.shape[0]):
+            if means[k] > lowest and not masked[k]:
+                samples, total, other = samples + 1, total + y[k], other + innovations[k]
+        if samples < FEWEST:
+            return samples, level, 0.0, 0.0
+        level = total / samples
+    constant, changing = 0.0, 0.0
+    for k in range(first, y.shape[0]):
+        if means[k] > lowest and not masked[k]:
+            constant += (y[k] - level) ** 2
+            changing += (innovations[k] - other / samples) ** 2
+    return samples, level, constant, changing
+
+
+def _is_explained(innovations: NDArray[np.float64], sigmas: Sigmas) -> bool:
+    """Whether most innovations (n,) are as the model says."""
+    return median(np.abs(innovations)) < EXPLAINED * sigmas.innovation
 
 
 def _about(means: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:

@@ -135,8 +135,8 @@ def is_worn_beyond_limits(theta: NDArray[np.float64], scalars: Scalars = SCALARS
 
     An opening that was none makes it so: only a blocked nozzle explains that no pressure moved.
     """
-    lowest, highest = scalars.bounds(1.0)
-    return any(not lowest[column] < theta[column] < highest[column] for column in WEAR)
+    limits = ((theta[row.column], row.bounds) for row in scalars.rows if row.column in WEAR)
+    return any(not lowest < value < highest for value, (lowest, highest) in limits)
 
 
 def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:

@@ -1,5 +1,19 @@
-"""`python -m observer_rt`."""
+"""`observer-rt`, or `python -m observer_rt`."""
 
-from observer_rt.cli.app import main
+import sys
 
-main()
+INTERRUPTED = 130  # exit code, as of a shell: 128 and the number of SIGINT
+
+
+def main() -> None:
+    """Import the command line, which takes a while in which it may be interrupted, and run it."""
+    try:
+        from observer_rt.cli.app import main as command_line
+
+        command_line()
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()

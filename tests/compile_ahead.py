@@ -11,6 +11,7 @@ from pathlib import Path
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.service.core.core import Core
 from observer_rt.service.warm_up import warm_up
@@ -34,11 +35,12 @@ def main(line: str, folder: Path) -> None:
         bench.write_text(changed)
     loaded = load_bench(bench)
     warm_up(loaded, map_bus(loaded))  # by the compiled pump
-    core = Core(loaded.injector, map_bus(loaded))  # as `evaluate` and other interfaces do
+    core = Core(loaded.injector, map_bus(loaded))  # as other interfaces do
     core.handle(0, False, b"", 0)
     core.finish()
     schedule = make_schedule([100 * MEGAPASCAL], 1, PERIOD, [MILLISECOND])
-    simulate(loaded.injector.parameters, schedule, loaded.injector.config.sampling.rate_hz)
+    made = simulate(loaded.injector.parameters, schedule, loaded.injector.config.sampling.rate_hz)
+    evaluate(loaded, [made.recording])
 
 
 if __name__ == "__main__":

@@ -2,17 +2,19 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import PACKAGE_DATA, load_bench
+from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.signals.recording import Recording
 from tests.service.participants import SAMPLE_RATE, worn_recording
 
 NAMES = ("one", "two", "three")
 RATE_ID, SUMMARY_ID, STATUS_ID, STEP = 0x300, 0x301, 0x302, 0x10
+INJECTIONS = 4
 _LIFT, _LINE = 0x111, 0x112  # of the database's own blocks
 
 _ALL = """[link]
@@ -34,6 +36,34 @@ rate_hz = {rate}
 [learning]
 lockstep = true
 """
+
+
+@dataclass(frozen=True)
+class Three:
+    """The bench of all, that of each by itself, what each sees, and the frames of all devices."""
+
+    bench: Path
+    alone: list[Path]
+    recordings: list[Recording]
+    frames: list[TimedFrame]
+
+    def results_alone(self, number: int) -> dict[int, list[bytes]]:
+        """Payloads with the results of one of them by itself, by their identifiers."""
+        found = evaluate(load_bench(self.alone[number]), [self.recordings[number]]).frames
+        results = {
+            identifier: [frame.payload for frame in found if frame.frame_id == identifier]
+            for identifier in (RATE_ID + number * STEP, SUMMARY_ID + number * STEP)
+        }
+        assert all(len(payloads) >= INJECTIONS for payloads in results.values())
+        return results
+
+
+def three_on(folder: Path, channel: str, interface: str = "virtual") -> Three:
+    """Bench files in a folder, and what comes on their bus."""
+    bench = three_injectors(folder, channel, interface)
+    alone = [one_alone(folder, number, channel) for number in range(len(NAMES))]
+    recordings = three_recordings()
+    return Three(bench, alone, recordings, frames_of_all(alone, recordings))
 
 
 def three_injectors(folder: Path, channel: str, interface: str = "virtual") -> Path:
@@ -62,7 +92,7 @@ def one_alone(folder: Path, number: int, channel: str) -> Path:
 
 def three_recordings() -> list[Recording]:
     """Injectors of different wear under one rail pressure."""
-    first, *others = (worn_recording(v_h=wear) for wear in (0.0, 0.2, -0.15))
+    first, *others = (worn_recording(INJECTIONS, wear) for wear in (0.0, 0.2, -0.15))
     return [first, *(replace(each, rail_pressure=first.rail_pressure) for each in others)]
 
 

@@ -9,13 +9,14 @@ from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.check.buses import buses_findings
 from observer_rt.check.channels import channel_findings
 from observer_rt.check.findings import Finding, Level, as_json_document, as_table, failed, graded
-from observer_rt.check.host import real_time_findings, this_host
+from observer_rt.check.host import compiled_code_findings, real_time_findings, this_host
 from observer_rt.check.interface import interface_findings, read_controller
 from observer_rt.check.mapping import mapping_findings
 from observer_rt.check.model import plausibility_findings
 from observer_rt.check.observer import observer_findings
 from observer_rt.check.time import time_findings
 from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_hash import file_hash
 from observer_rt.model.parameters import EffectValue
@@ -44,7 +45,8 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
         findings.append(failed("mapping", error))
     findings += _each(bench, channel_findings)
     findings += _each(bench, observer_findings)
-    findings += real_time_findings(this_host())
+    findings += real_time_findings(this_host(bench.config.realtime.cpus, len(bench.injectors)))
+    findings += compiled_code_findings(compiled_code())
     for link in bench.config.buses:
         if link.config.interface == "socketcan":
             controller = read_controller(link.config.channel)

@@ -1,7 +1,7 @@
 """The command line: which commands there are, errors as messages and exit codes.
 
 Exit codes: 0 there is a result, 1 failed at run time or `check` found an error, 2 the command line or a file the
-user supplied must change.
+user supplied must change, 130 it was interrupted.
 """
 
 import os
@@ -24,7 +24,8 @@ from observer_rt.cli.logs import convert, record, replay
 from observer_rt.cli.monitor import monitor
 from observer_rt.cli.offline import evaluate, simulate
 from observer_rt.cli.reproduce import reproduce
-from observer_rt.foundation.errors import ObserverError
+from observer_rt.foundation.compilation import compiled_code
+from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.terminal.console import say
 
 app = typer.Typer(
@@ -41,6 +42,7 @@ def main() -> None:
     """Entry point of `observer-rt`."""
     try:
         try:
+            _refuse_without_cache()
             app()
         finally:
             sys.stdout.flush()  # so that what cannot be written shows here
@@ -54,6 +56,12 @@ def main() -> None:
     except OSError as error:
         _abandon_stdout()
         _fail(f"{error.filename or 'output'}: {error.strerror or error}", 1)
+
+
+def _refuse_without_cache() -> None:
+    code = compiled_code()
+    if code.folder is None:
+        raise UserError("cache", code.trouble, code.remedy)
 
 
 def _abandon_stdout() -> None:

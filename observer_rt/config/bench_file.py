@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -13,6 +13,7 @@ from observer_rt.config.toml_file import Section, unknown_key, validated
 from observer_rt.foundation.errors import UserError
 
 NAME_PLACE = "{injector}"  # in texts at the top of the file
+MOST_CPUS = 8192  # that Linux knows
 RESULT_IDS = ("injection_rate_id", "injection_summary_id", "status_id")
 
 # Keys of files that earlier versions printed, which could have one value only: with it they are passed over.
@@ -25,12 +26,19 @@ class DatabaseConfig(Section):
     link: str | None = None  # the bus its messages are on; None: the first
 
 
+class RealTimeConfig(Section):
+    """cpus: numbers of the processors that the loops have to themselves, in turn; None: those Linux keeps apart."""
+
+    cpus: tuple[Annotated[int, Field(ge=0, lt=MOST_CPUS)], ...] | None = None
+
+
 class BusesConfig(Section):
     """The sections of a bench file that all injectors share."""
 
     link: LinkConfig = LinkConfig()
     links: Mapping[LinkName, FurtherLinkConfig] = {}
     dbc: tuple[DatabaseConfig, ...] = Field(min_length=1)
+    realtime: RealTimeConfig = RealTimeConfig()
 
     @property
     def buses(self) -> tuple[NamedLink, ...]:

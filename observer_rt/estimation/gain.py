@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.estimation.small_matrices import multiply, product
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.sensor import lagged_slopes, recorded_mean
 
@@ -105,14 +106,33 @@ def _riccati(
 
     Measured is `shown` of the state and `shown_before` of the one before, both (m,).
     """
+    m = covariance.shape[0]
+    transposed = transition.T.copy()
+    moved, now = np.empty((m, m)), covariance.copy()
+    column, row = np.empty(m), np.empty(m)
     variance = measurement
     for k in range(gains.shape[0]):
-        moved = transition @ covariance  # of the state with the one before
-        earlier = shown @ moved + covariance @ shown_before
-        covariance = moved @ transition.T + process
-        column = covariance @ shown + moved @ shown_before
-        row = shown @ covariance + moved @ shown_before
-        variance = float(shown @ column + shown_before @ earlier + measurement)
-        gains[k] = column / variance
-        covariance = covariance - np.outer(gains[k], row)
+        multiply(transition, now, moved)  # of the state with the one before
+        variance = measurement
+        for i in range(m):
+            earlier = product(now, shown_before, i)
+            for j in range(m):
+                earlier += shown[j] * moved[j, i]
+            variance += shown_before[i] * earlier
+        multiply(moved, transposed, now)
+        for i in range(m):
+            before = product(moved, shown_before, i)
+            column[i] = row[i] = before
+            for j in range(m):
+                now[i, j] += process[i, j]
+        for i in range(m):
+            column[i] += product(now, shown, i)
+            for j in range(m):
+                row[j] += shown[i] * now[i, j]
+        for i in range(m):
+            variance += shown[i] * column[i]
+        for i in range(m):
+            gains[k, i] = column[i] / variance
+            for j in range(m):
+                now[i, j] -= gains[k, i] * row[j]
     return variance

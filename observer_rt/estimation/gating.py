@@ -1,6 +1,8 @@
 """Scalars that must pay for themselves: the best subset of a joint Gaussian belief."""
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -31,12 +33,13 @@ def best_subset(
     information (m, m) and vector (m,) = information @ mean are those of the joint belief; columns left out are 0.
     All subsets of the gated columns are tried. Raises numpy.linalg.LinAlgError when singular.
     """
-    free = np.array([i for i in range(len(vector)) if i not in gate.columns], np.int64)
+    free = [i for i in range(len(vector)) if i not in gate.columns]
+    order = np.array([*free, *gate.columns], np.int64)
     prices = np.array([STAY if column in active else ENTER for column in gate.columns])
     theta = np.zeros_like(vector)
-    subset = _search(
-        information, vector, free, np.array(gate.columns, np.int64), np.array(gate.lowest), prices, theta
-    )
+    subset = _search(information, vector, order, len(free), np.array(gate.lowest), prices, theta)
+    if subset < 0:
+        raise np.linalg.LinAlgError("information is not positive definite")
     return theta, frozenset(column for i, column in enumerate(gate.columns) if subset >> i & 1)
 
 
@@ -44,78 +47,135 @@ def best_subset(
 def _search(
     information: NDArray[np.float64],
     vector: NDArray[np.float64],
-    free: NDArray[np.int64],
-    gated: NDArray[np.int64],
+    order: NDArray[np.int64],
+    free: int,
     lowest: NDArray[np.float64],
     prices: NDArray[np.float64],
     best: NDArray[np.float64],
 ) -> int:
-    """The best subset as a bit mask over `gated`, its parameters into `best` (m,)."""
-    columns = np.empty(vector.shape[0], np.int64)
-    columns[: free.shape[0]] = free
+    """The best subset as a bit mask over the gated columns, its parameters into `best` (m,); < 0: singular.
+
+    order (m,): the columns, first the free ones, so many, then the gated ones. All subsets share the Cholesky
+    factor's rows of the free ones; the likelihood is half the sum of squares of what is left of the vector by it.
+    """
+    m = order.shape[0]
+    factor, left, solution = np.zeros((m, m)), np.zeros(m), np.zeros(m)
+    columns = order.copy()
+    likelihood = 0.0
+    for size in range(free):
+        if not _extend(factor, left, information, vector, columns, size):
+            return -1
+        likelihood += left[size] * left[size]
     best_value, best_subset = -np.inf, 0
-    for subset in range(1 << gated.shape[0]):
-        size, price = free.shape[0], 0.0
-        for i in range(gated.shape[0]):
+    for subset in range(1 << (m - free)):
+        size, value = free, likelihood
+        for i in range(m - free):
             if subset >> i & 1:
-                columns[size] = gated[i]
+                columns[size] = order[free + i]
+                if not _extend(factor, left, information, vector, columns, size):
+                    return -1
+                value += left[size] * left[size] - prices[i]
                 size += 1
-                price += prices[i]
-        matrix, target = np.empty((size, size)), np.empty(size)
-        for i in range(size):
-            target[i] = vector[columns[i]]
-            for j in range(size):
-                matrix[i, j] = information[columns[i], columns[j]]
-        solution = np.linalg.solve(matrix, target)
-        value = float(target @ solution) - price
         if not value > best_value:
             continue
-        admissible = True
-        place = free.shape[0]
-        for i in range(gated.shape[0]):
+        _solve_back(factor, left, solution, size, free)
+        admissible, place = True, free
+        for i in range(m - free):
             if subset >> i & 1:
                 admissible = admissible and solution[place] >= lowest[i]
                 place += 1
         if admissible:
             best_value, best_subset = value, subset
+            _solve_back(factor, left, solution, size, 0)
             best[:] = 0.0
             for i in range(size):
                 best[columns[i]] = solution[i]
     return best_subset
 
 
-def gated_covariance(belief: Belief, gate: Gate, active: frozenset[int]) -> NDArray[np.float64]:
-    """Error covariance (m, m) of the free and active parameters as `best_subset` estimates them, the others being 0.
+@njit(cache=True, nogil=True)
+def _extend(
+    factor: NDArray[np.float64],
+    left: NDArray[np.float64],
+    information: NDArray[np.float64],
+    vector: NDArray[np.float64],
+    columns: NDArray[np.int64],
+    size: int,
+) -> bool:
+    """One more row of a Cholesky factor, for the column in that place, and what it leaves of the vector.
 
-    Where the belief's error covariance is its covariance, the result is the inverse of that part of the information.
-    Raises numpy.linalg.LinAlgError when singular.
+    False: the matrix is singular.
     """
-    by_joint = _by_joint(belief.information(), gate, active)
-    return by_joint @ belief.error_covariance @ by_joint.T
+    column = columns[size]
+    pivot, rest = information[column, column], vector[column]
+    for i in range(size):
+        entry = information[column, columns[i]]
+        for j in range(i):
+            entry -= factor[size, j] * factor[i, j]
+        entry /= factor[i, i]
+        factor[size, i] = entry
+        pivot -= entry * entry
+        rest -= entry * left[i]
+    if not pivot > 0.0:
+        return False
+    factor[size, size] = math.sqrt(pivot)
+    left[size] = rest / factor[size, size]
+    return True
 
 
-def carried_covariance(
-    theta: NDArray[np.float64], belief: Belief, gate: Gate, active: frozenset[int]
-) -> NDArray[np.float64]:
-    """Error covariance (m, m) of a theta (m,) carried under a belief: `gated_covariance`, and two squares.
-
-    One of what lies between theta and the estimate (it was not adopted). One of what the scalars that do not pay yet
-    for being active would change, by the share that noise does not explain: 1 - k/chi2 for k of them (the positive
-    part estimator of James and Stein 1961).
-    """
-    information = belief.information()
-    estimate = _by_joint(information, gate, active) @ belief.mean
-    left_out = sum(column not in active for column in gate.columns)
-    shift = estimate - belief.mean
-    chi2 = float(shift @ information @ shift)
-    share = 1.0 - left_out / chi2 if chi2 > left_out else 0.0
-    known = gated_covariance(belief, gate, active)
-    return known + np.outer(theta - estimate, theta - estimate) + share * np.outer(shift, shift)
+@njit(cache=True, nogil=True)
+def _solve_back(
+    factor: NDArray[np.float64],
+    left: NDArray[np.float64],
+    solution: NDArray[np.float64],
+    size: int,
+    first: int,
+) -> None:
+    """The parameters from place `first` on, of so many."""
+    for i in range(size - 1, first - 1, -1):
+        total = left[i]
+        for j in range(i + 1, size):
+            total -= factor[j, i] * solution[j]
+        solution[i] = total / factor[i, i]
 
 
-def _by_joint(information: NDArray[np.float64], gate: Gate, active: frozenset[int]) -> NDArray[np.float64]:
-    """What the estimate with the active columns is of the joint mean, (m, m): the others' rows are 0."""
-    columns = [i for i in range(len(information)) if i not in gate.columns or i in active]
-    result = np.zeros_like(information)
-    result[columns] = np.linalg.solve(information[np.ix_(columns, columns)], information[columns])
-    return result
+@dataclass(frozen=True, eq=False)
+class GatedBelief:
+    """A belief as the estimate has it in which the scalars that do not pay are 0; active: those that do."""
+
+    belief: Belief
+    gate: Gate
+    active: frozenset[int]
+
+    @cached_property
+    def covariance(self) -> NDArray[np.float64]:
+        """Error covariance (m, m) of the free and active parameters as `best_subset` estimates them.
+
+        Where the belief's error covariance is its covariance, the result is the inverse of that part of the
+        information. Raises numpy.linalg.LinAlgError when singular.
+        """
+        return self._by_joint @ self.belief.error_covariance @ self._by_joint.T
+
+    def carried(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Error covariance (m, m) of a theta (m,) that is carried: that of the estimate, and two squares.
+
+        One of what lies between theta and the estimate (it was not adopted). One of what the scalars that do not pay
+        yet for being active would change, by the share that noise does not explain: 1 - k/chi2 for k of them (the
+        positive part estimator of James and Stein 1961).
+        """
+        estimate = self._by_joint @ self.belief.mean
+        left_out = sum(column not in self.active for column in self.gate.columns)
+        shift = estimate - self.belief.mean
+        chi2 = float(shift @ self.belief.information @ shift)
+        share = 1.0 - left_out / chi2 if chi2 > left_out else 0.0
+        return self.covariance + np.outer(theta - estimate, theta - estimate) + share * np.outer(shift, shift)
+
+    @cached_property
+    def _by_joint(self) -> NDArray[np.float64]:
+        """What the estimate is of the joint mean, (m, m): the rows of what is left out are 0."""
+        information = self.belief.information
+        columns = [i for i in range(len(information)) if i not in self.gate.columns or i in self.active]
+        result = np.zeros_like(information)
+        rows = information[columns]
+        result[columns] = np.linalg.solve(rows[:, columns], rows)
+        return result

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.open_loop import OpenLoop
 from observer_rt.estimation.predictor import Setting, Window
+from observer_rt.estimation.small_matrices import multiply, product
 from observer_rt.model.seat import seat_area_slope
 from observer_rt.model.sensor import lagged_slopes
 
@@ -68,7 +69,11 @@ def _propagate(
     )  # after x: the area's error at the sample, the volume [m3] since the opening
     covariance = np.zeros((states + 2, states + 2))
     covariance[0, 0], covariance[1, 1] = start
-    change = np.zeros((states + 2, states + 2))
+    change, moved, transposed = (
+        np.zeros((states + 2, states + 2)),
+        np.zeros((states + 2, states + 2)),
+        np.zeros((states + 2, states + 2)),
+    )
     by_rail, by_area, gradient = np.zeros(states + 2), np.zeros(states + 2), np.zeros(states + 2)
     by_rail[:states] = rail
     by_area[area] = 1.0
@@ -91,13 +96,17 @@ def _propagate(
         by_rail[end] = half[:states] @ rail
         by_area[end] = half[2] * by_area[2] + half[area]
         opened = lift * seat_area_slope(window.inputs[k, 1], c.seat)
-        covariance = (
-            change @ covariance @ change.T
-            + np.outer(by_rail, by_rail)
-            + opened**2 * np.outer(by_area, by_area)
-        )
+        for i in range(states + 2):
+            for j in range(states + 2):
+                transposed[i, j] = change[j, i]
+        multiply(change, covariance, moved)
+        multiply(moved, transposed, covariance)
+        for i in range(states + 2):
+            for j in range(states + 2):
+                covariance[i, j] += by_rail[i] * by_rail[j] + opened**2 * by_area[i] * by_area[j]
         gradient[:end] = run.gradient[k]
-        rate[k] = gradient @ covariance @ gradient
+        for i in range(end):
+            rate[k] += gradient[i] * product(covariance, gradient, i)
         volume[k] = covariance[end, end]
         if window.inputs[k, 1] > 0.0 and window.inputs[k - 1, 1] <= 0.0:
             covariance[end, :] = 0.0

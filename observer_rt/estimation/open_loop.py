@@ -58,20 +58,12 @@ def open_loop(
         relaxation=np.zeros(n),
         by_area=np.zeros(n),
     )
-    before = _before_opening(window)
+    before = window.until(max(window.opening, 1))
     x = follow(before, setting, learned, window.opening, np.empty(n), NO_RATE, None, NO_SLOPES)
     c, network = learned.coefficients, learned.network
     tangent = tangent_of(c, network, by_theta(theta, setting.coefficients, scalars), m + states)
     _run(window, setting, c, network, x, tangent, result)
     return result
-
-
-def _before_opening(window: Window) -> Window:
-    """The part of a window before its opening; at least its first sample."""
-    end = max(window.opening, 1)
-    return window._replace(
-        inputs=window.inputs[:end], output=window.output[:end], resting=window.resting[:end]
-    )
 
 
 @njit(cache=True, nogil=True)
@@ -94,11 +86,11 @@ def _run(
     drained = last + 1 + math.ceil(DRAINING / setting.interval)
     for k in range(max(window.opening, 1), min(drained, window.output.shape[0])):
         interval = interval_before(window, setting, k)
-        tangent.by[:, m:] = unit
+        tangent.by[:, m : m + states] = unit
         advance_over(x, interval, knot_before(window, k), c, network, tangent)
         if window.resting[k]:
             empty_sac(x, tangent)
-        result.transition[k] = tangent.by[:, m:]
+        result.transition[k] = tangent.by[:, m : m + states]
         u = (interval.end[0], max(interval.end[1], 0.0))
         if is_at_rest(x, u):
             continue

@@ -1,5 +1,6 @@
 """Phases of an event, and what the innovations in each of them say of the model."""
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -189,4 +190,4 @@ def deviate(total: float, count: float) -> float:
     if not count > 0:
         return 0.0
     variance = 2.0 / (9.0 * count)
-    return float((np.cbrt(total / count) - (1.0 - variance)) / np.sqrt(variance))
+    return float((math.cbrt(total / count) - (1.0 - variance)) / math.sqrt(variance))

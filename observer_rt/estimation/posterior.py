@@ -1,6 +1,7 @@
 """A Gaussian belief about the parameters, carried from event to event."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ class Belief:
         moved = np.diag(change**2)
         return Belief(self.mean, self.covariance + moved, self.error_covariance + moved)
 
+    @cached_property
     def information(self) -> NDArray[np.float64]:
         """Inverse covariance (m, m). Raises numpy.linalg.LinAlgError when singular."""
         return np.asarray(np.linalg.inv(self.covariance), np.float64)
@@ -45,7 +47,7 @@ class Belief:
         covariance `information`. Raises numpy.linalg.LinAlgError when the sum of both informations is singular, not
         positive definite or holds NaN.
         """
-        before = self.information()
+        before = self.information
         total = before + information
         if not np.isfinite(np.linalg.cholesky(total)).all():  # LAPACK lets NaN pass
             raise np.linalg.LinAlgError("information is not finite")

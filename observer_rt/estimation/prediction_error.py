@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import (
+    NO_RATE,
+    NO_SLOPES,
     Setting,
     Window,
     innovations,
@@ -133,24 +135,26 @@ class EventCost:
             self._offset_weight = (setting.coefficients.pressure_scale / OFFSET_SIGMA) ** 2
         self.sigma = sigma
         self.burn_in = burn_in
-        samples = window.output.shape[0]
-        self.slopes = np.zeros((samples, scalars.width))
-        self.unfiltered = np.zeros(samples)
-        self.innovations = self.unfiltered
+        self.slopes = NO_SLOPES
+        """(n, m) of the innovations where J was last linearised."""
+        self.unfiltered = self.innovations = NO_RATE
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
         learned = learned_of(theta, self._setting.coefficients, self._scalars)
+        self.unfiltered = np.empty(self._window.output.size)
         innovations(self._window, self._setting, learned, self.unfiltered)
         return self._cost(theta)
 
     def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
         """J round theta (m,); leaves the innovations and their slopes (n, m) behind."""
+        self.unfiltered = np.empty(self._window.output.size)
+        slopes = np.empty((self.unfiltered.size, theta.size))
         innovations_with_sensitivity(
-            self._window, self._setting, theta, self.unfiltered, self.slopes, self._scalars
+            self._window, self._setting, theta, self.unfiltered, slopes, self._scalars
         )
         value = self._cost(theta)
-        self.slopes = self.whitened(self.slopes)
+        self.slopes = self.whitened(slopes)
         gradient = np.zeros(theta.size)
         information = np.zeros((theta.size, theta.size))
         weigh(self.innovations, self.slopes, self.burn_in, self.sigma, gradient, information)

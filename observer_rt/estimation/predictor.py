@@ -17,6 +17,7 @@ from observer_rt.model.line.interface import begin_mean
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import Tangent, injection_rate, tangent_of
 from observer_rt.model.sensor import LAG_UNIT, lagged, lagged_slopes, recorded, recorded_mean
+from observer_rt.model.vectors import WIDTH, load, store
 
 NO_RATE = np.empty(0)
 NO_SLOPES = np.empty((0, 0))
@@ -42,6 +43,18 @@ class Window(NamedTuple):
     opening: int
     knots: NDArray[np.float64] = np.empty((0, 2))
     masked: NDArray[np.bool_] = np.empty(0, np.bool_)
+
+    def until(self, end: int) -> "Window":
+        """Its first samples, so many."""
+        return Window(
+            self.inputs[:end],
+            self.output[:end],
+            self.resting[:end],
+            self.start,
+            self.opening,
+            self.knots[:end],
+            self.masked[:end],
+        )
 
 
 class Setting(NamedTuple):
@@ -83,9 +96,10 @@ def interval_before(window: Window, setting: Setting, k: int) -> Interval:
 
 
 class Gradient(NamedTuple):
-    """What carries the filtered gradient d e~/d theta along; all (m,) but the state's tangent."""
+    """What carries the filtered gradient d e~/d theta along; all but the state's tangent as wide as that is."""
 
     tangent: Tangent
+    lag: NDArray[np.float64]  # of the sensor's lag [s]
     before: NDArray[np.float64]  # of p_L one sample before
     indicated: NDArray[np.float64]
     error: NDArray[np.float64]  # of the innovation
@@ -95,9 +109,10 @@ def gradient_of(
     theta: NDArray[np.float64], c: Coefficients, learned: Learned, scalars: Scalars = SCALARS
 ) -> Gradient:
     """A gradient of 0 for theta (m,) on the model `c`."""
-    m = theta.size
-    tangent = tangent_of(c, learned.network, by_theta(theta, c, scalars), m)
-    return Gradient(tangent, np.zeros(m), np.zeros(m), np.zeros(m))
+    tangent = tangent_of(c, learned.network, by_theta(theta, c, scalars), theta.size)
+    lag, before, indicated, error = np.zeros((4, tangent.by.shape[1]))
+    lag[_LAG] = LAG_UNIT
+    return Gradient(tangent, lag, before, indicated, error)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -122,7 +137,8 @@ def predict(
         advance_over(x, interval, knot, c, network, None)
         moved = lagged(indicated, before, x[0], interval.length, lag)
     else:
-        gradient.before[:] = gradient.tangent.by[0]
+        for first in range(0, gradient.before.shape[0], WIDTH):
+            store(gradient.before, first, load(gradient.tangent.by, first))
         begin_mean(x, gradient.tangent, c.line)
         advance_over(x, interval, knot, c, network, gradient.tangent)
         moved = lagged(indicated, before, x[0], interval.length, lag)
@@ -176,15 +192,16 @@ def _predict_gradient(
 ) -> None:
     """The gradient through the sensor, with its slopes as `lagged_slopes` has them; rise: of what it indicates."""
     by_self, by_start, by_end, by_lag = slopes
-    pressure, integral = gradient.tangent.by[0], gradient.tangent.by[-1]
-    for j in range(gradient.error.shape[0]):
-        predicted = by_self * gradient.indicated[j] + by_start * gradient.before[j] + by_end * pressure[j]
-        integrated = integral[j]
-        if j == _LAG:
-            predicted += by_lag * LAG_UNIT
-            integrated -= rise * LAG_UNIT
-        gradient.error[j] = -_shown(gradient.indicated[j], predicted, integrated, interval, lag, late, line)
-        gradient.indicated[j] = predicted
+    by, by_theta = gradient.tangent.by, gradient.lag
+    last = (by.shape[0] - 1) * by.shape[1]
+    for first in range(0, by.shape[1], WIDTH):
+        before = load(gradient.indicated, first)
+        predicted = by_self * before + by_start * load(gradient.before, first) + by_end * load(by, first)
+        predicted = predicted + by_lag * load(by_theta, first)
+        integrated = load(by, last + first) - rise * load(by_theta, first)
+        shown = _shown(before, predicted, integrated, interval, lag, late, line)
+        store(gradient.error, first, -1.0 * shown)
+        store(gradient.indicated, first, predicted)
     gradient.error[_OFFSET] -= 1.0
 
 
@@ -201,10 +218,24 @@ def correct(
         if i != _SAC:
             x[i] += gain[i] * innovation
             if gradient is not None:
-                gradient.tangent.by[i] += gain[i] * gradient.error
+                _add_times(gain[i], gradient.error, gradient.tangent.by, i * gradient.error.shape[0])
     if gradient is not None:
-        gradient.indicated[:] += gain[_SAC] * gradient.error
+        _add_times(gain[_SAC], gradient.error, gradient.indicated, 0)
     return float(indicated + gain[_SAC] * innovation)
+
+
+@njit(cache=True, nogil=True)
+def _add_times(factor: float, values: NDArray[np.float64], result: NDArray[np.float64], place: int) -> None:
+    """Values (m,) times a factor onto those of an array from a place on."""
+    for first in range(0, values.shape[0], WIDTH):
+        store(result, place + first, load(result, place + first) + factor * load(values, first))
+
+
+@njit(cache=True, nogil=True)
+def _keep_slopes(error: NDArray[np.float64], is_measured: bool, slopes: NDArray[np.float64], k: int) -> None:
+    """The derivatives of the innovation into row k of `slopes`, 0 where it does not count."""
+    for j in range(slopes.shape[1]):
+        slopes[k, j] = error[j] if is_measured else 0.0
 
 
 def _borrowed_gradient(gradient: Any) -> Any:
@@ -218,6 +249,7 @@ def _borrowed_gradient_compiled(gradient: Any) -> Any:
         return lambda gradient: None
     return lambda gradient: Gradient(
         borrowed_tangent(gradient.tangent),
+        borrowed(gradient.lag),
         borrowed(gradient.before),
         borrowed(gradient.indicated),
         borrowed(gradient.error),
@@ -254,9 +286,7 @@ def _follow(
         is_measured = not is_masked(window, k)
         errors[k] = output[k] - offset - shown if is_measured else 0.0
         if gradient is not None:
-            slopes[k] = gradient.error
-            if not is_measured:
-                slopes[k] = 0.0
+            _keep_slopes(gradient.error, is_measured, slopes, k)
         if k < corrected and is_measured:
             indicated = correct(x, indicated, errors[k], setting.gain, gradient)
         if window.resting[k]:
@@ -307,14 +337,14 @@ def innovations_with_sensitivity(
     follow(window, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)
 
 
-def open_loop_error(window: Window, setting: Setting, learned: Learned) -> float:
-    """Sum of squared output errors of the observer re-simulated over a window, through the sensor's lag.
+def open_loop_errors(window: Window, setting: Setting, learned: Learned) -> NDArray[np.float64]:
+    """Output errors (n,) of the observer re-simulated over a window, through the sensor's lag.
 
     x^ follows x~ up to the opening and runs open loop from there, as it does live.
     """
     errors = np.empty(window.output.size)
     follow(window, setting, learned, window.opening, errors, NO_RATE, None, NO_SLOPES)
-    return float(sum_of_squares(errors[window.opening :]))
+    return errors
 
 
 @njit(cache=True, nogil=True)

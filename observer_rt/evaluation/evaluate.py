@@ -157,7 +157,7 @@ class _Heard:
         self._measured.append(measured)
 
     def take_passed(self, time: Signal, trace: Trace) -> None:
-        self._traces.append(trace)
+        self._traces.append(joined([trace]))
 
     def end(self, run: ObserverRun, first_index: int) -> None:
         """All its frames were taken."""

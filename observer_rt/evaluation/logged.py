@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.message_timing import MessageTiming
-from observer_rt.bus.links.link import Frame
+from observer_rt.bus.frame_block import AT_ONCE, block_of
+from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.channels import as_sent
@@ -28,7 +29,6 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.core.counters import Counters
 from observer_rt.service.watch.log_watch import LogWatch
 
-READ_EVERY = 64  # frames between two looks at the observer's memory, which forgets
 RATE_TOLERANCE = 0.02  # of the sample rate by stamps, beyond which a log is odd
 FEWEST_FOR_RATE = 100  # frames
 LARGEST_HOLE = 1 << 28  # samples between two that came
@@ -188,16 +188,29 @@ class LoggedSignals(SignalStream):
     ) -> Iterator[NDArray[np.void]]:
         """What the observer was given, some samples at a time."""
         seen = 0
-        for count, (on, frame) in enumerate(self.frames):
-            core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, on)
-            if watch is not None:
-                watch.note(on, frame)
-            stamps.note(frame, core.processed > 0)  # before, clocks may have to be learned
-            if count % READ_EVERY == 0 and core.processed > seen:
+        for frames in self._together(core, watch):
+            core.handle_many(block_of(frames))
+            for on, frame in frames:
+                if watch is not None:
+                    watch.note(on, frame)
+                stamps.note(frame, core.processed > 0)  # before, clocks may have to be learned
+            if core.processed > seen:
                 yield core.rows(seen, core.processed)
                 seen = core.processed
         core.finish()
         yield core.rows(seen, core.processed)
+
+    def _together(self, core: Core, watch: LogWatch | None) -> Iterator[list[BusFrame]]:
+        """Frames that the core may take at once: one until it has samples, then up to the watch's next look."""
+        held = []
+        for one in self.frames:
+            held.append(one)
+            is_due = watch is not None and watch.is_due(one.frame.stamp_ns)
+            if is_due or len(held) == AT_ONCE or not core.processed:
+                yield held
+                held = []
+        if held:
+            yield held
 
     def _placed(self, rows: NDArray[np.void], number: int, first: int, end: int) -> Iterator[Chunk]:
         """Samples [first, end) of a stretch, among them the rows; NaN where none came."""

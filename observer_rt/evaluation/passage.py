@@ -1,15 +1,34 @@
 """A stretch of samples while it is evaluated: what the observer said of its last samples, or of all."""
 
+from dataclasses import fields
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.evaluation.trace import Signal, Trace, joined
+from observer_rt.evaluation.compiled import note_samples
+from observer_rt.evaluation.trace import Signal, Trace
 from observer_rt.observer.stream.state import RING, State
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass
+
+HELD = np.dtype(
+    [
+        ("time", np.float64),
+        ("line_pressure", np.float64),
+        ("measured_rate", np.float64),
+        ("injection_rate", np.float64),
+        ("injection_rate_sigma", np.float64),
+        ("nominal_rate", np.float64),
+        ("x", np.float64, (3,)),
+        ("phi", np.float64, (3,)),
+        ("valid", np.bool_),
+        ("state", np.int8),
+    ],
+    align=True,
+)
+"""What is remembered of a sample: a whole number of doubles."""
 
 
 class Hearer(Protocol):
@@ -22,7 +41,7 @@ class Hearer(Protocol):
         """The mass of the last injection, measured."""
 
     def take_passed(self, time: Signal, trace: Trace) -> None:
-        """Samples that are now forgotten: times [s] (n,) and what was said of them."""
+        """Samples that are now forgotten: times [s] (n,) and what was said of them, to be copied where it is kept."""
 
 
 class Passage:
@@ -39,27 +58,55 @@ class Passage:
         """Position after its last sample that came."""
         self.first = 0
         """Number of the first sample that is remembered."""
-        self.time = np.empty(0)
-        """[s], of the samples remembered."""
-        self.trace = Trace.unavailable(0, State.STARTING)
-        """Of these."""
-        self.line_pressure = np.empty(0)
-        """Of these, normalised, as the observer was given it."""
-        self.measured_rate: Signal | None = None
-        """Of these [m3/s], as measured."""
+        self._rows = np.empty(0, HELD)
+        self._begin = self._end = 0  # of those remembered, among the rows
+        self._is_measured = False
         self._rate, self._offset = rate, offset
         self._marks: list[
             tuple[int, int]
         ] = []  # positions in the observer's stream and samples that were there
 
+    @property
+    def time(self) -> Signal:
+        """[s], of the samples remembered."""
+        return self._remembered["time"]
+
+    @property
+    def trace(self) -> Trace:
+        """Of these."""
+        return _trace_of(self._remembered)
+
+    @property
+    def line_pressure(self) -> Signal:
+        """Of these, normalised, as the observer was given it."""
+        return self._remembered["line_pressure"]
+
+    @property
+    def measured_rate(self) -> Signal | None:
+        """Of these [m3/s], as measured."""
+        return self._remembered["measured_rate"] if self._is_measured else None
+
     def give(self, time: Signal, measured_rate: Signal | None) -> None:
         """Further samples, which the observer will be given: their times [s] and measured rates [m3/s], (n,)."""
-        self.time = np.concatenate((self.time, time)) if self.time.size else time
-        self.trace = joined((self.trace, Trace.unavailable(time.size, State.STARTING)))
-        self.line_pressure = np.concatenate((self.line_pressure, np.full(time.size, np.nan)))
+        if self._end + time.size > len(self._rows):
+            self._make_room(time.size)
+        end = self._end + time.size
+        rows = self._rows[self._end : end]
+        rows.view(np.float64)[:] = np.nan  # several times as fast as field by field
+        rows["valid"], rows["state"] = False, State.STARTING
+        rows["time"] = time
         if measured_rate is not None:
-            before = self.measured_rate
-            self.measured_rate = measured_rate if before is None else np.concatenate((before, measured_rate))
+            self._is_measured = True
+            rows["measured_rate"] = measured_rate
+        self._end = end
+
+    def _make_room(self, samples: int) -> None:
+        """For so many further ones, and seldom."""
+        kept = self._remembered
+        if 2 * (len(kept) + samples) > len(self._rows):
+            self._rows = np.empty(3 * (len(kept) + samples), HELD)
+        self._rows[: len(kept)] = kept
+        self._begin, self._end = 0, len(kept)
 
     def pass_on(self, processed: int) -> None:
         """Hand over what lies so far back that no injection will need it. processed: samples of the observer."""
@@ -75,38 +122,34 @@ class Passage:
             self._reach(self.first + 1)
             self._hand_over(self.time.size)
 
+    @property
+    def _remembered(self) -> NDArray[np.void]:
+        return self._rows[self._begin : self._end]
+
     def _hand_over(self, done: int) -> None:
         if not done:
             return
-        self.hearer.take_passed(self.time[:done], self.trace.part(slice(done)))
+        passed = self._remembered[:done]
+        self.hearer.take_passed(passed["time"], _trace_of(passed))
         self.first += done
-        self.time = self.time[done:].copy()
-        self.line_pressure = self.line_pressure[done:].copy()
-        self.trace = joined((Trace.unavailable(0, State.STARTING), self.trace.part(slice(done, None))))
-        if self.measured_rate is not None:
-            self.measured_rate = self.measured_rate[done:].copy()
+        self._begin += done
 
-    def note(self, rows: NDArray[np.void], position: int) -> None:
-        """What the observer said of some samples, the first of them at a position of its stream."""
+    def note(self, ring: NDArray[np.void], position: int, index: NDArray[np.int64], nominal: Signal) -> None:
+        """What the observer said of some samples, the first of them at a position of its stream.
+
+        ring: of the observer; index (n,) of the samples; nominal [m3/s] (n,): what the nominal model says of them.
+        """
         if self.begin is None:
             self.begin = position
-        self.end = position + len(rows)
-        rows, place = self._places(rows)
+        self.end = position + len(index)
+        place = index - self.first_index
+        place = place[(place >= 0) & (place < self.samples)]
         if place.size:
-            self._marks.append((position, self.first + int(place[0])))
-        trace = self.trace
-        available = ~np.isnan(rows["injection_rate"])
-        self.line_pressure[place] = np.where(rows["interpolated"], np.nan, rows["line_pressure"])
-        trace.injection_rate[place] = rows["injection_rate"]
-        trace.valid[place] = rows["valid"]
-        trace.state[place] = rows["state"]
-        trace.x[place[available]] = rows["x_hat"][available, :3]
-        trace.phi[place[available]] = rows["phi"][available]
-
-    def note_nominal(self, rows: NDArray[np.void]) -> None:
-        """What the nominal model said of some samples."""
-        rows, place = self._places(rows)
-        self.trace.nominal_rate[place] = rows["injection_rate"]
+            self._reach(int(place.max()) + 1)
+            place = place[place >= self.first]
+        if place.size:
+            self._marks.append((position, int(place[0])))
+        note_samples(ring, position, self.first_index + self.first, nominal, self._remembered)
 
     def note_report(self, report: InjectionReport) -> None:
         """Tell an injection and how sure its rate is."""
@@ -116,18 +159,13 @@ class Passage:
             sigma[:] = report.rate_sigma[max(0, -start) :][: len(sigma)]
         self.hearer.take_report(self, report)
 
-    def _places(self, rows: NDArray[np.void]) -> tuple[NDArray[np.void], NDArray[np.int64]]:
-        """The rows that belong to it, and their places among the samples remembered."""
-        place = rows["index"] - self.first_index
-        mine = (place >= 0) & (place < self.samples)
-        if mine.any():
-            self._reach(int(place[mine].max()) + 1)
-        mine &= place >= self.first
-        return rows[mine], place[mine] - self.first
-
     def _reach(self, samples: int) -> None:
         """Go on to a sample of a log, whose times nobody gives: those of its sample index."""
         known = self.first + self.time.size
         if known < samples:
             numbers = np.arange(known, min(self.samples, max(samples, known + SAMPLES_AT_ONCE)))
             self.give((self._offset + numbers) / self._rate, None)
+
+
+def _trace_of(rows: NDArray[np.void]) -> Trace:
+    return Trace(*(rows[each.name] for each in fields(Trace)))

@@ -1,19 +1,25 @@
-"""The observer and, beside it, the nominal model on the same frames, of one recording after another."""
+"""The observer and, beside it, the nominal model on the same samples, of one recording after another."""
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.frame_block import FrameBlock, blocks_of
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.evaluation.nominal import NominalModel
 from observer_rt.evaluation.passage import Hearer, Passage
+from observer_rt.foundation.ahead import ahead
 from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.observer.observer import remembered
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import RING
 from observer_rt.recording.replay.device import Device
+from observer_rt.recording.signals.recording import Chunk
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.counters import Counters
@@ -23,8 +29,6 @@ from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, News
 
 Progress = Callable[[int], None]  # samples done
-_READ_EVERY = 64  # frames between two looks at the observer's memory
-_FORGET_EVERY = 64 * _READ_EVERY
 
 
 class _Reading:
@@ -37,37 +41,37 @@ class _Reading:
         """Number of that of the last sample read."""
         self._last_index = -1
 
-    def parts(self, passages: list[Passage]) -> Iterator[tuple[Passage, int, NDArray[np.void]]]:
-        """What was processed since the last reading, by passage, with the position of the first sample."""
-        rows = self.core.rows(self._seen, self.core.processed)
-        position = self.core.processed - len(rows)
-        self._seen = self.core.processed
-        index = rows["index"].astype(np.int64)
+    def parts(self, passages: list[Passage]) -> Iterator[tuple[Passage, int, NDArray[np.int64]]]:
+        """What was processed since the last reading, by passage: position of the first sample, and all indices."""
+        processed = self.core.processed
+        position = max(self._seen, processed - RING)
+        index = remembered(self.core.compiled.observer.ring["index"], position, processed).copy()
+        self._seen = processed
         begins_anew = (
-            np.flatnonzero(np.diff(index, prepend=self._last_index) <= 0).tolist() if len(rows) else []
+            np.flatnonzero(np.diff(index, prepend=self._last_index) <= 0).tolist() if len(index) else []
         )
-        for first, end in pairwise([0, *(row for row in begins_anew if row), len(rows)]):
+        for first, end in pairwise([0, *(row for row in begins_anew if row), len(index)]):
             if first in begins_anew:
                 self.passage += 1
-            yield from self._by_passage(passages, position + first, rows[first:end])
-        self._last_index = int(index[-1]) if len(rows) else self._last_index
+            yield from self._by_passage(passages, position + first, index[first:end])
+        self._last_index = int(index[-1]) if len(index) else self._last_index
 
     def _by_passage(
-        self, passages: list[Passage], position: int, rows: NDArray[np.void]
-    ) -> Iterator[tuple[Passage, int, NDArray[np.void]]]:
-        """Of rows whose index rises."""
-        while len(rows):
+        self, passages: list[Passage], position: int, index: NDArray[np.int64]
+    ) -> Iterator[tuple[Passage, int, NDArray[np.int64]]]:
+        """Of an index that rises."""
+        while len(index):
             self.passage = min(self.passage, len(passages) - 1)
             after = passages[self.passage + 1 :][:1]
-            end = np.searchsorted(rows["index"], after[0].first_index) if after else len(rows)
+            end = np.searchsorted(index, after[0].first_index) if after else len(index)
             here = passages[self.passage]
             if after and after[0].first_index < here.first_index + here.samples:  # begins anew, not yet
-                end = len(rows)
+                end = len(index)
             if end:
-                yield here, position, rows[:end]
-            if end < len(rows):
+                yield here, position, index[:end]
+            if end < len(index):
                 self.passage += 1
-            rows, position = rows[end:], position + int(end)
+            index, position = index[end:], position + int(end)
 
 
 class ObserverRun:
@@ -85,6 +89,8 @@ class ObserverRun:
     ) -> None:
         """keeps_frames: those that were sent."""
         bus: BusMap = map_bus(bench)
+        if not keeps_frames:
+            bus = replace(bus, rate=None)
         self._core = Core(
             bench.injector,
             bus,
@@ -94,8 +100,8 @@ class ObserverRun:
             learner_of=learner_of,
             fuel_temperature=fuel_temperature,
         )
-        nominal = Core(bench.injector, bus, learning=False, fuel_temperature=fuel_temperature)
-        self._reading, self._nominal = _Reading(self._core), _Reading(nominal)
+        self._reading = _Reading(self._core)
+        self._nominal = NominalModel(bench.injector)
         self._device = Device(bus)
         self._progress = progress or (lambda _: None)
         self._keeps_frames = keeps_frames
@@ -108,18 +114,24 @@ class ObserverRun:
     def take(self, stream: SignalStream, hearer: Hearer) -> list[Passage]:
         """Observe a recording as the frames of a measuring device; between stretches the sample index jumps."""
         rate, before = stream.sample_rate, len(self._passages)
-        for chunk in self._device.chunks(stream.chunks()):
-            if chunk.first == 0:
+        for chunk, begun, blocks in ahead(self._framed(stream)):
+            if begun is not None:
                 samples = stream.stretches[chunk.stretch].samples
-                self._passages.append(Passage(hearer, self._device.begin(rate), samples, rate))
+                self._passages.append(Passage(hearer, begun, samples, rate))
             self._passages[-1].give(chunk.time, chunk.injection_rate)
-            self._observe(self._device.frames(chunk))
+            self._observe(blocks)
         return self._passages[before:]
+
+    def _framed(self, stream: SignalStream) -> Iterator[tuple[Chunk, int | None, list[FrameBlock]]]:
+        """Chunks and their frames, with the sample index of those that begin a stretch."""
+        for chunk in self._device.chunks(stream.chunks()):
+            begun = self._device.begin(stream.sample_rate) if chunk.first == 0 else None
+            yield chunk, begun, list(self._device.blocks(chunk))
 
     def take_frames(self, frames: Iterable[BusFrame], passages: Iterable[Passage]) -> None:
         """Observe frames as they are, which carry the samples of passages in their order."""
         self._passages += passages
-        self._observe(frames)
+        self._observe(blocks_of(frames))
 
     @property
     def counters(self) -> Counters:
@@ -144,22 +156,15 @@ class ObserverRun:
     def finish(self) -> None:
         """No recording will come: judge every event."""
         self._sent(self._core.finish())
-        self._nominal.core.finish()
         self._read()
         for passage in self._passages[self._finished :]:
             passage.finish()
 
-    def _observe(self, frames: Iterable[BusFrame]) -> None:
-        nominal = self._nominal.core
-        for count, (bus, frame) in enumerate(frames):
-            arguments = frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, bus
-            self._sent(self._core.handle(*arguments))
-            nominal.handle(*arguments)
-            if count % _READ_EVERY == 0:
-                self._read()
-                if count % _FORGET_EVERY == 0:
-                    self._forget()
-        self._read()
+    def _observe(self, blocks: Iterable[FrameBlock]) -> None:
+        for block in blocks:
+            self._sent(self._core.handle_many(block))
+            self._read()
+            self._forget()
 
     def _sent(self, frames: list[OutputFrame]) -> None:
         if self._keeps_frames:
@@ -170,10 +175,10 @@ class ObserverRun:
 
     def _read(self) -> None:
         """Note what was processed since the last look, then what was said of injections."""
-        for passage, position, rows in self._reading.parts(self._passages):
-            passage.note(rows, position)
-        for passage, _, rows in self._nominal.parts(self._passages):
-            passage.note_nominal(rows)
+        observer = self._core.compiled.observer
+        for passage, position, index in self._reading.parts(self._passages):
+            nominal = self._nominal.rates(observer, position, position + len(index))
+            passage.note(observer.ring, position, index, nominal)
         news, self._news = self._news, []
         for each in news:
             match each:

@@ -1,5 +1,6 @@
 """`observer-rt evaluate` on a bench of several injectors: one after another, each with files of its own."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from rich.console import Console
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.command import EvaluateOptions, evaluate_files, is_folder, refuse_early
 from observer_rt.evaluation.sources import without_truths
-from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.errors import CombinedError, UserError
 from observer_rt.recording.formats import is_log
 from observer_rt.terminal.console import results, say
 
@@ -18,7 +19,9 @@ def evaluate_bench(bench: Bench, given: Sequence[Path], options: EvaluateOptions
     """Evaluate the recordings for all injectors of a bench, as `evaluate_files`.
 
     Files that the options name get the name of the injector where there are several: `worn.png` becomes
-    `worn_left.png`, and a folder has one for each. Raises `UserError` for a recording that is one injector's.
+    `worn_left.png`, and a folder has one for each. One that cannot be evaluated, such as an injector whose messages a
+    log lacks, leaves the others alone. Raises `UserError` for a recording that is one injector's, and at last
+    `CombinedError` for those that were not evaluated.
     """
     if len(bench.injectors) == 1:
         evaluate_files(bench, given, options, console)
@@ -28,6 +31,7 @@ def evaluate_bench(bench: Bench, given: Sequence[Path], options: EvaluateOptions
     parts = [(each, _named(options, each.injector.name)) for each in bench.each]
     for each, own in parts:
         refuse_early(each, paths, own)
+    failures: dict[str, UserError] = {}
     if options.json:
         print('{"injectors": {')
     for number, (each, own) in enumerate(parts):
@@ -36,9 +40,18 @@ def evaluate_bench(bench: Bench, given: Sequence[Path], options: EvaluateOptions
             print(f'{", " if number else ""}"{name}":')
         else:
             say(results(), f"{chr(10) if number else ''}injector {name}")
-        evaluate_files(each, paths, own, console)
+        try:
+            evaluate_files(each, paths, own, console)
+        except UserError as error:
+            failures[name] = error
+            if options.json:
+                print(json.dumps({"error": str(error)}))
+            else:
+                say(results(), f"not evaluated: {error.problem}")
     if options.json:
         print("}}")
+    if failures:
+        raise CombinedError(failures)
 
 
 def _refuse_plain(bench: Bench, paths: Sequence[Path]) -> None:

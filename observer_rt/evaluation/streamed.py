@@ -13,7 +13,7 @@ from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.passage import Passage
 from observer_rt.evaluation.run import ObserverRun, Progress
 from observer_rt.evaluation.spool import Spool
-from observer_rt.evaluation.trace import Signal, Trace
+from observer_rt.evaluation.trace import Signal, Trace, joined
 from observer_rt.evaluation.trace_file import open_trace, trace_arrays
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.model.coefficients import Coefficients
@@ -78,7 +78,7 @@ class StreamedEvaluation:
     def take_passed(self, time: Signal, trace: Trace) -> None:
         """Into the trace."""
         if self._writer is not None:
-            self._writer.write(trace_arrays(time, trace))
+            self._writer.write(trace_arrays(time.copy(), joined([trace])))
 
     def end(self, run: ObserverRun) -> None:
         """All its frames were taken."""

@@ -38,13 +38,7 @@ class Trace:
             rate, sigma, np.zeros(samples, np.bool_), np.full(samples, state, np.int8), x, phi, nominal
         )
 
-    def part(self, rows: slice) -> Self:
-        """Some samples, as views."""
-        return type(self)(*(getattr(self, each.name)[rows] for each in fields(self)))
-
 
 def joined(traces: Sequence[Trace]) -> Trace:
-    """One after another."""
-    if len(traces) == 1:
-        return traces[0]
+    """One after another, in memory of its own."""
     return Trace(*(np.concatenate([getattr(trace, each.name) for trace in traces]) for each in fields(Trace)))

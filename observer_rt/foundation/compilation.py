@@ -13,7 +13,8 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 _VARIABLE = "NUMBA_CACHE_DIR"
@@ -22,21 +23,48 @@ _USES_NUMBA = re.compile(r"^(?:from|import) numba\b", re.MULTILINE)
 _IMPORTED = re.compile(
     rf"^\s*(?:from|import) {_PACKAGE.name}\.([\w.]+)(?: import \(?([\w, ]*))?", re.MULTILINE
 )
+_ROOM = 200 << 20  # bytes, twice what a bench takes
+_SHARED_MEMORY = Path("/dev/shm")
 _KEEP_UNUSED = 14 * 24 * 3600  # s, for which the cache of another state of the source is kept
 
 
+@dataclass(frozen=True)
+class CompiledCode:
+    """Where it is kept. folder: None where there is none, so that nothing can be compiled.
+
+    trouble, remedy: what keeps it from the folder wanted and what that costs, what mends it; empty if nothing does.
+    """
+
+    folder: Path | None
+    trouble: str = ""
+    remedy: str = ""
+
+
+_kept = CompiledCode(None)
+
+
+def compiled_code() -> CompiledCode:
+    """Where this process keeps it."""
+    return _kept
+
+
 def use_own_cache() -> None:
-    """Point Numba to the cache folder of this source; to be called before Numba is imported."""
+    """Point Numba to the cache folder of this source; to be called before Numba is imported.
+
+    Where the one wanted cannot be written, to one that the next start of the computer empties: see `compiled_code`.
+    """
+    global _kept
     name = compiled_digest()[:16]
     if Path(os.environ.get(_VARIABLE, "")).name == name:
+        _kept = CompiledCode(Path(os.environ[_VARIABLE]))
         return  # set by the process that started this one
-    root = _writable_root()
-    folder = root / name
-    folder.mkdir(exist_ok=True)
-    _remove_unused(root, folder)
-    os.environ[_VARIABLE] = str(folder)
+    _kept = _first_usable(name)
+    if _kept.folder is None:
+        return
+    _remove_unused(_kept.folder.parent, _kept.folder)
+    os.environ[_VARIABLE] = str(_kept.folder)
     if "numba" in sys.modules:  # it has read its settings already
-        sys.modules["numba"].config.CACHE_DIR = str(folder)
+        sys.modules["numba"].config.CACHE_DIR = str(_kept.folder)
 
 
 def source_digest() -> str:
@@ -81,20 +109,53 @@ def is_compiled() -> bool:
     return any(Path(os.environ[_VARIABLE]).rglob("*.nbi"))
 
 
-def _writable_root() -> Path:
-    """The user's own cache folder, else one of the temporary folder."""
+def _first_usable(name: str) -> CompiledCode:
+    """The folder `name` in the user's own cache, else in a temporary one."""
     chosen = os.environ.get(_VARIABLE)
     cache = Path(chosen) if chosen else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    root = cache / "observer_rt" / "compiled"
+    wanted = cache / "observer_rt" / "compiled"
+    obstacle = _obstacle(wanted / name)
+    if not obstacle:
+        return CompiledCode(wanted / name)
+    remedy = f"mend its rights or make room, or name another folder: {_VARIABLE}=FOLDER observer-rt ..."
+    for root in _substitutes():
+        if not (_foreign(root) or _obstacle(root / name)):
+            trouble = (
+                f"compiled code cannot be kept in {wanted} ({obstacle}): it is in {root}, and after every start of "
+                "the computer `run` is ready only when all is compiled anew, which takes a minute or two"
+            )
+            return CompiledCode(root / name, trouble, remedy)
+    return CompiledCode(
+        None, f"compiled code can be kept neither in {wanted} ({obstacle}) nor elsewhere", remedy
+    )
+
+
+def _substitutes() -> Iterator[Path]:
+    name = f"observer_rt-{os.getuid()}"
+    with contextlib.suppress(FileNotFoundError):  # there is no temporary folder
+        yield Path(tempfile.gettempdir()) / name
+    yield _SHARED_MEMORY / name
+
+
+def _foreign(root: Path) -> bool:
+    """Whether another user made a folder where anybody may make one: what is in there would be run."""
+    with contextlib.suppress(OSError):
+        root.mkdir(mode=0o700, exist_ok=True)
+        return root.stat().st_uid != os.getuid()
+    return False
+
+
+def _obstacle(folder: Path) -> str:
+    """What keeps compiled code from being written, empty if nothing does."""
     try:
-        root.mkdir(parents=True, exist_ok=True)
-        if os.access(root, os.W_OK):
-            return root
-    except OSError:
-        pass
-    root = Path(tempfile.gettempdir()) / f"observer_rt-{os.getuid()}"
-    root.mkdir(exist_ok=True)
-    return root
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        return error.strerror or str(error)
+    room = shutil.disk_usage(folder).free
+    if room < _ROOM and not any(folder.rglob("*.nbi")):
+        return f"{room >> 20} MB are free there, it takes {_ROOM >> 20}"
+    return ""
 
 
 def _remove_unused(root: Path, used: Path) -> None:

@@ -1,5 +1,7 @@
 """The two kinds of failure a user can meet, and the exit codes they become."""
 
+from collections.abc import Mapping
+
 
 class ObserverError(Exception):
     """A failure with a message for the user; `exit_code` is what the command line returns."""
@@ -24,3 +26,14 @@ class UserError(ObserverError):
         self.problem = problem
         self.remedy = remedy
         super().__init__(f"{place}: {problem}" + (f"\n  remedy: {remedy}" if remedy else ""))
+
+
+class CombinedError(ObserverError):
+    """What failed of several that were served side by side, each under its name.
+
+    The exit code is that of one alone, and 1 where some failed at run time: another start may help those.
+    """
+
+    def __init__(self, failures: Mapping[str, ObserverError]) -> None:
+        self.exit_code = min(failure.exit_code for failure in failures.values())
+        super().__init__("\n".join(f"{name}: {failure}" for name, failure in failures.items()))

@@ -18,6 +18,7 @@ from observer_rt.model.leapfrog import leapfrog, move_end, move_line
 from observer_rt.model.line.interface import line_fastest
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import is_at_rest, right_hand_side, tangent_rates
+from observer_rt.model.vectors import WIDTH, load, store
 
 EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
 LINE_STEP = (
@@ -73,45 +74,99 @@ def runge_kutta_step(
 ) -> Any:
     """One RK4 step [s] of x' = rates(x, u, system, tangent, stage) with the inputs at its start, middle and end.
 
-    x: a tuple of any length. tangent: None, or the `Tangent` that moves with it: `rates` then leaves the derivatives
-    of x' in its `stages`, along those of x in `by` at the first stage and in `moved` at the others.
+    x: a tuple of any length. tangent: None, or the `Tangent` that moves with it: `rates` then leaves in it the
+    derivatives of x' at every stage.
     """
     k1 = rates(x, u_start, system, tangent, 0)
-    if tangent is not None:
-        _move(tangent.by, tangent.moved, tangent.stages, 0.5 * step, 0)
     k2 = rates(_along(x, 0.5 * step, k1), u_mid, system, tangent, 1)
-    if tangent is not None:
-        _move(tangent.by, tangent.moved, tangent.stages, 0.5 * step, 1)
     k3 = rates(_along(x, 0.5 * step, k2), u_mid, system, tangent, 2)
-    if tangent is not None:
-        _move(tangent.by, tangent.moved, tangent.stages, step, 2)
     k4 = rates(_along(x, step, k3), u_end, system, tangent, 3)
     if tangent is not None:
-        _finish(tangent.by, tangent.stages, step / 6.0)
+        _move_tangent(x, step, tangent.by, Linearised(tangent.by_state, tangent.by_number))
     return _along(x, step / 6.0, _weighted(k1, k2, k3, k4))
 
 
-@njit(cache=True, nogil=True)
-def _move(
-    by: NDArray[np.float64],
-    moved: NDArray[np.float64],
-    stages: NDArray[np.float64],
-    step: float,
-    stage: int,
-) -> None:
-    """The derivatives as far as a stage's rates lead them; arrays of a `Tangent`, which by itself costs more."""
-    for row in range(by.shape[0]):
-        for j in range(by.shape[1]):
-            moved[row, j] = by[row, j] + step * stages[stage, row, j]
+class Linearised(NamedTuple):
+    """The derivatives of rates at the stages of a step, as in `Tangent`."""
+
+    by_state: NDArray[np.float64]
+    by_number: NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def _finish(by: NDArray[np.float64], stages: NDArray[np.float64], sixth: float) -> None:
-    """The derivatives after a step; the exact derivative of the RK4 step."""
-    for row in range(by.shape[0]):
-        for j in range(by.shape[1]):
-            middle = stages[1, row, j] + stages[2, row, j]
-            by[row, j] += sixth * (stages[0, row, j] + 2.0 * middle + stages[3, row, j])
+def _move_tangent(x: Any, step: float, by: NDArray[np.float64], linearised: Linearised) -> None:
+    """The derivatives by (n, m) over a step [s]: the derivative of an RK4 step is the RK4 step of the derivatives.
+
+    x: a tuple of n.
+    """
+    for first in range(0, by.shape[1], WIDTH):
+        columns = _columns(by, 0, first, x)
+        k1 = _linear_rates(columns, linearised, 0, 0, first, x)
+        k2 = _linear_rates(_along(columns, 0.5 * step, k1), linearised, 1, 0, first, x)
+        k3 = _linear_rates(_along(columns, 0.5 * step, k2), linearised, 2, 0, first, x)
+        k4 = _linear_rates(_along(columns, step, k3), linearised, 3, 0, first, x)
+        _store_columns(_along(columns, step / 6.0, _weighted(k1, k2, k3, k4)), by, 0, first)
+
+
+def _columns(by: NDArray[np.float64], row: int, first: int, x: Any) -> Any:
+    """A vector of every row of by (n, m), from `row` on, as a tuple as long as x."""
+
+
+@overload(_columns, strict=False)
+def _columns_compiled(by: Any, row: Any, first: Any, x: Any) -> Any:
+    if len(x) == 1:
+        return lambda by, row, first, x: (load(by, row * by.shape[1] + first),)
+    return lambda by, row, first, x: (
+        (load(by, row * by.shape[1] + first),) + _columns(by, row + 1, first, x[1:])  # noqa: RUF005
+    )
+
+
+def _store_columns(columns: Any, by: NDArray[np.float64], row: int, first: int) -> None:
+    """The tuple of vectors into the rows of by (n, m), from `row` on."""
+
+
+@overload(_store_columns, strict=False)
+def _store_columns_compiled(columns: Any, by: Any, row: Any, first: Any) -> Any:
+    def keep(columns: Any, by: Any, row: Any, first: Any) -> None:
+        store(by, row * by.shape[1] + first, columns[0])
+        _store_columns(columns[1:], by, row + 1, first)
+
+    return keep if len(columns) else lambda columns, by, row, first: None
+
+
+def _linear_rates(columns: Any, linearised: Linearised, stage: int, row: int, first: int, rows: Any) -> Any:
+    """The rates of change of a tuple of vectors at a stage, from `row` on; rows: a tuple of as many as there are."""
+
+
+@overload(_linear_rates, strict=False)
+def _linear_rates_compiled(columns: Any, linearised: Any, stage: Any, row: Any, first: Any, rows: Any) -> Any:
+    def one(columns: Any, linearised: Any, stage: Any, row: Any, first: Any, rows: Any) -> Any:
+        by_state, by_number = linearised.by_state, linearised.by_number
+        place = (stage * by_number.shape[1] + row) * by_number.shape[2] + first
+        along = _combined(by_state[stage, row, 0] * columns[0], columns[1:], by_state, stage, row, 1)
+        return (along + load(by_number, place),)
+
+    def all_of_them(columns: Any, linearised: Any, stage: Any, row: Any, first: Any, rows: Any) -> Any:
+        return _linear_rates(columns, linearised, stage, row, first, rows[:1]) + _linear_rates(
+            columns, linearised, stage, row + 1, first, rows[1:]
+        )
+
+    return one if len(rows) == 1 else all_of_them
+
+
+def _combined(
+    total: Any, columns: Any, by_state: NDArray[np.float64], stage: int, row: int, place: int
+) -> Any:
+    """The total and the vectors times by_state[stage, row, place ..]."""
+
+
+@overload(_combined, strict=False)
+def _combined_compiled(total: Any, columns: Any, by_state: Any, stage: Any, row: Any, place: Any) -> Any:
+    def add(total: Any, columns: Any, by_state: Any, stage: Any, row: Any, place: Any) -> Any:
+        more = total + by_state[stage, row, place] * columns[0]
+        return _combined(more, columns[1:], by_state, stage, row, place + 1)
+
+    return add if len(columns) else lambda total, columns, by_state, stage, row, place: total
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -187,8 +242,8 @@ def injector_rates(x: Any, u: tuple[float, float], system: System, tangent: Any,
     """(25)-(26), with their derivatives where a tangent is carried."""
     if tangent is None:
         return right_hand_side(x, u, system.coefficients, system.network)
-    direction = tangent.by if stage == 0 else tangent.moved
-    return tangent_rates(x, u, system.coefficients, system.network, tangent, direction, tangent.stages[stage])
+    by_state, by_number = tangent.by_state[stage], tangent.by_number[stage]
+    return tangent_rates(x, u, system.coefficients, system.network, tangent, by_state, by_number)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -258,7 +313,7 @@ def _over(x: Any, interval: Any, knot: Any, c: Any, network: Any, tangent: Any) 
     """The way the line at hand goes over an interval."""
 
 
-@overload(_over, strict=False)
+@overload(_over, strict=False, jit_options={"forceinline": True})
 def _over_compiled(x: Any, interval: Any, knot: Any, c: Any, network: Any, tangent: Any) -> Any:
     line = c.types[c.fields.index("line")].instance_class
     return _leapfrog_over.py_func if line.staggered else _runge_kutta_over.py_func

@@ -12,12 +12,14 @@ OUTPUTS = 2  # N_H (nozzle), N_S (seat)
 
 # Rows of the hidden layer: three look at the sac pressure, two at the seat area, each where it bends most
 # over the working range. They stay fixed: training V gains nothing.
-_HIDDEN_LAYER = (
-    (0.0, 0.0, 2.5, 0.0, 0.0, -0.75),
-    (0.0, 0.0, 2.5, 0.0, 0.0, -2.25),
-    (0.0, 0.0, 10.0, 0.0, 0.0, -1.0),
-    (0.0, 0.0, 0.0, 0.0, 4.0, -1.0),
-    (0.0, 0.0, 0.0, 0.0, 4.0, -3.2),
+_HIDDEN_LAYER = np.array(
+    (
+        (0.0, 0.0, 2.5, 0.0, 0.0, -0.75),
+        (0.0, 0.0, 2.5, 0.0, 0.0, -2.25),
+        (0.0, 0.0, 10.0, 0.0, 0.0, -1.0),
+        (0.0, 0.0, 0.0, 0.0, 4.0, -1.0),
+        (0.0, 0.0, 0.0, 0.0, 4.0, -3.2),
+    )
 )
 
 
@@ -40,7 +42,7 @@ class Network(NamedTuple):
 
 def zero_network() -> Network:
     """The network at start: q = 5 hidden neurons, zero output."""
-    return Network(np.array(_HIDDEN_LAYER), np.zeros((OUTPUTS, HIDDEN)), np.zeros(OUTPUTS), np.zeros(2))
+    return Network(_HIDDEN_LAYER.copy(), np.zeros((OUTPUTS, HIDDEN)), np.zeros(OUTPUTS), np.zeros(2))
 
 
 def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:

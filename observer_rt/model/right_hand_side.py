@@ -12,6 +12,7 @@ from observer_rt.model.network import Network, activation, back_pressure_at, flo
 from observer_rt.model.nozzle import nozzle_law, nozzle_law_slopes
 from observer_rt.model.sac import sac_rate
 from observer_rt.model.seat import seat_law, seat_law_slopes
+from observer_rt.model.vectors import whole_vectors
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -93,7 +94,7 @@ class FlowSlopes(NamedTuple):
     h_back_pressure: float
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def flow_slopes(
     x: Any, u: tuple[float, float], c: Coefficients, network: Network, sigmas: NDArray[np.float64]
 ) -> FlowSlopes:
@@ -140,7 +141,8 @@ def flow_slopes(
 class ByTheta(NamedTuple):
     """How a parameter vector theta acts: the columns of the network's parameters, the slopes of the line's.
 
-    line_slopes: d(coefficient)/d(theta) of every pair (line_coefficients, line_columns) that is not 0, all (k,).
+    line_slopes: d(coefficient)/d(theta) of every pair (line_coefficients, line_columns) that is not 0, all (k,);
+    those of a column follow each other.
     """
 
     nozzle_bias: int
@@ -156,85 +158,84 @@ class Tangent(NamedTuple):
     """Derivatives carried with a state: `by` (n, m), of n states by m numbers, theta first; the rest is scratch.
 
     Columns beyond those of theta are those of a change of the state: dx/dx(start), if the unit matrix at the start.
+    m fills vectors: the last columns may be of nothing.
     """
 
     by: NDArray[np.float64]
     moved: NDArray[np.float64]  # (n, m)
-    stages: NDArray[np.float64]  # (4, n, m)
+    by_state: NDArray[np.float64]  # (4, n, n), of x' by x at the stages of a step
+    by_number: NDArray[np.float64]  # (4, n, m), of x' by the numbers, x held
     slopes: Slopes
     sigmas: NDArray[np.float64]  # (q,)
     theta: ByTheta
 
 
 def tangent_of(c: Coefficients, network: Network, theta: ByTheta, columns: int) -> Tangent:
-    """A tangent of 0."""
-    n = c.states
+    """A tangent of 0, at least so many columns wide."""
+    n, m = c.states, whole_vectors(columns)
     return Tangent(
-        np.zeros((n, columns)),
-        np.zeros((n, columns)),
-        np.zeros((4, n, columns)),
+        np.zeros((n, m)),
+        np.zeros((n, m)),
+        np.zeros((4, n, n)),
+        np.zeros((4, n, m)),
         no_slopes(c.line),
         np.zeros(network.hidden.shape[0]),
         theta,
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def tangent_rates(
     x: Any,
     u: tuple[float, float],
     c: Coefficients,
     network: Network,
     tangent: Tangent,
-    direction: NDArray[np.float64],
-    rate: NDArray[np.float64],
+    by_state: NDArray[np.float64],
+    by_number: NDArray[np.float64],
 ) -> Any:
-    """x' = f + phi and, into `rate` (n, m), d(x')/dtheta [1/s] where dx/dtheta is `direction` (n, m)."""
-    slopes, theta, sigmas = tangent.slopes, tangent.theta, tangent.sigmas
-    by_state, by_flow, by_coefficient = slopes.by_state, slopes.by_flow, slopes.by_coefficient
+    """x' = f + phi and its derivatives [1/s]: by_state (n, n), and by the tangent's numbers by_number (n, m).
+
+    Of by_number only what may differ from 0 is written.
+    """
+    theta, sigmas = tangent.theta, tangent.sigmas
+    by_flow, by_coefficient = tangent.slopes.by_flow, tangent.slopes.by_coefficient
+    slopes = Slopes(by_state, tangent.slopes.by_rail, by_flow, by_coefficient)
     _clear(by_state)
     q_h, q_s = 0.0, 0.0
     if is_at_rest(x, u):
         line_slopes(x, u[0], q_h, q_s, c.line, slopes)
-        _move_along(by_state, direction, rate)
+        for row in range(by_number.shape[0]):
+            for column in range(theta.nozzle_bias, theta.nozzle_weight + sigmas.shape[0]):
+                by_number[row, column] = 0.0
+            by_number[row, theta.seat_bias] = 0.0
+            by_number[row, theta.back_pressure] = 0.0
+            by_number[row, theta.back_pressure + 1] = 0.0
     else:
         flows = flow_slopes(x, u, c, network, sigmas)
         q_h, q_s = flows.q_h, flows.q_s
         line_slopes(x, u[0], q_h, q_s, c.line, slopes)
         by_flow[2, 0], by_flow[2, 1] = -c.sac.a6, c.sac.a5
-        for row in range(rate.shape[0]):
+        for row in range(by_number.shape[0]):
             by_h, by_s = by_flow[row, 0], by_flow[row, 1]
             for i in range(3):
                 by_state[row, i] += by_h * flows.h_x[i] + by_s * flows.s_x[i]
-        _move_along(by_state, direction, rate)
-        for row in range(rate.shape[0]):
-            by_h, by_s = by_flow[row, 0], by_flow[row, 1]
-            rate[row, theta.nozzle_bias] += by_h * flows.h_change
+            by_number[row, theta.nozzle_bias] = by_h * flows.h_change
             for neuron in range(sigmas.shape[0]):
-                rate[row, theta.nozzle_weight + neuron] += by_h * flows.h_change * sigmas[neuron]
-            rate[row, theta.seat_bias] += by_s * flows.s_change
-            rate[row, theta.back_pressure] += by_h * flows.h_back_pressure
-            rate[row, theta.back_pressure + 1] += by_h * flows.h_back_pressure * u[1]
+                by_number[row, theta.nozzle_weight + neuron] = by_h * flows.h_change * sigmas[neuron]
+            by_number[row, theta.seat_bias] = by_s * flows.s_change
+            by_number[row, theta.back_pressure] = by_h * flows.h_back_pressure
+            by_number[row, theta.back_pressure + 1] = by_h * flows.h_back_pressure * u[1]
     columns, coefficients, by_theta = theta.line_columns, theta.line_coefficients, theta.line_slopes
-    for k in range(by_theta.shape[0]):
-        for row in range(rate.shape[0]):
-            rate[row, columns[k]] += by_coefficient[row, coefficients[k]] * by_theta[k]
+    for row in range(by_number.shape[0]):
+        total = 0.0
+        for k in range(by_theta.shape[0]):
+            total += by_coefficient[row, coefficients[k]] * by_theta[k]
+            if k + 1 == by_theta.shape[0] or columns[k + 1] != columns[k]:
+                by_number[row, columns[k]] = total
+                total = 0.0
     line = line_rates(x, u[0], q_h, q_s, c.line)
     return (line[0], line[1], sac_rate(q_h, q_s, c.sac)) + line[2:]  # noqa: RUF005
-
-
-@njit(cache=True, nogil=True)
-def _move_along(
-    by_state: NDArray[np.float64], direction: NDArray[np.float64], rate: NDArray[np.float64]
-) -> None:
-    """rate = by_state @ direction, for matrices of a few rows."""
-    for row in range(rate.shape[0]):
-        first, second, third = by_state[row, 0], by_state[row, 1], by_state[row, 2]
-        for j in range(rate.shape[1]):
-            rate[row, j] = first * direction[0, j] + second * direction[1, j] + third * direction[2, j]
-        for i in range(3, rate.shape[0]):
-            for j in range(rate.shape[1]):
-                rate[row, j] += by_state[row, i] * direction[i, j]
 
 
 @njit(cache=True, nogil=True)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,25 +151,36 @@ def event_window(observer: Observer, number: int) -> Window | None:
         return None
     start, end = _window_of(observer, event)
     late = observer.constants.sensor.late
-    rows = observer.ring[np.arange(start, end) % RING]
-    recorded = observer.ring[np.arange(start + late, end + late) % RING]
+    first = observer.ring[start % RING]
+
+    def column(name: str, shift: int = 0) -> NDArray[Any]:
+        return remembered(observer.ring[name], start + shift, end + shift)
+
     return Window(
-        inputs=np.column_stack([rows["rail_pressure"], rows["seat_area"]]),
-        output=recorded["line_pressure"],
-        resting=rows["resting"].copy(),
-        start=np.append(rows["x_tilde"][0], rows["indicated"][0]),
+        inputs=np.column_stack([column("rail_pressure"), column("seat_area")]),
+        output=column("line_pressure", late).copy(),
+        resting=column("resting").copy(),
+        start=np.append(first["x_tilde"], first["indicated"]),
         opening=int(event["opening"]) - start,
-        knots=np.column_stack([rows["lift_after"], rows["lift_area"]]),
-        masked=(recorded["bridged"] >> LINE & 1).astype(np.bool_),
+        knots=np.column_stack([column("lift_after"), column("lift_area")]),
+        masked=(column("bridged", late) >> LINE & 1).astype(np.bool_),
     )
+
+
+def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:
+    """Samples, or a column of them, at positions [start, end): a view, where they do not lie round the ring's end."""
+    first, last = start % RING, (end - 1) % RING + 1
+    if start >= end:
+        return ring[:0]
+    return ring[first:last] if first < last else np.concatenate((ring[first:], ring[:last]))
 
 
 def event_innovations(observer: Observer, number: int) -> Innovations:
     """Innovations of the live x~ over the learning window of a closed event, copied."""
     memory = observer.memory[0]
     start, end = _window_of(observer, memory["events"][number % PENDING_EVENTS])
-    rows = observer.ring[np.arange(start, end) % RING]
-    return Innovations(rows["innovation"].copy(), float(memory["innovation_sigma"]))
+    innovations = remembered(observer.ring["innovation"], start, end)
+    return Innovations(innovations.copy(), float(memory["innovation_sigma"]))
 
 
 def _window_of(observer: Observer, event: np.void) -> tuple[int, int]:
@@ -206,7 +218,7 @@ def was_shut(observer: Observer, begin: float, end: float) -> bool:
         return False
     newest = int(observer.ring[(processed - 1) % RING]["index"])
     span = min(processed, RING, max(math.ceil(newest - begin) + 2, 0))
-    rows = observer.ring[np.arange(processed - span, processed) % RING]
+    rows = remembered(observer.ring, processed - span, processed)
     anew = np.flatnonzero(rows["broken"] == Break.RESTART)
     rows = rows[anew[-1] :] if anew.size else rows
     first = int(np.searchsorted(rows["index"], begin, side="right")) - 1

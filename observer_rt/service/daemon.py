@@ -22,13 +22,12 @@ from observer_rt.service.port import Port
 from observer_rt.service.pump.compiled_pump import CompiledPump, can_pump
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.pump.python_pump import PythonPump
-from observer_rt.service.reports.news import Listener, Notice, to_all
+from observer_rt.service.reports.news import Listener, to_all
 from observer_rt.service.rights import take_time
 from observer_rt.service.state_file import model_hash
 from observer_rt.service.watch.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.service.watch.input_watch import InputWatch
 from observer_rt.service.watch.state_watch import StateWatch
-from observer_rt.service.words import Topic
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data
@@ -48,16 +47,18 @@ class Daemon:
         on_alive: Callable[[], None] = lambda: None,
         failed_writes: Callable[[], int] = lambda: 0,
         learning: Executor | None = None,
+        processor: int | None = None,
     ) -> None:
         """links: of all buses, in order. knowledge: restored from an earlier run.
 
         on_alive: called some ten times a second by the loop, for whoever watches that it goes round. failed_writes:
         so far, of whoever writes files beside the loop; for the status. learning: where events are learned from,
-        one after another; None: in a thread of its own.
+        one after another; None: in a thread of its own. processor: that a compiled loop is to stay on.
         """
         self._links = links
         self._bus = bus
-        self._tell = tell = to_all(listeners)
+        self._processor = processor
+        self._tell = to_all(listeners)
         self._on_alive = on_alive
         self._failed_writes = failed_writes
         self.ports = tuple(
@@ -66,7 +67,7 @@ class Daemon:
                 named.config.channel,
                 each,
                 any(layout.bus == number for layout in bus.received),
-                lambda text, is_over: tell(Notice(Topic.LINK, text, is_over)),
+                self._tell,
             )
             for number, (named, each) in enumerate(zip(bench.config.buses, self._links, strict=True))
         )
@@ -116,7 +117,9 @@ class Daemon:
         if not can_pump(self._links, self._bus):
             return PythonPump(self._links, self.core, self.arrivals)
         port = self.ports[self._bus.rate.layout.bus if self._bus.rate else 0]
-        return CompiledPump(self._links, self.core, self._bus, self.arrivals, port.count_unsent)
+        return CompiledPump(
+            self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._processor
+        )
 
     def _serve_once(self) -> None:
         """What the pump has, soon; results, and status when it is due."""
@@ -205,6 +208,11 @@ class Daemon:
         return sum(port.unsent for port in self.ports)
 
     @property
+    def failed_writes(self) -> int:
+        """How often learned state or journal could not be written, and lines of the log that were given up."""
+        return self._failed_writes()
+
+    @property
     def troubles(self) -> int:
         """How often an interface went down or away, and its controller error-passive or bus-off."""
         return sum(port.troubles for port in self.ports)
@@ -221,7 +229,7 @@ class Daemon:
             rail_pressure_age=rail,
             needle_lift_age=lift,
             line_pressure_age=line,
-            failed_writes=self._failed_writes(),
+            failed_writes=self.failed_writes,
         )
         injector_id = self._injector.config.outputs.injector_id
         return self._status_writer.write(

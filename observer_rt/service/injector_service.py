@@ -13,11 +13,11 @@ from observer_rt.service.core.learners import doubt_about_fit
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.keeping.keeper import Keeper
 from observer_rt.service.log import Voice
-from observer_rt.service.notify import Notifier
 from observer_rt.service.opening import StoppedError, buses_of, open_links, tell_other_senders
 from observer_rt.service.reports.news import News
 from observer_rt.service.reports.telling import Teller
 from observer_rt.service.restoring import restored_knowledge
+from observer_rt.service.sharing import Shared
 from observer_rt.service.state_file import model_hash
 from observer_rt.service.view import View
 from observer_rt.service.words import Topic
@@ -26,13 +26,26 @@ from observer_rt.service.words import Topic
 class InjectorService:
     """Waits for the injector's interfaces, then observes it, until told to stop."""
 
-    def __init__(self, bench: Bench, bus: BusMap, keeper: Keeper, voice: Voice, notifier: Notifier) -> None:
-        """bench: with this injector only. Says what was learned before, and what it will observe."""
+    def __init__(
+        self,
+        bench: Bench,
+        bus: BusMap,
+        keeper: Keeper,
+        voice: Voice,
+        shared: Shared,
+        processor: int | None = None,
+    ) -> None:
+        """bench: with this injector only; shared: with the others; processor: of its loop.
+
+        Says what was learned before, and what it will observe.
+        """
         injector = bench.injector
         self._bench = bench
         self._bus = bus
         self._keeper = keeper
         self._voice = voice
+        self._shared = shared
+        self._processor = processor
         self._knowledge = restored_knowledge(
             keeper.state,
             model_hash(injector.parameters),
@@ -41,7 +54,7 @@ class InjectorService:
         )
         self._announce()
         self.screen = View(voice.named(f"observer_rt: {self._buses}"), injector)
-        self._teller = Teller(voice, notifier, bench_constants(injector).coefficients)
+        self._teller = Teller(voice, shared.notifier, bench_constants(injector).coefficients, shared.once)
 
     @property
     def name(self) -> str:
@@ -55,8 +68,9 @@ class InjectorService:
         """
         with ExitStack() as stack:
             try:
-                tell_other_senders(self._bench, self._bus, self._tell, stop, on_alive)
-                opened = open_links(self._bench, self._bus, self._tell, stop, on_alive)
+                buses = self._shared.buses
+                tell_other_senders(self._bench, self._bus, buses, self._tell, stop, on_alive)
+                opened = open_links(self._bench, self._bus, buses, self._tell, stop, on_alive)
                 links = [stack.enter_context(link) for link in opened]
             except StoppedError:
                 self._voice.say(Topic.STOP, "stopped while it waited for the interface")
@@ -70,6 +84,7 @@ class InjectorService:
                 on_alive,
                 lambda: self._keeper.failures + self._voice.log.lost,
                 learning,
+                self._processor,
             )
             self.screen.watch(daemon)
             self._voice.say(Topic.START, "ready")

@@ -3,6 +3,8 @@
 from observer_rt.bus.links.controller import BusState, condition_messages
 from observer_rt.bus.links.link import Link
 from observer_rt.service.outbox import Outbox
+from observer_rt.service.reports.news import Notice, of_bus
+from observer_rt.service.words import Topic
 
 PERIOD = 1.0  # s between messages, so that a controller that comes and goes does not flood the screen
 
@@ -20,13 +22,13 @@ class LinkWatch:
         """The link is up again: what was not sent meanwhile is no news."""
         self._unsent = self._outbox.unsent
 
-    def messages(self, now: int) -> list[tuple[str, bool]]:
-        """News at a monotonic time [ns], each with whether it is well again; none within `PERIOD` after the last."""
+    def look(self, now: int) -> list[Notice]:
+        """News at a monotonic time [ns]; none within `PERIOD` after the last."""
         if now < self._next:
             return []
         is_well = self._link.condition.state is BusState.ACTIVE
         told = [
-            (text, is_well)
+            of_bus(Topic.LINK, text, is_well)
             for text in condition_messages(self._channel, self._condition, self._link.condition)
         ]
         self._condition = self._link.condition
@@ -36,7 +38,7 @@ class LinkWatch:
                 "read them\n"
                 "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
             )
-            told.append((text, False))
+            told.append(Notice(Topic.LINK, text, incident=f"frames of {self._channel} lost"))
             self._dropped = self._link.dropped
         if self._outbox.unsent > self._unsent:
             text = (
@@ -45,7 +47,7 @@ class LinkWatch:
                 "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
                 f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
             )
-            told.append((text, False))
+            told.append(Notice(Topic.LINK, text, incident=f"transmit queue of {self._channel} full"))
             self._unsent = self._outbox.unsent
         if told:
             self._next = now + round(PERIOD * 1e9)

@@ -90,11 +90,11 @@ class Voice:
 
     def __init__(self, log: ServiceLog, name: str) -> None:
         self.log = log
-        self._name = name
+        self.name = name
 
     def named(self, text: str) -> str:
         """The text with the injector it is about."""
-        return f"{self._name}: {text}" if self._name else text
+        return f"{self.name}: {text}" if self.name else text
 
     def say(self, topic: Topic, text: str, is_over: bool = False) -> None:
         """As `ServiceLog.say`."""
@@ -103,7 +103,7 @@ class Voice:
 
     def record(self, content: Mapping[str, Any]) -> None:
         """As `ServiceLog.record`."""
-        self.log.record({"injector": self._name, **content} if self._name else content)
+        self.log.record({"injector": self.name, **content} if self.name else content)
 
 
 def is_journal(stream: IO[str], environment: Mapping[str, str]) -> bool:

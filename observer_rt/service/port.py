@@ -10,6 +10,8 @@ from observer_rt.bus.links.outage import Outage
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.link_watch import LinkWatch
 from observer_rt.service.outbox import Outbox
+from observer_rt.service.reports.news import Notice, of_bus
+from observer_rt.service.words import Topic
 
 SILENCE = 10.0  # s without an outage, after which the same one is told again: some devices come and go
 
@@ -18,11 +20,11 @@ class Port:
     """A link that is up, or down and being reconnected. Nothing here waits: other buses go on meanwhile."""
 
     def __init__(
-        self, label: str, channel: str, link: Link, has_inputs: bool, on_message: Callable[[str, bool], None]
+        self, label: str, channel: str, link: Link, has_inputs: bool, tell: Callable[[Notice], None]
     ) -> None:
         """label: what messages call the bus; has_inputs: whether anything is to be received on it.
 
-        on_message: hears what is the matter, and whether that is over.
+        tell: hears what is the matter, and when that is over.
         """
         self.label = label
         self.link = link
@@ -31,7 +33,7 @@ class Port:
         """How often the interface went down or away."""
         self._outbox = Outbox(link)
         self._watch = LinkWatch(channel, link, self._outbox)
-        self._on_message = on_message
+        self._tell = tell
         self._outage: Outage | None = None
         self._is_told = False
         self._last_outage = ("", -SILENCE)  # what was the matter, and when
@@ -82,8 +84,8 @@ class Port:
     def tell(self, now: int) -> None:
         """Messages about what has changed, at a monotonic time [ns]."""
         if self.is_up:
-            for message, is_over in self._watch.messages(now):
-                self._on_message(message, is_over)
+            for notice in self._watch.look(now):
+                self._tell(notice)
 
     def go_down(self, error: LinkDownError) -> None:
         """The link failed: to be reconnected by `mend`. What waits is given up: it would be too old for anybody."""
@@ -103,7 +105,7 @@ class Port:
         self._outage = None
         self._watch.begin_anew()
         if self._is_told:
-            self._on_message(f"{self.label} is back", True)
+            self._tell(of_bus(Topic.LINK, f"{self.label} is back", is_over=True))
         return True
 
     def _tell_outage(self, reason: str) -> bool:
@@ -113,5 +115,5 @@ class Port:
         self._last_outage = reason, now
         is_new = reason != before or now - when > SILENCE
         if is_new:
-            self._on_message(f"waiting for the interface: {reason}", False)
+            self._tell(of_bus(Topic.LINK, f"waiting for the interface: {reason}"))
         return is_new

@@ -52,8 +52,14 @@ def lock_memory(granted: Rights) -> Rights:
     return replace(granted, may_lock_memory=not failed)
 
 
-def hurry() -> bool:
-    """Put the calling thread before all that has no real-time priority, and wake it on time; whether it was."""
+def hurry(processor: int | None = None) -> bool:
+    """Put the calling thread before all that has no real-time priority, and wake it on time; whether it was.
+
+    processor: that it is to stay on, if it still may.
+    """
+    if processor is not None:
+        with contextlib.suppress(OSError):
+            os.sched_setaffinity(0, {processor})
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     _raise_limit(resource.RLIMIT_RTPRIO)
     try:

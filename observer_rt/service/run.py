@@ -13,15 +13,17 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bench_map import BenchMap, map_bench
 from observer_rt.config.bench import Bench
-from observer_rt.foundation.compilation import is_compiled
+from observer_rt.foundation.compilation import compiled_code, is_compiled
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.service.injector_service import InjectorService
 from observer_rt.service.keeping.keeper import keeper_of
 from observer_rt.service.log import ServiceLog, Voice
 from observer_rt.service.notify import Notifier
 from observer_rt.service.overview import Overview
+from observer_rt.service.processors import REMEDY, Processors, leave_to_loops, processors
+from observer_rt.service.pump.compiled_pump import is_pumped
 from observer_rt.service.rights import lock_memory, rights
-from observer_rt.service.sharing import refuse_shared
+from observer_rt.service.sharing import Shared, refuse_shared, shared_buses
 from observer_rt.service.show import Screen, draw
 from observer_rt.service.side_by_side import serve_side_by_side
 from observer_rt.service.warm_up import warm_up
@@ -56,7 +58,9 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         log = stack.enter_context(_log(options, console, has_view))
         if options.view and not has_view:
             log.say(Topic.START, "no terminal for the view: one line an injection instead")
-        services = _services(bench, mapped, options, log, notifier, stack)
+        loops = sum(map(is_pumped, bench.each, mapped.injectors))
+        own = processors(bench.config.realtime.cpus, loops)
+        services = _services(bench, mapped, options, log, notifier, own, stack)
         if any(link.config.interface == "virtual" for link in bench.config.buses):
             log.say(
                 Topic.START,
@@ -66,11 +70,16 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         stop = stack.enter_context(stop_on_signals())
         if not is_compiled():
             log.say(Topic.START, COMPILING)
+        if trouble := compiled_code().trouble:
+            log.say(Topic.START, f"warning: {trouble}\n  remedy: {compiled_code().remedy}")
         for alone, bus in zip(bench.each, mapped.injectors, strict=True):
             warm_up(alone, bus)
         notifier.ready()
         granted = lock_memory(rights())
-        log.say(Topic.START, granted.as_text())
+        leave_to_loops(own)
+        log.say(Topic.START, f"{granted.as_text()}, {own.as_text()}")
+        if own.trouble:
+            log.say(Topic.START, f"warning: {own.trouble}\n  remedy: {REMEDY}")
         stack.callback(gc.unfreeze)
         gc.collect()
         gc.freeze()  # a full collection would stop every Python loop for tens of milliseconds
@@ -83,15 +92,17 @@ def _services(
     options: RunOptions,
     log: ServiceLog,
     notifier: Notifier,
+    own: Processors,
     stack: ExitStack,
 ) -> list[InjectorService]:
     """One for each injector; the stack lets go of their files."""
     services = []
-    for alone, bus in zip(bench.each, mapped.injectors, strict=True):
+    shared = Shared(notifier, shared_buses(bench, mapped.injectors))
+    for number, (alone, bus) in enumerate(zip(bench.each, mapped.injectors, strict=True)):
         voice = Voice(log, alone.injector.name)
         tell_kept = partial(voice.say, Topic.KEPT)
         keeper = stack.enter_context(keeper_of(alone, options.state, options.journal, tell_kept))
-        services.append(InjectorService(alone, bus, keeper, voice, notifier))
+        services.append(InjectorService(alone, bus, keeper, voice, shared, own.of(number)))
     return services
 
 

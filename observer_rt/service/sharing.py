@@ -1,18 +1,46 @@
-"""What several injectors of one process cannot share."""
+"""What several injectors of one process share, and what they cannot."""
 
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
+from observer_rt.bus.links.shared import SharedBus
 from observer_rt.bus.mapping.bench_map import BenchMap, in_common
+from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import NAME_PLACE
 from observer_rt.foundation.errors import UserError
-from observer_rt.service.opening import buses_of
+from observer_rt.service.notify import Notifier
+from observer_rt.service.opening import buses_of, connected, wanted_on
+from observer_rt.service.reports.once import Once
 
-SHARED_INTERFACES = ("socketcan", "virtual")  # whose channels can be opened several times
+OPENED_OFTEN = ("socketcan", "virtual")  # interfaces whose channels can be opened several times
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What all injectors use. buses: by their number, those that can be opened once only; once: what was said."""
+
+    notifier: Notifier
+    buses: Mapping[int, SharedBus]
+    once: Once = field(default_factory=Once)
+
+
+def shared_buses(bench: Bench, maps: Iterable[BusMap]) -> dict[int, SharedBus]:
+    """The buses, by their numbers, that several injectors use and that can be opened once only."""
+    shared = {}
+    for number, named in enumerate(bench.config.buses):
+        users = [bus for bus in maps if number in buses_of(bus)]
+        if len(users) > 1 and named.config.interface not in OPENED_OFTEN:
+            wanted = list(dict.fromkeys(each for bus in users for each in wanted_on(bus, number)))
+            computer_time = any(len(buses_of(bus)) > 1 for bus in users)
+            shared[number] = SharedBus(partial(connected, named, wanted, computer_time))
+    return shared
 
 
 def refuse_shared(bench: Bench, mapped: BenchMap, state: Path | None, journal: Path | None) -> None:
-    """Raise `UserError` where injectors would have one message of results, one file or one device.
+    """Raise `UserError` where injectors would have one message of results or one file.
 
     state, journal: files given on the command line.
     """
@@ -30,11 +58,3 @@ def refuse_shared(bench: Bench, mapped: BenchMap, state: Path | None, journal: P
             f"{' and '.join(owners)} have one {what}",
             "give each its own; `observer-rt check` names all of them",
         )
-    for number, link in enumerate(bench.config.buses):
-        users = [name for name, bus in zip(names, mapped.injectors, strict=True) if number in buses_of(bus)]
-        if len(users) > 1 and link.config.interface not in SHARED_INTERFACES:
-            raise UserError(
-                f"{bench.path}: {link.place}.interface",
-                f"'{link.config.interface}' can be opened once only, but {' and '.join(users)} use {link.label}",
-                "use SocketCAN, or a bus for each injector",
-            )

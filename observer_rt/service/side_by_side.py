@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Callable, Sequence
 
-from observer_rt.foundation.errors import ObserverError, RunError
+from observer_rt.foundation.errors import CombinedError, ObserverError
 from observer_rt.service.injector_service import InjectorService
 from observer_rt.service.learning_queue import LearningQueue
 from observer_rt.service.notify import Notifier, Pulse
@@ -17,8 +17,8 @@ def serve_side_by_side(
 ) -> None:
     """Serve until `stop` is set or all have ended; `meanwhile`: is done in this thread until then.
 
-    What failed is raised when all have ended: of a single injector as it is, of several as a `RunError` that names
-    them, but for a mistake of this program.
+    What failed is raised when all have ended: of a single injector as it is, of several as a `CombinedError`
+    that names them, but for a mistake of this program.
     """
     together = _Together(services, notifier, stop)
     threads = [
@@ -73,11 +73,10 @@ class _Together:
         self._learning.close()
 
     def raise_failures(self) -> None:
-        mistake = next((each for _, each in self._failures if not isinstance(each, ObserverError)), None)
-        if mistake is not None:
-            raise mistake
-        if len(self._services) == 1:
-            for _, failure in self._failures:
+        failures: dict[str, ObserverError] = {}
+        for service, failure in self._failures:
+            if len(self._services) == 1 or not isinstance(failure, ObserverError):
                 raise failure
-        if self._failures:
-            raise RunError("\n".join(f"{service.name}: {failure}" for service, failure in self._failures))
+            failures[service.name] = failure
+        if failures:
+            raise CombinedError(failures)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from observer_rt.foundation.compilation import is_compiled
+from observer_rt.foundation.compilation import compiled_code, is_compiled
 
 COMPILING = "compiling for the first start of this version, which takes up to a minute"
 
@@ -29,6 +29,8 @@ def say_if_compiling(console: Console) -> None:
     """Say why nothing happens for a while; to be called before the first compiled function."""
     if not is_compiled():
         say(console, COMPILING)
+        if trouble := compiled_code().trouble:
+            say(console, f"warning: {trouble}\n  remedy: {compiled_code().remedy}")
 
 
 def results() -> Console:

@@ -12,10 +12,11 @@ from observer_rt.recording.formats import read_recording, write_recording
 from tests.cli.conftest import Command, document
 from tests.three_injectors import (
     NAMES,
-    frames_of_all,
+    lift_id,
     log_lines,
     one_alone,
     three_injectors,
+    three_on,
     three_recordings,
 )
 
@@ -24,11 +25,9 @@ from tests.three_injectors import (
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bench of three, `bus.log` with the frames of all, and the recording of the first."""
     folder = tmp_path_factory.mktemp("three")
-    three_injectors(folder, "can0")
-    benches = [one_alone(folder, number, "can0") for number in range(len(NAMES))]
-    recordings = three_recordings()
-    (folder / "bus.log").write_text("".join(log_lines(frames_of_all(benches, recordings), "can0")))
-    for name, each in zip(NAMES, recordings, strict=True):
+    three = three_on(folder, "can0")
+    (folder / "bus.log").write_text("".join(log_lines(three.frames, "can0")))
+    for name, each in zip(NAMES, three.recordings, strict=True):
         write_recording(folder / f"{name}.csv", each)
     return folder
 
@@ -109,3 +108,32 @@ def test_a_log_of_all_is_replayed_whole(command: Command, folder: Path, tmp_path
     outcome = command("replay", tmp_path / "part.log", "--bench", path, "--speed", "0", "--json")
     assert outcome.code == 0, outcome.err
     assert json.loads(outcome.out)["frames"] == 700  # not the recorded result
+
+
+def without_lift(folder: Path, number: int, path: Path) -> Path:
+    """The log of all without the needle lift of one of them."""
+    lines = (folder / "bus.log").read_text().splitlines(keepends=True)
+    path.write_text("".join(line for line in lines if f" {lift_id(number):03X}##" not in line))
+    return path
+
+
+def test_one_whose_inputs_are_missing_leaves_the_others_alone(
+    command: Command, folder: Path, tmp_path: Path
+) -> None:
+    log = without_lift(folder, 1, tmp_path / "part.log")
+    arguments = "evaluate", log, "--bench", folder / "bench.toml"
+    outcome = command(*arguments)
+    assert outcome.code == 2
+    assert "error: two: " in outcome.err
+    assert f"NeedleLiftBlock_two 0x{lift_id(1):03X}" in outcome.err
+    assert outcome.out.count("not evaluated: its ") == 1
+    assert outcome.out.split("injector two\n")[1].startswith("not evaluated: its ")
+    printed = command(*arguments, "--json")
+    assert printed.code == 2
+    found = json.loads(printed.out)["injectors"]
+    assert list(found) == list(NAMES)
+    assert "NeedleLiftBlock_two" in found["two"]["error"]
+    for name in ("one", "three"):
+        alone = document(command, folder / "bus.log", "--bench", folder / "bench.toml", "--injector", name)
+        masses = [one["mass_mg"] for one in alone["recordings"][0]["injections"]]
+        assert [one["mass_mg"] for one in found[name]["recordings"][0]["injections"]] == masses

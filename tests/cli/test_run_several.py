@@ -7,6 +7,7 @@ import signal
 import sqlite3
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -15,14 +16,12 @@ from pathlib import Path
 import can
 import pytest
 
-from observer_rt.bus.links.link import Frame, Link
+from observer_rt.bus.links.link import Frame, Link, LinkDownError
 from observer_rt.bus.links.open import open_link
 from observer_rt.config.bench import load_bench
-from observer_rt.evaluation.evaluate import History, evaluate
-from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
-from observer_rt.recording.signals.recording import Recording
 from observer_rt.service import opening
 from tests.cli.conftest import Command, Outcome
 from tests.links import FakeLink
@@ -30,15 +29,12 @@ from tests.service.end_to_end import STATUS, decoded
 from tests.service.participants import until
 from tests.three_injectors import (
     NAMES,
-    RATE_ID,
     STATUS_ID,
     STEP,
     SUMMARY_ID,
-    frames_of_all,
     lift_id,
-    one_alone,
     three_injectors,
-    three_recordings,
+    three_on,
 )
 
 Heard = dict[int, list[bytes]]
@@ -49,21 +45,17 @@ LOOK_AHEAD = 100  # samples, and more, that wait for those behind them
 
 @dataclass(frozen=True)
 class Traffic:
-    """What the devices send, and what each injector's results are by themselves."""
+    """What the devices send: frames of so many samples. alone: the results of each injector by itself."""
 
-    recordings: list[Recording]
+    samples: int
     frames: list[TimedFrame]
-    alone: list[History]
+    alone: list[Heard]
 
 
 @pytest.fixture(scope="module")
 def traffic(tmp_path_factory: pytest.TempPathFactory) -> Traffic:
-    folder = tmp_path_factory.mktemp("alone")
-    three_injectors(folder, "alone")
-    benches = [one_alone(folder, number, "alone") for number in range(len(NAMES))]
-    recordings = three_recordings()
-    alone = [evaluate(load_bench(path), [each]) for path, each in zip(benches, recordings, strict=True)]
-    return Traffic(recordings, frames_of_all(benches, recordings), alone)
+    three = three_on(tmp_path_factory.mktemp("alone"), "alone")
+    return Traffic(three.recordings[0].samples, three.frames, [three.results_alone(n) for n in EVERYONE])
 
 
 @pytest.fixture
@@ -128,25 +120,20 @@ def run_and_stop(
 
 def assert_as_alone(heard: Heard, traffic: Traffic, number: int) -> None:
     """Bit for bit what its own recording gives."""
-    for first in (RATE_ID, SUMMARY_ID):
-        identifier = first + number * STEP
-        expected = [frame.payload for frame in traffic.alone[number].frames if frame.frame_id == identifier]
-        assert len(expected) >= 4
-        assert heard[identifier] == expected
+    for identifier, payloads in traffic.alone[number].items():
+        assert heard[identifier] == payloads
 
 
 def test_each_is_observed_as_if_it_were_alone(
     command: Command, bench: Path, traffic: Traffic, tmp_path: Path
 ) -> None:
-    samples = traffic.recordings[0].samples
-
     outcome, heard = run_and_stop(command, bench, traffic.frames, EVERYONE, "--json")
     assert outcome.code == 0, outcome.err
     records = [json.loads(line) for line in outcome.out.splitlines()]
     for number, name in enumerate(NAMES):
         assert_as_alone(heard, traffic, number)
         status = decoded(STATUS, heard[STATUS_ID + number * STEP][-1])
-        assert (status["InjectorId"], status["SamplesProcessed"]) == (number + 1, samples)
+        assert (status["InjectorId"], status["SamplesProcessed"]) == (number + 1, traffic.samples)
         assert [one["number"] for one in records if one["injector"] == name] == [1, 2, 3, 4]
         assert f"INFO injection: {name}: injection 4 at index" in outcome.err
         assert f"INFO start: {name}: ready" in outcome.err
@@ -159,6 +146,26 @@ def test_each_is_observed_as_if_it_were_alone(
     again, _ = run_and_stop(command, bench, (), EVERYONE)
     for name in NAMES:
         assert f"INFO kept: {name}: learned state restored" in again.err
+
+
+def test_on_an_interface_that_opens_once_they_share_the_connection(
+    command: Command, bench: Path, traffic: Traffic, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As those of vendors; it is opened with what all of them want."""
+    opened: list[tuple[int, bool]] = []
+
+    def connect(interface: str, channel: str, fd: bool, wanted: list[tuple[int, bool]], stamps: bool) -> Link:
+        opened.extend(wanted)
+        return open_link(interface, channel, fd, wanted, stamps)
+
+    monkeypatch.setattr(opening, "open_link", connect)
+    monkeypatch.setattr("observer_rt.service.sharing.OPENED_OFTEN", ())
+    outcome, heard = run_and_stop(command, bench, traffic.frames, EVERYONE)
+    assert outcome.code == 0, outcome.err
+    for number in EVERYONE:
+        assert_as_alone(heard, traffic, number)
+        assert opened.count((lift_id(number), False)) == opened.count((RAIL_ID, False)) <= 2
+    assert "another node" not in outcome.err
 
 
 def test_damaged_frames_of_one_leave_the_others_alone(
@@ -182,8 +189,12 @@ def test_damaged_frames_of_one_leave_the_others_alone(
 class FailingLink(FakeLink):
     """Fails for good."""
 
+    def __init__(self, failure: ObserverError | None = None) -> None:
+        super().__init__()
+        self._failure = failure or RunError("the interface of two burnt down")
+
     def receive(self, timeout_s: float) -> Frame | None:
-        raise RunError("the interface of two burnt down")
+        raise self._failure
 
 
 def test_one_that_fails_ends_alone(
@@ -209,6 +220,82 @@ def test_when_all_have_failed_it_ends(command: Command, bench: Path, monkeypatch
     assert all(f"{name}: the interface" in outcome.err for name in NAMES)
 
 
+MISTAKE = UserError("link.interface", "unknown interface 'socketcna'", "use socketcan")
+
+
+@pytest.mark.parametrize(("of_two", "code"), [(MISTAKE, 2), (RunError("burnt down"), 1)])
+def test_a_mistake_of_the_user_is_one_for_several_as_well(
+    command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch, of_two: ObserverError, code: int
+) -> None:
+    def opened(_i: str, _c: str, _f: bool, wanted: list[tuple[int, bool]], _s: bool) -> Link:
+        if (lift_id(1), False) in wanted:
+            raise of_two
+        if (RAIL_ID, False) in wanted:
+            raise MISTAKE
+        return FakeLink()
+
+    monkeypatch.setattr(opening, "open_link", opened)
+    outcome = command("run", "--bench", bench)
+    assert outcome.code == code
+    for name, failure in zip(NAMES, (MISTAKE, of_two, MISTAKE), strict=True):
+        assert f"{name}: {str(failure).splitlines()[0]}" in outcome.err
+
+
+class AwayOnceLink(FakeLink):
+    """Goes away when it is first read, and comes back."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.was_away = False
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        time.sleep(timeout_s)
+        if not self.was_away:
+            self.was_away = True
+            raise LinkDownError("can0 went away")
+        return None
+
+
+def test_what_is_wrong_with_their_bus_is_said_once(
+    command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their interface is not there at first, and goes away later."""
+    tries: Counter[str] = Counter()
+    links: list[AwayOnceLink] = []
+
+    def opened(_i: str, _c: str, _f: bool, wanted: list[tuple[int, bool]], _s: bool) -> Link:
+        tries[str(wanted)] += 1
+        if (RAIL_ID, False) in wanted:
+            links.append(AwayOnceLink())
+            return links[-1]
+        if tries[str(wanted)] < 3:
+            raise LinkDownError("can0 is down\n  remedy: raise it")
+        return FakeLink()
+
+    def bench_engineer() -> None:
+        try:
+            until(lambda: len(links) == len(NAMES) and all(link.was_away and link.sent for link in links))
+        finally:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr(opening, "open_link", opened)
+    thread = threading.Thread(target=bench_engineer)
+    thread.start()
+    outcome = command("run", "--bench", bench)
+    thread.join()
+    assert outcome.code == 0, outcome.err
+    channel = load_bench(bench).config.link.channel
+    for line in (
+        "WARNING link: waiting for the interface: can0 is down",
+        f"INFO link: {channel} is there",
+        "INFO start: time stamps: arrival",
+        "WARNING link: waiting for the interface: can0 went away",
+        f"INFO link: {channel} is back",
+    ):
+        assert outcome.err.count(line) == 1, outcome.err
+    assert "one: waiting" not in outcome.err
+
+
 def test_one_of_them_can_be_run_by_itself(command: Command, bench: Path, traffic: Traffic) -> None:
     outcome = command("run", "--bench", bench, "--injector", "tow")
     assert outcome.code == 2
@@ -222,7 +309,6 @@ def test_one_of_them_can_be_run_by_itself(command: Command, bench: Path, traffic
         ("learned_{injector}.json", "learned.json", "have one state.file ="),
         ("injections_{injector}.sqlite", "injections.sqlite", "have one state.journal ="),
         ("[sampling]", "[outputs_]", "did you mean 'outputs'?"),
-        ('"virtual"', '"pcan"', "'pcan' can be opened once only, but one and two and three use"),
     ],
 )
 def test_what_they_cannot_share(command: Command, bench: Path, old: str, new: str, said: str) -> None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gating import ENTER, STAY, Gate, best_subset, carried_covariance, gated_covariance
+from observer_rt.estimation.gating import ENTER, STAY, Gate, GatedBelief, best_subset
 from observer_rt.estimation.posterior import Belief
 
 SIZE = 6
@@ -132,7 +132,7 @@ def test_gated_covariance_is_that_of_the_error_when_the_rest_is_known(
         )
     for covariance in (error, joint):
         np.testing.assert_allclose(
-            gated_covariance(Belief(np.zeros(SIZE), joint, covariance), GATE, active),
+            GatedBelief(Belief(np.zeros(SIZE), joint, covariance), GATE, active).covariance,
             regression @ covariance @ regression.T,
             rtol=1e-6,
             atol=1e-6,
@@ -153,7 +153,7 @@ def left_out_at(significance: float) -> tuple[NDArray[np.float64], Belief]:
 def test_what_is_left_out_but_believed_is_an_error_of_what_is_carried() -> None:
     """3.5 sigma do not pay their way; chi2 is 12.25 where noise in the three scalars left out makes 3."""
     theta, belief = left_out_at(3.5)
-    covariance = carried_covariance(theta, belief, GATE, frozenset())
+    covariance = GatedBelief(belief, GATE, frozenset()).carried(theta)
     beyond_noise = 1.0 - 3.0 / 12.25
     assert covariance[3, 3] == pytest.approx(beyond_noise * belief.mean[3] ** 2)
     assert covariance[0, 0] == pytest.approx(1.0 / 4.0 + beyond_noise * belief.mean[0] ** 2)
@@ -162,13 +162,13 @@ def test_what_is_left_out_but_believed_is_an_error_of_what_is_carried() -> None:
 
 def test_what_is_left_out_and_no_more_than_noise_is_no_error() -> None:
     theta, belief = left_out_at(1.5)
-    covariance = carried_covariance(theta, belief, GATE, frozenset())
-    np.testing.assert_allclose(covariance, gated_covariance(belief, GATE, frozenset()), atol=1e-12)
+    covariance = GatedBelief(belief, GATE, frozenset()).carried(theta)
+    np.testing.assert_allclose(covariance, GatedBelief(belief, GATE, frozenset()).covariance, atol=1e-12)
 
 
 def test_what_was_not_adopted_is_an_error_of_what_is_carried() -> None:
     theta, belief = left_out_at(1.5)
     apart = np.array([0.3, 0.0, -0.1, 0.0, 0.0, 0.0])
-    covariance = carried_covariance(theta + apart, belief, GATE, frozenset())
-    expected = gated_covariance(belief, GATE, frozenset()) + np.outer(apart, apart)
+    covariance = GatedBelief(belief, GATE, frozenset()).carried(theta + apart)
+    expected = GatedBelief(belief, GATE, frozenset()).covariance + np.outer(apart, apart)
     np.testing.assert_allclose(covariance, expected, atol=1e-12)

@@ -51,7 +51,7 @@ def test_error_of_parameters_that_stand_still() -> None:
         noise = random.normal(size=(len(truth), 3))
         drifted = beliefs.drifted(np.array([0.3, 0.2]))
         beliefs = drifted.updated(information, np.zeros(2))
-        vectors = means @ drifted.information() + (truth @ slopes.T + noise) @ slopes
+        vectors = means @ drifted.information + (truth @ slopes.T + noise) @ slopes
         means = vectors @ beliefs.covariance
     found = np.cov((means - truth).T)
     np.testing.assert_allclose(beliefs.error_covariance, found, rtol=0.03, atol=0.03 * found.max())

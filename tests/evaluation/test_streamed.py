@@ -140,7 +140,6 @@ def test_what_is_remembered_does_not_grow(monkeypatch: pytest.MonkeyPatch) -> No
         sizes.append(self.time.size)
 
     monkeypatch.setattr(Passage, "give", watched)
-    monkeypatch.setattr("observer_rt.evaluation.run._FORGET_EVERY", 64)
     monkeypatch.setattr("observer_rt.evaluation.run.RING", 4096)
     recording = worn()
     assert recording.samples > 15_000

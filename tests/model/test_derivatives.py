@@ -191,13 +191,12 @@ def test_right_hand_side_by_state_and_theta(
     changed, network = learned.coefficients, learned.network
     away_from_kinks(x, u, changed, float(network.back_pressure @ (1.0, u[1])))
     assume(changed.line.air > 1e-3)
-    tangent = tangent_of(changed, network, by_theta(theta, c), PARAMETERS + 3)
-    direction, rate = np.zeros((3, PARAMETERS + 3)), np.zeros((3, PARAMETERS + 3))
-    direction[:, PARAMETERS:] = np.eye(3)
-    value = tangent_rates(x, u, changed, network, tangent, direction, rate)
+    tangent = tangent_of(changed, network, by_theta(theta, c), PARAMETERS)
+    by_state, by_number = np.full((3, 3), np.nan), np.zeros((3, tangent.by.shape[1]))
+    value = tangent_rates(x, u, changed, network, tangent, by_state, by_number)
     assert value == right_hand_side(x, u, changed, network)
 
-    def by_state(place: int, d: float) -> Sequence[float]:
+    def of_state(place: int, d: float) -> Sequence[float]:
         return tuple(right_hand_side(beside(x, place, d), u, changed, network))
 
     def of_theta(place: int, d: float) -> Sequence[float]:
@@ -206,7 +205,7 @@ def test_right_hand_side_by_state_and_theta(
 
     for i in range(3):
         if not (i == 2 and x[2] == 0.0 and u[1] == 0.0):  # at rest the sac stays
-            numeric = difference(partial(by_state, i))
-            np.testing.assert_allclose(rate[:, PARAMETERS + i], numeric, rtol=1e-5, atol=1e-2)
+            numeric = difference(partial(of_state, i))
+            np.testing.assert_allclose(by_state[:, i], numeric, rtol=1e-5, atol=1e-2)
     for j in range(PARAMETERS):
-        np.testing.assert_allclose(rate[:, j], difference(partial(of_theta, j)), rtol=1e-5, atol=1e-2)
+        np.testing.assert_allclose(by_number[:, j], difference(partial(of_theta, j)), rtol=1e-5, atol=1e-2)

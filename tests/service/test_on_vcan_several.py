@@ -12,8 +12,6 @@ import can
 import pytest
 
 from observer_rt.bus.links.open import open_link
-from observer_rt.config.bench import load_bench
-from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.recording.replay.player import play
 from tests.service.end_to_end import END_TIMEOUT, START_TIMEOUT, STATUS, decoded
 from tests.service.participants import until
@@ -23,10 +21,7 @@ from tests.three_injectors import (
     STATUS_ID,
     STEP,
     SUMMARY_ID,
-    frames_of_all,
-    one_alone,
-    three_injectors,
-    three_recordings,
+    three_on,
 )
 
 SPEED = 0.03  # user-mode Linux has one processor for daemons, player and listener
@@ -36,10 +31,7 @@ LOOK_AHEAD = 100  # samples, and more, that wait for those behind them
 @pytest.mark.slow
 @pytest.mark.vcan
 def test_each_is_observed_as_if_it_were_alone(tmp_path: Path, vcan: str) -> None:
-    path = three_injectors(tmp_path, vcan, "socketcan")
-    recordings = three_recordings()
-    benches = [one_alone(tmp_path, number, vcan) for number in range(len(NAMES))]
-    frames = frames_of_all(benches, recordings)
+    three = three_on(tmp_path, vcan, "socketcan")
     results = [first + number * STEP for number in range(len(NAMES)) for first in (RATE_ID, SUMMARY_ID)]
     statuses = [STATUS_ID + number * STEP for number in range(len(NAMES))]
     heard: dict[int, list[bytes]] = {identifier: [] for identifier in (*results, *statuses)}
@@ -59,7 +51,7 @@ def test_each_is_observed_as_if_it_were_alone(tmp_path: Path, vcan: str) -> None
             if (message := bus.recv(0.1)) is not None:
                 heard[message.arbitration_id].append(bytes(message.data))
 
-    command = [sys.executable, "-m", "observer_rt", "run", "--bench", str(path)]
+    command = [sys.executable, "-m", "observer_rt", "run", "--bench", str(three.bench)]
     with (
         can.Bus(interface="socketcan", channel=vcan, fd=True, can_filters=filters) as bus,
         open_link("socketcan", vcan, True, []) as player,
@@ -73,8 +65,8 @@ def test_each_is_observed_as_if_it_were_alone(tmp_path: Path, vcan: str) -> None
                 assert daemon.poll() is None, daemon.stderr and daemon.stderr.read()
                 assert time.monotonic() < end
                 time.sleep(0.1)
-            play(frames, player, SPEED)
-            until(lambda: least_processed() >= recordings[0].samples - LOOK_AHEAD)
+            play(three.frames, player, SPEED)
+            until(lambda: least_processed() >= three.recordings[0].samples - LOOK_AHEAD)
             daemon.send_signal(signal.SIGTERM)
             _, said = daemon.communicate(timeout=END_TIMEOUT)
             time.sleep(0.3)
@@ -84,8 +76,7 @@ def test_each_is_observed_as_if_it_were_alone(tmp_path: Path, vcan: str) -> None
             listener.join()
     assert daemon.returncode == 0, said
     assert len(re.findall("stopped after .* 0 frames dropped, 0 results unsent", said)) == len(NAMES), said
-    for number, recording in enumerate(recordings):
-        expected = evaluate(load_bench(benches[number]), [recording]).frames
-        for identifier in (RATE_ID + number * STEP, SUMMARY_ID + number * STEP):
-            assert heard[identifier] == [each.payload for each in expected if each.frame_id == identifier]
-        assert (tmp_path / f"learned_{NAMES[number]}.json").exists()
+    for number, name in enumerate(NAMES):
+        for identifier, payloads in three.results_alone(number).items():
+            assert heard[identifier] == payloads
+        assert (tmp_path / f"learned_{name}.json").exists()

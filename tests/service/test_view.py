@@ -69,6 +69,15 @@ def test_fits_the_terminal_and_shows_it_all(view: View, width: int, height: int)
     assert "12  120" in text  # the table's last row
 
 
+def test_failed_writes_are_shown_once_there_are_any(path: Path) -> None:
+    bench, failed = load_bench(path), 0
+    view = View("title", bench.injector)
+    view.watch(Daemon(bench, map_bus(bench), [ScriptedLink(())], failed_writes=lambda: failed))
+    assert "failed writes" not in "\n".join(drawn(view, 80, 24))
+    failed = 3
+    assert "3 failed writes of learned state, journal or log" in "\n".join(drawn(view, 80, 24))
+
+
 def test_more_injections_where_there_is_room(view: View) -> None:
     shown = [sum(" valid " in line for line in drawn(view, 80, height)) for height in (24, 50)]
     assert 1 <= shown[0] < shown[1]

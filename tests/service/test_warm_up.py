@@ -5,7 +5,8 @@ from pathlib import Path
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.service.warm_up import INJECTIONS, warm_up
+from observer_rt.service.own_injections import INJECTIONS
+from observer_rt.service.warm_up import warm_up
 
 
 def test_injections_were_learned_from_and_judged(bench: Path) -> None:

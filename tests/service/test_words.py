@@ -15,6 +15,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.log import ServiceLog, Voice
 from observer_rt.service.notify import Notifier
+from observer_rt.service.reports.once import Once
 from observer_rt.service.reports.telling import Teller
 from observer_rt.service.words import COUNTERS, REASONS, STATES, TOPICS, Topic, named
 from tests.pages import Page
@@ -63,7 +64,7 @@ def test_the_page_says_the_same_of_log_lines() -> None:
 def test_the_page_names_every_key_of_the_records() -> None:
     stream = io.StringIO()
     with ServiceLog(Console(file=io.StringIO()), stream=stream) as log:
-        teller = Teller(Voice(log, ""), Notifier({}), effective_model(load_injector()).coefficients)
+        teller = Teller(Voice(log, ""), Notifier({}), effective_model(load_injector()).coefficients, Once())
         teller.hear(some_report())
     section = PAGE.text.split("\n## Injections as JSON\n")[1].split("\n    ")[0]
     assert set(re.findall(r"`(\w+)`", section)) - {"null"} == set(json.loads(stream.getvalue()))

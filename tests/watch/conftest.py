@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, Request, sync_playwright
+from playwright.sync_api import Browser, Error, Page, Request, sync_playwright
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # nothing of its own goes out
@@ -29,12 +29,13 @@ Serve = Callable[..., str]
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """Chromium; the tests fail where there is none: tools/test installs it where it may."""
+    """The system's Chromium, else Playwright's own: tools/test obtains one where it may."""
     path = next(filter(None, map(shutil.which, _BROWSERS)), None)
-    if path is None:
-        pytest.fail("no Chromium here: sudo apt-get install -y chromium", pytrace=False)
     with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=path, args=list(_QUIET))
+        try:
+            started = playwright.chromium.launch(executable_path=path, args=list(_QUIET))
+        except Error as error:
+            pytest.fail(f"no Chromium here: sudo apt-get install -y chromium\n{error}", pytrace=False)
         yield started
         started.close()
 

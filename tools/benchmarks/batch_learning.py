@@ -20,10 +20,10 @@ from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.scalars import SCALARS, Theta
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.foundation.units import MILLISECOND
+from observer_rt.observer.learning.change import FIRST_ITERATIONS, ITERATIONS
 from observer_rt.observer.learning.doubts.adequacy import BURN_IN
 from observer_rt.observer.learning.fitting import TOLERANCE, Cost, EventFitter, Limits
 from observer_rt.observer.learning.knowledge import EventLearner, Outcome
-from observer_rt.observer.learning.learner import FIRST_ITERATIONS, ITERATIONS
 from observer_rt.observer.paper_scheme.bfgs import minimise
 from observer_rt.observer.stream.phi import Phi
 from observer_rt.observer.stream.standstill import Standstill
@@ -150,7 +150,7 @@ def gauss_newton(cost: Cost, start: Start) -> tuple[Linearisation, frozenset[int
 
 def bfgs(cost: Cost, start: Start) -> tuple[Linearisation, frozenset[int]]:
     """BFGS with Armijo's rule from the Gauss-Newton inverse, over the free and active parameters."""
-    information = start.prior.information()
+    information = start.prior.information
     here, active = start.here, start.active
     for _ in range(SUBSETS_TRIED):
         total_information = information + here.information

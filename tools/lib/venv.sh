@@ -116,3 +116,13 @@ ensure_venv() { # extras ("" or "[dev]"); several at once take turns
     exec 9<&-
     export PATH="$venv/bin:$PATH"
 }
+
+ensure_browser() { # for the tests of the live page; they say what is missing where it cannot be installed
+    local name
+    for name in chromium chromium-browser google-chrome google-chrome-stable; do
+        if command -v "$name" >/dev/null; then return; fi
+    done
+    if may_install && install_packages chromium && command -v chromium >/dev/null; then return; fi
+    say "no Chromium among this system's packages: fetching one for the tests"
+    "$venv/bin/playwright" install chromium-headless-shell >&2 || true
+}

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS
 from observer_rt.bus.mapping.timing import SLOTS, Following
 from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.referenced import referenced
 
 STREAM = np.dtype(
     [
@@ -97,6 +98,7 @@ ALIGNMENT = np.dtype(
 )
 
 
+@referenced
 class Alignment(NamedTuple):
     """Alignment as compiled functions see it; `queue` holds `memory[0].ready` decided samples for the caller."""
 

@@ -26,6 +26,7 @@ from observer_rt.bus.alignment.counting import (
 )
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.foundation.continuity import Doubt
+from observer_rt.foundation.referenced import referenced
 
 UNSURE = 0.25  # samples from the nearest of the grid, beyond which it may be the wrong one
 
@@ -47,6 +48,7 @@ TIMEKEEPING = np.dtype(
 )
 
 
+@referenced
 class Timekeeping(NamedTuple):
     """Clocks and counts of all messages, one row each."""
 

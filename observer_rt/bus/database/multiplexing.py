@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.database.codec import field_bits, put_bits, signal_table
 from observer_rt.bus.database.lookup import find_signal
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.referenced import referenced
 
 CONDITION = np.dtype([("selector", np.int64), ("value", np.uint64)], align=True)
 
@@ -32,6 +33,7 @@ Conditions: TypeAlias = frozenset[Condition]
 """All must hold; none: the signal is in every frame."""
 
 
+@referenced
 class Selection(NamedTuple):
     """Conditions as compiled functions see them.
 

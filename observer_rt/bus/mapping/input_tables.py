@@ -23,6 +23,7 @@ from observer_rt.bus.database.multiplexing import (
 from observer_rt.bus.mapping.sample_groups import SampleGroup
 from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.referenced import referenced
 
 ROLES = tuple(Role)
 MAX_INPUTS = len(ROLES)
@@ -81,6 +82,7 @@ INPUT_KIND = np.dtype(
 )
 
 
+@referenced
 class Inputs(NamedTuple):
     """What compiled code needs to decode the input frames."""
 

@@ -17,7 +17,7 @@ AGREEMENT = 0.05  # between expected and found cost, up to which the linearisati
 
 
 class Cost(Protocol):
-    """J of one event, as `EventCost` has it; theta (m,)."""
+    """J of one event, as `EventCost` has it; theta (m,). Every evaluation leaves arrays of its own behind."""
 
     innovations: NDArray[np.float64]
     """(n,) at the theta that was asked for last, white if the model is right."""
@@ -79,7 +79,7 @@ class EventFitter:
         A step that lowers the total as its linearisation says is the last: there is nothing to be learned from
         repeating it. One that does not lower it is halved. Raises numpy.linalg.LinAlgError when singular.
         """
-        prior_information = prior.information()
+        prior_information = prior.information
         prior_vector = prior_information @ prior.mean
 
         def total(theta: NDArray[np.float64], value: float) -> float:
@@ -108,9 +108,7 @@ class EventFitter:
             if abs(before - here_total) < TOLERANCE:
                 break
         cost = self.cost
-        return EventFit(
-            active, here, cost.innovations.copy(), cost.unfiltered.copy(), cost.slopes.copy(), prior
-        )
+        return EventFit(active, here, cost.innovations, cost.unfiltered, cost.slopes, prior)
 
     def _within_reach(self, here: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """The target, or as far towards it as the slopes are good for; within bounds."""

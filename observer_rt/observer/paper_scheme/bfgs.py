@@ -2,20 +2,30 @@
 
 (17) is printed as the update of the Hessian but is, for the printed d and v, the DFP update of its inverse,
 while (16) divides by H. Here the BFGS update of the inverse is used.
+
+The search is one function for any cost: as Python, or, where the cost is one that compiled code knows, as a whole
+without the interpreter.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+from numba import njit
+from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
 SUFFICIENT_DECREASE = 1e-4  # rho of (18)
-MAX_HALVINGS = 40  # so many that a first inverse far too large still gives a step
+LEAST_SHARE, LARGEST_SHARE = 0.1, 0.5  # of a step that was too long, to which it is shortened
+MOST_TRIALS = 40  # so many that a first inverse far too large still gives a step
 
 
 class Objective(Protocol):
-    """A cost J(theta) with its gradient; theta (m,)."""
+    """A cost J(theta) with its gradient; theta (m,).
+
+    A named tuple is asked for both in compiled code: `compiled_value(objective, theta)`, then
+    `compiled_gradient(objective, theta, gradient)` at the same theta.
+    """
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta); inf outside the admissible region."""
@@ -48,57 +58,99 @@ def minimise(
     The update is skipped unless d'v > 0, and the inverse is reset to the first one when its direction does not
     lead downhill.
     """
-    theta = start
-    inverse = inverse_hessian
-    value, gradient = objective.value_and_gradient(theta)
+    search = _compiled_search if isinstance(objective, tuple) else _search
+    return Minimum(*search(objective, start, inverse_hessian, tolerance, max_iterations))
+
+
+def _search(
+    objective: Any,
+    start: NDArray[np.float64],
+    inverse_hessian: NDArray[np.float64],
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[NDArray[np.float64], float, NDArray[np.float64], int, float, bool]:
+    """The fields of a `Minimum`."""
+    theta, inverse, gradient = start.copy(), inverse_hessian.copy(), np.empty_like(start)
+    value = _value(objective, theta)
+    _find_gradient(objective, theta, gradient)
     for iteration in range(max_iterations):
-        direction = -inverse @ gradient
+        direction = -(inverse @ gradient)
         slope = float(gradient @ direction)
         if not slope < 0.0:
-            inverse = inverse_hessian
-            direction = -inverse @ gradient
+            inverse = inverse_hessian.copy()
+            direction = -(inverse @ gradient)
             slope = float(gradient @ direction)
         if 0.0 <= -slope <= tolerance:
-            return Minimum(theta, value, gradient, iteration, -slope, converged=True)
-        step = _armijo(objective, theta, value, direction, slope) if slope < 0.0 else 0.0  # or no number
+            return theta, value, gradient, iteration, -slope, True
+        step = 0.0
+        if slope < 0.0:  # or no number
+            step, value = _armijo(objective, theta, value, direction, slope)
         if step == 0.0:
-            return Minimum(theta, value, gradient, iteration, -slope, converged=False)
-        previous_gradient = gradient
+            return theta, value, gradient, iteration, -slope, False
+        change = -gradient
         theta = theta + step * direction
-        value, gradient = objective.value_and_gradient(theta)
-        inverse = _updated(inverse, step * direction, gradient - previous_gradient)
-    return Minimum(
-        theta, value, gradient, max_iterations, float(gradient @ inverse @ gradient), converged=False
-    )
+        _find_gradient(objective, theta, gradient)
+        change = change + gradient
+        _update(inverse, step * direction, change)
+    return theta, value, gradient, max_iterations, float(gradient @ (inverse @ gradient)), False
 
 
+_compiled_search = njit(cache=True, nogil=True)(_search)
+
+
+@register_jitable
 def _armijo(
-    objective: Objective,
+    objective: Any,
     theta: NDArray[np.float64],
     value: float,
     direction: NDArray[np.float64],
     slope: float,
-) -> float:
-    """Largest of 1, 1/2, 1/4 .. that decreases J sufficiently (18); 0 when none does."""
+) -> tuple[float, float]:
+    """A step that decreases J sufficiently (18), and J there: 1, or what a parabola makes of one too long.
+
+    The parabola through J and its slope at the start, and J at the trial; 0 when no step is short enough.
+    """
     step = 1.0
-    for _ in range(MAX_HALVINGS):
-        if objective.value(theta + step * direction) < value + SUFFICIENT_DECREASE * step * slope:
-            return step
-        step *= 0.5
-    return 0.0
+    for _ in range(MOST_TRIALS):
+        trial = _value(objective, theta + step * direction)
+        if trial < value + SUFFICIENT_DECREASE * step * slope:
+            return step, trial
+        beyond = trial - value - slope * step
+        share = LARGEST_SHARE
+        if np.isfinite(beyond):
+            share = min(max(-0.5 * slope * step / beyond, LEAST_SHARE), LARGEST_SHARE)
+        step *= share
+    return 0.0, value
 
 
-def _updated(
-    inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """BFGS update of the inverse Hessian for a step v and a change of gradient d."""
-    curvature = float(d @ v)
+@register_jitable
+def _update(inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.float64]) -> None:
+    """BFGS update of the inverse Hessian, in place, for a step v and a change of gradient d."""
+    curvature = d @ v
     if not curvature > 0.0:
-        return inverse
+        return
     inverse_d = inverse @ d
-    mixed = np.outer(inverse_d, v)
-    return (
-        inverse
-        - (mixed + mixed.T) / curvature
-        + (1.0 + float(d @ inverse_d) / curvature) * np.outer(v, v) / curvature
-    )
+    share = (1.0 + (d @ inverse_d) / curvature) / curvature
+    for i in range(v.size):
+        inverse[i] += (share * v[i] - inverse_d[i] / curvature) * v - (v[i] / curvature) * inverse_d
+
+
+def _value(objective: Any, theta: NDArray[np.float64]) -> Any:
+    return objective.value(theta)
+
+
+def _find_gradient(objective: Any, theta: NDArray[np.float64], gradient: NDArray[np.float64]) -> None:
+    """The gradient at the theta that the value was asked for last."""
+    gradient[:] = objective.value_and_gradient(theta)[1]
+
+
+@overload(_value, strict=False)
+def _compiled_value(objective: Any, theta: Any) -> Any:
+    value = objective.instance_class.compiled_value
+    return lambda objective, theta: value(objective, theta)
+
+
+@overload(_find_gradient, strict=False)
+def _compiled_gradient(objective: Any, theta: Any, gradient: Any) -> Any:
+    find = objective.instance_class.compiled_gradient
+    return lambda objective, theta, gradient: find(objective, theta, gradient)

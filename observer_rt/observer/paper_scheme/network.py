@@ -1,13 +1,14 @@
 """The paper's network: three free rows phi = unit (W tanh(V z) + b), its cost (10) and gradient (13)."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.model.network import ARGUMENTS, HIDDEN, activation
+from observer_rt.model.network import ARGUMENTS, HIDDEN, activation, fast_tanh
+from observer_rt.model.vectors import WIDTH, filled, load, store, sum_of, whole_vectors
 
 ROWS = 3  # m, one output for every state
 WEIGHTS = HIDDEN * ARGUMENTS + ROWS * HIDDEN + ROWS
@@ -77,75 +78,98 @@ def free_fault(
 
 
 @njit(cache=True, nogil=True)
-def cost(z: NDArray[np.float64], target: NDArray[np.float64], network: FreeNetwork) -> float:
-    """J of (10), the sum of eps'eps/2 with eps = target - phi in units of `network.unit`.
-
-    z: (n, 6) rows [x u 1]; target: (n, 3) in units of `network.unit`.
-    """
-    total = 0.0
-    for k in range(z.shape[0]):
-        phi = free_fault((z[k, 0], z[k, 1], z[k, 2]), (z[k, 3], z[k, 4]), network)
+def _value(cost: "FaultCost", p: NDArray[np.float64]) -> float:
+    """J of (10); leaves activations and errors behind. inf where it is not finite."""
+    z, sigmas, errors, n = cost.z, cost.sigmas, cost.errors, cost.counts.shape[0]
+    total = filled(0.0)
+    for first in range(0, n, WIDTH):
+        for neuron in range(HIDDEN):
+            argument = p[neuron * ARGUMENTS] * load(z, first)
+            for j in range(1, ARGUMENTS):
+                argument = argument + p[neuron * ARGUMENTS + j] * load(z, j * n + first)
+            store(sigmas, neuron * n + first, fast_tanh(argument))
         for row in range(ROWS):
-            error = target[k, row] - phi[row] / network.unit
-            total += 0.5 * error * error
-    return total
+            phi = filled(p[_OUTPUT_END + row])
+            for neuron in range(HIDDEN):
+                phi = phi + p[_HIDDEN_END + row * HIDDEN + neuron] * load(sigmas, neuron * n + first)
+            error = load(cost.counts, first) * (load(cost.target, row * n + first) - phi)
+            store(errors, row * n + first, error)
+            total = total + error * error
+    result = 0.5 * sum_of(total)
+    return result if math.isfinite(result) else math.inf
 
 
 @njit(cache=True, nogil=True)
-def cost_and_gradient(
-    z: NDArray[np.float64],
-    target: NDArray[np.float64],
-    network: FreeNetwork,
-    gradient: NDArray[np.float64],
-) -> float:
-    """`cost`, and its gradient (13) into `gradient` (48,), in the order of `free_network`.
+def _find_gradient(cost: "FaultCost", p: NDArray[np.float64], gradient: NDArray[np.float64]) -> None:
+    """The gradient (13) at the p that J was asked for last, in the order of `free_network`.
 
     (13) prints the slope of sigma_i as (sigma_i + 1)^2 / exp(2 v_i z), which is 1 - sigma_i^2 of tanh (9).
     """
-    total = 0.0
-    gradient[:] = 0.0
-    sigma = np.empty(HIDDEN)
-    error = np.empty(ROWS)
-    for k in range(z.shape[0]):
-        for neuron in range(HIDDEN):
-            argument = 0.0
-            for j in range(ARGUMENTS):
-                argument += network.hidden[neuron, j] * z[k, j]
-            sigma[neuron] = math.tanh(argument)
+    z, sigmas, errors, n = cost.z, cost.sigmas, cost.errors, cost.counts.shape[0]
+    sums = np.zeros(WEIGHTS * WIDTH)
+    for first in range(0, n, WIDTH):
         for row in range(ROWS):
-            phi = network.bias[row]
-            for neuron in range(HIDDEN):
-                phi += network.output[row, neuron] * sigma[neuron]
-            error[row] = target[k, row] - phi
-            total += 0.5 * error[row] * error[row]
-            gradient[_OUTPUT_END + row] -= error[row]
+            _add(sums, _OUTPUT_END + row, load(errors, row * n + first))
         for neuron in range(HIDDEN):
-            back = 0.0
+            sigma, back = load(sigmas, neuron * n + first), filled(0.0)
             for row in range(ROWS):
-                back += error[row] * network.output[row, neuron]
-                gradient[_HIDDEN_END + row * HIDDEN + neuron] -= error[row] * sigma[neuron]
-            back *= 1.0 - sigma[neuron] * sigma[neuron]
+                error, place = load(errors, row * n + first), _HIDDEN_END + row * HIDDEN + neuron
+                back = back + p[place] * error
+                _add(sums, place, error * sigma)
+            back = back * (1.0 - sigma * sigma)
             for j in range(ARGUMENTS):
-                gradient[neuron * ARGUMENTS + j] -= back * z[k, j]
-    return total
+                _add(sums, neuron * ARGUMENTS + j, back * load(z, j * n + first))
+    for i in range(WEIGHTS):
+        gradient[i] = -sum_of(load(sums, i * WIDTH))
 
 
-class FaultCost:
-    """The cost of a training as the minimiser wants it."""
+@njit(cache=True, nogil=True, inline="always")
+def _add(sums: NDArray[np.float64], place: int, more: Any) -> None:
+    store(sums, place * WIDTH, load(sums, place * WIDTH) + more)
 
-    def __init__(self, z: NDArray[np.float64], target: NDArray[np.float64], unit: float) -> None:
-        """z: (n, 6) rows [x^ u 1]; target of phi: (n, 3) [1/s]; unit of the network's outputs [1/s]."""
-        self._z = z
-        self._target = target / unit
-        self._unit = unit
+
+class _Samples(NamedTuple):
+    z: NDArray[np.float64]
+    target: NDArray[np.float64]
+    counts: NDArray[np.float64]
+    sigmas: NDArray[np.float64]
+    errors: NDArray[np.float64]
+
+
+class FaultCost(_Samples):
+    """The cost (10) of a training as the minimiser wants it: the sum of eps'eps/2, eps = target - phi in its unit.
+
+    n samples and as many more as fill vectors, all along the rows. z: (6, n) columns [x^ u 1]; target: (3, n) of phi,
+    in units of the network; counts: (n,) 1, or 0 where there is no sample; sigmas (5, n), errors (3, n): of the
+    theta that was asked for last.
+    """
+
+    __slots__ = ()
+    compiled_value = staticmethod(_value)
+    compiled_gradient = staticmethod(_find_gradient)
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J; inf where it is not finite."""
-        result = cost(self._z, self._target, free_network(theta, self._unit))
-        return result if math.isfinite(result) else math.inf
+        return float(_value(self, theta))
 
     def value_and_gradient(self, theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         """J and its gradient (48,)."""
         gradient = np.empty(WEIGHTS)
-        result = cost_and_gradient(self._z, self._target, free_network(theta, self._unit), gradient)
-        return result, gradient
+        value = float(_value(self, theta))
+        _find_gradient(self, theta, gradient)
+        return value, gradient
+
+
+def fault_cost(z: NDArray[np.float64], target: NDArray[np.float64], unit: float) -> FaultCost:
+    """The cost of samples z: (n, 6) rows [x^ u 1]; target of phi: (n, 3) [1/s]; unit of the outputs [1/s]."""
+    samples = len(z)
+    spare = whole_vectors(samples) - samples
+    columns = np.pad(np.hstack([z, target / unit, np.ones((samples, 1))]).T, ((0, 0), (0, spare)))
+    n = samples + spare
+    return FaultCost(
+        z=np.ascontiguousarray(columns[:ARGUMENTS]),
+        target=np.ascontiguousarray(columns[ARGUMENTS:-1]),
+        counts=np.ascontiguousarray(columns[-1]),
+        sigmas=np.zeros((HIDDEN, n)),
+        errors=np.zeros((ROWS, n)),
+    )

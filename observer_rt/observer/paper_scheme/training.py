@@ -11,8 +11,8 @@ from observer_rt.model.network import constant_network
 from observer_rt.observer.paper_scheme.bfgs import minimise
 from observer_rt.observer.paper_scheme.network import (
     WEIGHTS,
-    FaultCost,
     FreeNetwork,
+    fault_cost,
     free_network,
     no_fault,
     scaled_identity,
@@ -66,7 +66,7 @@ def train(window: Window, setting: PaperSetting, weights: Weights) -> Trained:
     z is taken along x^, the target L l e~ from x~; both stay fixed while J is minimised (10).
     """
     seen = swept(window, setting, network_of(weights.in_force, setting))
-    cost = FaultCost(*training_data(window, seen, setting), setting.gain)
+    cost = fault_cost(*training_data(window, seen, setting), setting.gain)
     found = minimise(cost, weights.trained, np.eye(WEIGHTS) / GAMMA, tolerance=0.0, max_iterations=EPOCHS)
     return Trained(found.theta, cost.value(weights.trained), found.value, found.iterations)
 

@@ -6,6 +6,7 @@ without correction, and what is learned leaves it out; a rail pressure or lift i
 
 import math
 
+import numpy as np
 from numba import njit
 
 from observer_rt.foundation.continuity import Doubt
@@ -38,6 +39,7 @@ WIDE = 0.5  # of the lift at the stop, above which the seat is so wide that a li
 ENOUGH_OPENINGS = 3  # that tell the stop
 LEAP = 10.0  # of e~ from one sample to the next; a wrong model's grows over several
 _MASK = RING - 1
+_RAIL, _LIFT, _LINE = np.int64(RAIL), np.int64(LIFT), np.int64(LINE)  # no literals: one code for all three
 _NONE, _FROZEN, _CLIPPED = int(Doubt.NONE), int(Doubt.FROZEN), int(Doubt.CLIPPED)
 
 
@@ -49,13 +51,13 @@ def inspect(observer: Observer, position: int) -> int:
     doubt = _NONE
     if not row.interpolated and row.broken == 0:
         if _is_odd(channels[LINE], position, row.line_pressure, RESTLESS):
-            doubt = _look(observer, position, LINE, row.line_pressure)
+            doubt = _look(observer, position, _LINE, row.line_pressure)
         if _is_odd(channels[LIFT], position, row.needle_lift, 0.0):
-            doubt = max(doubt, _look(observer, position, LIFT, row.needle_lift))
+            doubt = max(doubt, _look(observer, position, _LIFT, row.needle_lift))
         # of a slower rail pressure most values are made up
         is_fast = observer.constants.rail_every <= 1.0
         if is_fast and _is_odd(channels[RAIL], position, row.rail_pressure, RESTLESS):
-            doubt = max(doubt, _look(observer, position, RAIL, row.rail_pressure))
+            doubt = max(doubt, _look(observer, position, _RAIL, row.rail_pressure))
     return doubt
 
 
@@ -319,7 +321,7 @@ def _mend_open_lift(observer: Observer, position: int) -> None:
         if is_straight and _least_away(observer, first, width, before, slope) > AWAY * noise:
             for k in range(width):
                 row = observer.ring[(first + k) & _MASK]
-                _replace(row, LIFT, before + slope * (k + 1) + memory.zero)
+                _replace(row, _LIFT, before + slope * (k + 1) + memory.zero)
                 row.bridged |= 1 << LIFT
             memory.spikes += width
             return

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import correct, predict
 from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.model.borrowed import borrowed
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.line.interface import line_from, rest_line
@@ -31,7 +32,12 @@ _MASK = RING - 1
 def network_in_force(observer: Observer) -> Network:
     """The network whose weights lie in the observer's memory."""
     memory = observer.memory[0]
-    return Network(memory.hidden, memory.output, memory.bias, memory.back_pressure)
+    return Network(
+        borrowed(memory.hidden),
+        borrowed(memory.output),
+        borrowed(memory.bias),
+        borrowed(memory.back_pressure),
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -114,10 +120,11 @@ def step_pair(observer: Observer, position: int) -> bool:
     )
     knot = (before.lift_after, before.lift_area)
 
-    _copy(before.x_tilde, row.x_tilde)
+    x_tilde, x_hat = borrowed(row.x_tilde), borrowed(row.x_hat)  # as learning has them: one code for both
+    _copy(before.x_tilde, x_tilde)
     fraction = constants.sensor.fraction
     indicated, shown = predict(
-        row.x_tilde, before.indicated, interval, knot, fraction, memory.lag, c, network, None
+        x_tilde, before.indicated, interval, knot, fraction, memory.lag, c, network, None
     )
     row.innovation = 0.0
     if _is_measured(observer, position):
@@ -130,16 +137,16 @@ def step_pair(observer: Observer, position: int) -> bool:
             if memory.contradicted:
                 end_contradiction(observer, row.resting, not was_contradicted)
     gain = observer.gains[min(memory.since_start, observer.gains.shape[0] - 1)]
-    row.indicated = correct(row.x_tilde, indicated, row.innovation, gain, None)
+    row.indicated = correct(x_tilde, indicated, row.innovation, gain, None)
     memory.since_start += 1
     if row.resting:
         _follow_offset(observer, row.innovation)
-        row.x_tilde[2] = 0.0
-        _copy(row.x_tilde, row.x_hat)
+        x_tilde[2] = 0.0
+        _copy(x_tilde, x_hat)
     else:
-        _copy(before.x_hat, row.x_hat)
-        advance_x_hat(observer.phi, row.x_hat, interval, knot, c, network)
-    return math.isfinite(row.x_hat.sum() + row.x_tilde.sum())
+        _copy(before.x_hat, x_hat)
+        advance_x_hat(observer.phi, x_hat, interval, knot, c, network)
+    return math.isfinite(x_hat.sum() + x_tilde.sum())
 
 
 @njit(cache=True, nogil=True)
@@ -165,6 +172,6 @@ def read_out(observer: Observer, position: int) -> None:
     if not row.resting:
         c = coefficients_in_force(observer)
         u = (row.rail_pressure, max(row.seat_area, 0.0))
-        phi, rate = read_phi(observer.phi, row.x_hat, u, c, network_in_force(observer))
+        phi, rate = read_phi(observer.phi, borrowed(row.x_hat), u, c, network_in_force(observer))
     row.phi[0], row.phi[1], row.phi[2] = phi
     row.injection_rate = rate

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.continuity import Break, Doubt
+from observer_rt.foundation.referenced import referenced
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.network import ARGUMENTS, HIDDEN
@@ -302,6 +303,7 @@ def observer_dtype(line_coefficients: int, parameters: int) -> np.dtype[np.void]
     return np.dtype(_OBSERVER + carried(line_coefficients, parameters), align=True)
 
 
+@referenced
 class Timing(NamedTuple):
     """Durations in samples."""
 
@@ -333,6 +335,7 @@ class Undoing(NamedTuple):
     ahead: int  # samples that must be known beyond one
 
 
+@referenced
 class Constants(NamedTuple):
     """What does not change while the observer runs."""
 
@@ -348,6 +351,7 @@ class Constants(NamedTuple):
     quickest: float  # m a sample: no needle is
 
 
+@referenced
 class Observer(NamedTuple):
     """The observer as compiled functions see it: constants and preallocated memory."""
 

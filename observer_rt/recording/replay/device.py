@@ -3,10 +3,14 @@
 import math
 from collections.abc import Iterable, Iterator
 
+import numpy as np
+from numpy.typing import NDArray
+
 from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.frame_block import FrameBlock
 from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.recording.replay.framing import Framer, grid_samples, message_timing, whole
+from observer_rt.recording.replay.framing import Framed, Framer, grid_samples, message_timing, whole
 from observer_rt.recording.signals.chunks import cut, followed
 from observer_rt.recording.signals.recording import Chunk
 
@@ -20,12 +24,13 @@ class Device:
     def __init__(self, bus: BusMap) -> None:
         self._framer = Framer(bus)
         self._block = math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
-        self._delays = {
-            frame_key(layout.frame_id, layout.is_extended, layout.bus): round(
-                float(message_timing(bus, number)["delay"]) * NANOSECONDS
-            )
-            for number, layout in enumerate(bus.input_layouts)
-        }
+        self._layouts = bus.input_layouts
+        # of the input messages
+        self._keys = np.array(
+            [frame_key(each.frame_id, each.is_extended, each.bus) for each in self._layouts], np.int64
+        )
+        delays = [float(message_timing(bus, n)["delay"]) for n in range(len(self._layouts))]
+        self._delays = np.rint(np.array(delays) * NANOSECONDS).astype(np.int64)
         self._start = 0  # ns, of the stretch
 
     def begin(self, sample_rate: float) -> int:
@@ -52,11 +57,21 @@ class Device:
 
     def frames(self, chunk: Chunk) -> Iterator[BusFrame]:
         """Of a chunk of the stretch begun, as `chunks` gives them, stamped as received."""
+        for framed, stamps in self._stamped(chunk):
+            for number, stamp, payload in zip(
+                framed.numbers.tolist(), stamps.tolist(), framed.payloads(), strict=True
+            ):
+                layout = self._layouts[number]
+                frame = Frame(layout.frame_id, payload, stamp, layout.is_extended, layout.is_fd)
+                yield BusFrame(layout.bus, frame)
+
+    def blocks(self, chunk: Chunk) -> Iterator[FrameBlock]:
+        """The same in arrays."""
+        for framed, stamps in self._stamped(chunk):
+            yield FrameBlock(self._keys[framed.numbers], stamps, framed.starts, framed.data)
+
+    def _stamped(self, chunk: Chunk) -> Iterator[tuple[Framed, NDArray[np.int64]]]:
         interval = 1.0 / chunk.sample_rate
-        for frame in self._framer.frames(chunk, whole(chunk)):
-            due = chunk.first + round(frame.time * chunk.sample_rate)
-            delay = self._delays[frame_key(frame.frame_id, frame.is_extended, frame.bus)]
-            stamp = self._start + round(due * interval * NANOSECONDS) + delay
-            yield BusFrame(
-                frame.bus, Frame(frame.frame_id, frame.payload, stamp, frame.is_extended, frame.is_fd)
-            )
+        for framed in self._framer.framed(chunk, whole(chunk)):
+            since = np.rint((chunk.first + framed.due) * interval * NANOSECONDS).astype(np.int64)
+            yield framed, self._start + since + self._delays[framed.numbers]

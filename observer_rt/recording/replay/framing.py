@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.database.codec import encode
 from observer_rt.bus.database.e2e import protect
-from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
@@ -163,48 +163,79 @@ class Framer:
 
         A frame that a span does not fill carries "not available" in the rest.
         """
+        interval = 1.0 / recording.sample_rate
+        for framed in self.framed(recording, spans):
+            due = (framed.due * interval).tolist()
+            for number, time, payload in zip(framed.numbers.tolist(), due, framed.payloads(), strict=True):
+                layout = self._bus.input_layouts[number]
+                yield TimedFrame(
+                    time, layout.frame_id, layout.is_extended, layout.is_fd, payload, bus=layout.bus
+                )
+
+    def framed(self, recording: Recording, spans: Sequence[Span]) -> Iterator["Framed"]:
+        """The same in arrays, span by span."""
         values = np.column_stack([getattr(recording, role.value) for role in ROLES])
         for span in spans:
-            encoded = [self._encode(number, values, span) for number in range(len(self._bus.input_layouts))]
-            yield from self._in_order(encoded, span, 1.0 / recording.sample_rate)
+            yield _merged([self._encode(number, values, span) for number in range(len(self._counters))])
         self._index += recording.samples
 
-    def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> NDArray[np.uint8]:
+    def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> "Framed":
+        """The frames of one input message."""
+        message, inputs = self._bus.inputs.messages[number], self._bus.inputs
         steps = int(message_timing(self._bus, number)["steps"])
         first_index = -(-(self._index + span.start) // steps)  # of its own samples
-        rows = slice(first_index * steps - self._index, span.end, steps)
-        payloads: NDArray[np.uint8] = _payloads(
-            values[rows], first_index, self._bus.inputs, number, self._counters[number]
+        first = first_index * steps - self._index
+        payloads = _payloads(
+            values[first : span.end : steps], first_index, inputs, number, self._counters[number]
         )
-        self._counters[number] += len(payloads)
-        return payloads
-
-    def _in_order(
-        self, encoded: Sequence[NDArray[np.uint8]], span: Span, interval: float
-    ) -> Iterator[TimedFrame]:
-        layouts = self._bus.input_layouts
-        position = [0] * len(encoded)
-
-        def due(number: int) -> int:
-            message = self._bus.inputs.messages[number]
-            block, kind = divmod(position[number], int(message["kind_count"]))
-            end = int(self._bus.inputs.kinds[int(message["first_kind"]) + kind]["end"])
-            steps = int(message_timing(self._bus, number)["steps"])
-            first = -(-(self._index + span.start) // steps) * steps - self._index
-            return first + (block * int(message["samples"]) + end - 1) * steps
-
-        while any(position[number] < len(encoded[number]) for number in range(len(encoded))):
-            number = min(
-                (n for n in range(len(encoded)) if position[n] < len(encoded[n])), key=lambda n: (due(n), n)
-            )
-            yield _timed(layouts[number], due(number) * interval, encoded[number][position[number]])
-            position[number] += 1
+        count, length = payloads.shape
+        self._counters[number] += count
+        block, kind = np.divmod(np.arange(count), int(message["kind_count"]))
+        end = inputs.kinds["end"][int(message["first_kind"]) + kind]
+        return Framed(
+            np.full(count, number),
+            first + (block * int(message["samples"]) + end - 1) * steps,
+            np.arange(count + 1) * length,
+            payloads.ravel(),
+        )
 
 
-def _timed(layout: MessageLayout, time: float, payload: NDArray[np.uint8]) -> TimedFrame:
-    return TimedFrame(
-        time, layout.frame_id, layout.is_extended, layout.is_fd, payload.tobytes(), bus=layout.bus
-    )
+@dataclass(frozen=True, eq=False)
+class Framed:
+    """Frames in order (n of them): numbers (n,) of their input messages; due (n,), the sample each is sent with.
+
+    starts (n + 1,): where each begins in `data`, and where the last one ends.
+    """
+
+    numbers: NDArray[np.int64]
+    due: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    data: NDArray[np.uint8]
+
+    def payloads(self) -> Iterator[bytes]:
+        """Frame by frame."""
+        data = self.data.tobytes()
+        return (data[first:end] for first, end in pairwise(self.starts.tolist()))
+
+
+def _merged(messages: Sequence[Framed]) -> Framed:
+    """Frames of several messages by the samples they are sent with, those of each in its own order."""
+    if len(messages) == 1:
+        return messages[0]
+    numbers = np.concatenate([each.numbers for each in messages])
+    due = np.concatenate([each.due for each in messages])
+    not_before = np.concatenate([np.maximum.accumulate(each.due) for each in messages])
+    order = np.lexsort((numbers, not_before))
+    lengths = np.concatenate([np.diff(each.starts) for each in messages])
+    starts = np.concatenate(([0], np.cumsum(lengths[order])))
+    data = np.empty(int(starts[-1]), np.uint8)
+    for number, each in enumerate(messages):
+        if not each.numbers.size:
+            continue
+        payloads = each.data.reshape(len(each.numbers), -1)
+        begins = starts[:-1][numbers[order] == number]
+        data[begins[:, None] + np.arange(payloads.shape[1])] = payloads
+    return Framed(numbers[order], due[order], starts, data)
 
 
 @njit(cache=True, nogil=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.foundation.ahead import ahead
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.recording import EQUIDISTANT, Chunk, refuse_infinite
 from observer_rt.recording.signals.stream import SignalStream, Stretch
@@ -74,7 +75,7 @@ class GridSignals(SignalStream):
     def _look_through(self) -> None:
         """Check all parts. Raises `UserError` as `CheckedGrid`."""
         checked = CheckedGrid(self, self._place)
-        for arrays in self._parts():
+        for arrays in ahead(self._parts()):
             self.has_rate = "injection_rate" in arrays
             checked.take(arrays)
         checked.end()

@@ -141,7 +141,8 @@ class HeldSignals(SignalStream):
         self.has_rate = recording.injection_rate is not None
         self.meaning = recording.meaning
         for name, values in recording.signals.items():
-            self.survey.take(name, values)
+            for first in range(0, values.size, SAMPLES_AT_ONCE):  # what is in the cache
+                self.survey.take(name, values[first : first + SAMPLES_AT_ONCE])
 
     def chunks(self) -> Iterator[Chunk]:
         """Views of the recording."""

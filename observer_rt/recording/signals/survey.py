@@ -21,7 +21,8 @@ class SignalSurvey:
 
     def take(self, values: NDArray[np.float64]) -> None:
         """Go on with further samples (n,)."""
-        there = values[~np.isnan(values)]
+        missing = np.isnan(values)
+        there = values[~missing] if missing.any() else values
         self.missing += values.size - there.size
         if there.size:
             self.lowest = min(self.lowest, float(there.min()))
@@ -52,13 +53,15 @@ class Openings:
 
     def __init__(self) -> None:
         self._counts = np.zeros(self._LEVELS.size, np.int64)
-        self._is_above = np.zeros((1, self._LEVELS.size), np.bool_)
+        self._last = np.zeros(1)
 
     def take(self, lift: NDArray[np.float64]) -> None:
         """Go on with further samples (n,) [m], none of them NaN."""
-        above = np.concatenate((self._is_above, lift[:, None] > self._LEVELS))
-        self._counts += np.count_nonzero(above[1:] & ~above[:-1], axis=0)
-        self._is_above = above[-1:]
+        lifts = np.concatenate((self._last, lift))
+        high = np.flatnonzero(lift > self._LEVELS[0])  # few of them
+        before, after = lifts[high, None], lifts[high + 1, None]
+        self._counts += np.count_nonzero((after > self._LEVELS) & (before <= self._LEVELS), axis=0)
+        self._last = lifts[-1:]
 
     @property
     def most(self) -> int:

@@ -1,19 +1,25 @@
 """The pipeline in the hands of compiled code: given once, then called by reference.
 
-A tuple of arrays given at every call would be taken apart at every call, leaf by leaf, which takes longer than the
-samples of a frame. Here it lies in a record of compiled code that is passed as one pointer, and the machine code is
-called without a look at the types of its arguments, which are always the same.
+A tuple of arrays that Python gives at every call would be taken apart at every call, leaf by leaf, which takes longer
+than the samples of a frame. Here it lies in a record of compiled code, and the machine code is called without a look
+at the types of its arguments, which are always the same.
 """
 
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit, typeof, types
+from numba import from_dtype, njit, typeof, types
+from numba.core.cgutils import create_struct_proxy
 from numba.experimental import structref
+from numba.extending import intrinsic, overload_attribute
 from numpy.typing import NDArray
 
+from observer_rt.bus.frame_block import FrameBlock
+from observer_rt.foundation.referenced import Reference, reference_to
 from observer_rt.observer.stream.state import Constants, Observer
+from observer_rt.service.compiled.asking import ASKING, Asking, Need
+from observer_rt.service.compiled.many import take_many
 from observer_rt.service.compiled.pipeline import Pipeline, handle, listen, proceed
 
 
@@ -25,10 +31,10 @@ class _HeldType(types.StructRef):
 
 
 class _Held(structref.StructRefProxy):
-    """A record with one field, which compiled code reads and replaces."""
+    """A record of a pipeline that compiled code only reads, for it may be at work when another takes its place."""
 
 
-structref.define_proxy(_Held, _HeldType, ["pipeline"])
+structref.define_proxy(_Held, _HeldType, ["leaves"])
 
 
 @njit(cache=True, nogil=True)
@@ -36,9 +42,20 @@ def _hold(pipeline):  # type: ignore[no-untyped-def]
     return _Held(pipeline)
 
 
-@njit(cache=True, nogil=True)
-def _put(held, pipeline):  # type: ignore[no-untyped-def]
-    held.pipeline = pipeline
+@intrinsic
+def _pipeline_in(context: Any, held: Any) -> Any:
+    """A `Reference` to what a record holds."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        record = create_struct_proxy(held)(context, builder, value=arguments[0])
+        return reference_to(builder, context.nrt.meminfo_data(builder, record.meminfo))
+
+    return Reference(held.field_dict["leaves"])(held), codegen
+
+
+@overload_attribute(_HeldType, "pipeline")
+def _pipeline(held):  # type: ignore[no-untyped-def]
+    return lambda held: _pipeline_in(held)
 
 
 @njit(cache=True, nogil=True)
@@ -52,6 +69,11 @@ def _listen(held, key, payload, stamp):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _take_many(held, asking, block, first):  # type: ignore[no-untyped-def]
+    return take_many(held.pipeline, asking, block, first)
+
+
+@njit(cache=True, nogil=True)
 def _proceed(held):  # type: ignore[no-untyped-def]
     return proceed(held.pipeline)
 
@@ -61,7 +83,10 @@ class CompiledPipeline:
 
     def __init__(self, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
-        self._held = _hold(pipeline)
+        self._held = self._hold()
+
+    def _hold(self) -> Any:
+        return _hold.compile((typeof(self._pipeline).tuple_type,))(self._pipeline)
 
     @cached_property
     def _handle(self) -> Any:
@@ -75,6 +100,13 @@ class CompiledPipeline:
     def _of_a_frame(self) -> tuple[types.Type, ...]:
         """Types of what comes with a frame; its payload is written by nobody."""
         return typeof(self._held), types.int64, types.Array(types.uint8, 1, "C"), types.int64
+
+    @cached_property
+    def _take_many(self) -> Any:
+        numbers, payloads = types.Array(types.int64, 1, "C"), types.Array(types.uint8, 1, "C")
+        block = types.NamedTuple((numbers, numbers, numbers, payloads), FrameBlock)
+        asking = types.NamedTuple((types.Array(from_dtype(ASKING), 1, "C"), numbers), Asking)
+        return _take_many.compile((typeof(self._held), asking, block, types.int64))
 
     @cached_property
     def _proceed(self) -> Any:
@@ -103,6 +135,11 @@ class CompiledPipeline:
         """Take the samples of one frame without observing them: see `pipeline.listen`."""
         self._listen(self._held, key, payload, stamp)
 
+    def take_many(self, asking: Asking, block: FrameBlock, first: int) -> tuple[int, Need]:
+        """Take frames of a block from `first` on: see `many.take_many`."""
+        number, need = self._take_many(self._held, asking, block, first)
+        return number, Need(need)
+
     def proceed(self) -> bool:
         """Go on after a judgement: see `pipeline.proceed`."""
         return bool(self._proceed(self._held))
@@ -110,4 +147,4 @@ class CompiledPipeline:
     def change_constants(self, constants: Constants) -> None:
         """Observe with other constants from here on."""
         self._pipeline = self._pipeline._replace(observer=self.observer._replace(constants=constants))
-        _put(self._held, self._pipeline)
+        self._held = self._hold()

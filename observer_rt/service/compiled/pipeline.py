@@ -28,6 +28,7 @@ from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, MAX_SIGNALS, ROLES, Inputs
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.config.signals import Role
+from observer_rt.foundation.referenced import referenced
 from observer_rt.observer.stream.state import Observer
 from observer_rt.observer.stream.step import advance_stream, push
 from observer_rt.service.compiled.publisher import Publisher, publish
@@ -59,6 +60,7 @@ def make_receiver() -> NDArray[np.void]:
     return receiver
 
 
+@referenced
 class Pipeline(NamedTuple):
     """All memory of the receive-to-send path."""
 
@@ -70,7 +72,7 @@ class Pipeline(NamedTuple):
     publisher: Publisher
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def handle(pipeline: Pipeline, key: int, payload: NDArray[np.uint8], stamp: int) -> bool:
     """Take one frame, received at `stamp` [ns]; `key` as by `frame_key.frame_key`.
 

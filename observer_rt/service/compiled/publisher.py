@@ -11,6 +11,7 @@ from observer_rt.bus.database.e2e import UNPROTECTED, protect
 from observer_rt.bus.mapping.input_tables import LONGEST_FRAME
 from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, RateMessage
 from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.referenced import referenced
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.observer.stream.state import RING, Observer
 
@@ -42,6 +43,7 @@ PUBLISHER = np.dtype(
 )
 
 
+@referenced
 class Publisher(NamedTuple):
     """Publisher as compiled functions see it; `out` holds `memory[0].frames` frames for the caller.
 

@@ -12,16 +12,18 @@ from observer_rt.bus.alignment.memory import make_alignment, progress
 from observer_rt.bus.alignment.message_timing import MessageTiming, timing_of
 from observer_rt.bus.alignment.timekeeping import make_timekeeping
 from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.frame_block import FrameBlock
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of, stream_of
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.evidence.slow_noise import SlowNoise
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
-from observer_rt.observer.observer import make_observer
+from observer_rt.observer.observer import make_observer, remembered
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.lift_figures import LiftFigures, lift_figures
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import RING, Reason, State
+from observer_rt.service.compiled.asking import Need, make_asking
 from observer_rt.service.compiled.by_reference import CompiledPipeline
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
@@ -31,7 +33,7 @@ from observer_rt.service.core.learners import LearnerFactory, healthy_injector, 
 from observer_rt.service.core.messages import OutputFrame, ResultFrames
 from observer_rt.service.core.noise import slow_noise_of
 from observer_rt.service.inputs.energizing import EnergizingFigures
-from observer_rt.service.inputs.optional_inputs import Again, OptionalInputs
+from observer_rt.service.inputs.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
 from observer_rt.service.reports.judging import Judged, Judging
 from observer_rt.service.reports.news import Listener, to_all
@@ -84,6 +86,8 @@ class Core:
         )
         """Everything compiled code works on."""
         self.compiled.observer.memory["waits_for_verdicts"] = executor is None or config.learning.lockstep
+        self.asking = make_asking([slow.layout for slow in bus.slow])
+        """When compiled code that takes frames must let `take_inputs` look at one first."""
         self._judging = Judging(self.compiled, learner, executor or InlineExecutor(), start, healthy)
         self._tell = to_all(listeners)
         self._inputs = OptionalInputs(fitted, bus, self.compiled, self._tell, fuel_temperature, is_restored)
@@ -101,16 +105,30 @@ class Core:
         data = np.frombuffer(payload, np.uint8)
         if self._bus.slow:
             self.take_inputs(key, data, stamp_ns)
-        return self._go_on(self.compiled.handle(key, data, stamp_ns))
+            self.asking.memory["taken"] += 1
+        self._go_on(self.compiled.handle(key, data, stamp_ns))
+        return self._results.taken()
+
+    def handle_many(self, block: FrameBlock) -> list[OutputFrame]:
+        """The same of many frames in arrays, at the speed of compiled code."""
+        number = 0
+        while number < block.frames:
+            number, need = self.compiled.take_many(self.asking, block, number)
+            if need is Need.INPUT:
+                self.take_inputs(int(block.keys[number]), block.payload(number), int(block.stamps[number]))
+            else:
+                self._go_on(need is Need.VERDICT)
+                self._results.collect_rates()
+        return self._results.taken()
 
     def take_inputs(self, key: int, data: NDArray[np.uint8], stamp_ns: int) -> None:
-        """Look at the optional inputs before a frame is taken."""
+        """Look at the optional inputs before a frame is taken, and say when to do so again."""
         self._inputs.take(key, data, stamp_ns)
         self.compiled.pipeline.publisher.memory["learning"] = self.learning
-
-    def again(self) -> Again:
-        """When to look at them again, frames that bring one apart."""
-        return self._inputs.again()
+        memory, again = self.asking.memory[0], self._inputs.again()
+        memory["answered_at"], memory["ask_at"], memory["ask_at_rest"] = again.now, again.due, again.at_rest
+        memory["looks_at_each"] = self._inputs.looks_at_each
+        memory["answered"] = memory["taken"] + 1
 
     def attend(self) -> list[OutputFrame]:
         """What the stream did meanwhile, by frames given to `compiled`: hand over, judge, report.
@@ -137,9 +155,10 @@ class Core:
         """No frame will come: process what waits, judge every event, publish the last block."""
         self.compiled.observer.memory["draining"] = True
         self.compiled.observer.memory["waits_for_verdicts"] = True
-        frames = self._go_on(self.compiled.proceed())
+        self._go_on(self.compiled.proceed())
+        self._results.collect_rates()
         flush(self.compiled.pipeline.publisher)
-        return frames + self._results.taken()
+        return self._results.taken()
 
     def furthest_behind(self, buses: Sequence[int]) -> int:
         """Of some buses the one whose samples are behind those of the others; one without any comes first."""
@@ -156,7 +175,7 @@ class Core:
 
         Only the last `RING` samples are remembered.
         """
-        return self.compiled.observer.ring[np.arange(max(start, end - RING), end) % RING]
+        return remembered(self.compiled.observer.ring, max(start, end - RING), end).copy()
 
     def inputs(self, first: int, most: int) -> dict[Role, NDArray[np.float64]]:
         """Processed samples from a position on [m; Pa above the chamber pressure], of those that are remembered.
@@ -251,7 +270,7 @@ class Core:
         """Frames with samples that came so far, good or bad."""
         return int(self.compiled.pipeline.receiver["frames"][0])
 
-    def _go_on(self, waiting: bool) -> list[OutputFrame]:
+    def _go_on(self, waiting: bool) -> None:
         """Hand over closed events, judge due ones, until the observer waits for input again."""
         self._follow()
         while waiting:
@@ -261,7 +280,7 @@ class Core:
             self._follow()
         self._judging.post()
         self._inputs.look()
-        return self._results.taken()
+        self.asking.memory["looks_at_each"] = self._inputs.looks_at_each
 
     def _follow(self) -> None:
         """Hand over closed events, report judged ones."""

@@ -93,6 +93,10 @@ class EnergizingWatch(OptionalInput[Reading]):
                 self._number(command)
             self._waiting.append(_Waiting(command, self._processed))
 
+    @property
+    def looks_at_each(self) -> bool:
+        return bool(self._waiting) or not self._reader.by_index
+
     def opening_of(self, injection: np.void) -> CommandedOpening | None:
         """The command of an injection (`stream.state.INJECTION`) that is about to be reported; None: not known."""
         opening, is_seen = int(injection["opening_index"]), bool(injection["opening_seen"])

@@ -24,5 +24,10 @@ class OptionalInput(Generic[Reading]):
         """Whether `heed` is to be called as soon as no event is under way."""
         return False
 
+    @property
+    def looks_at_each(self) -> bool:
+        """Whether `look` is to be called after every frame, so that what it tells depends on none but these."""
+        return False
+
     def look(self) -> None:
         """Samples were observed."""

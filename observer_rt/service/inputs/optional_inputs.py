@@ -97,11 +97,19 @@ class OptionalInputs:
 
     def again(self) -> Again:
         """When to call `take` again, if no frame brings an input before."""
-        newest, now = self._newest_index() or 0, self._time_of_samples()
+        at_rest = any(one.waits_for_rest for one in self._all)
+        newest, now = self._newest_index(), self._time_of_samples()
+        if newest is None:  # with the first samples their time begins
+            return Again(0, -_NEVER, at_rest)
         interval = self._compiled.observer.constants.interval
         left = min(one.heeded_by(now) for one in self._all) - now
         index = _NEVER if left == math.inf else newest + math.ceil(left / interval)
-        return Again(newest, index, any(one.waits_for_rest for one in self._all))
+        return Again(newest, index, at_rest)
+
+    @property
+    def looks_at_each(self) -> bool:
+        """Whether `look` is to be called after every frame: else only now and then."""
+        return any(one.looks_at_each for one in self._all)
 
     def look(self) -> None:
         """Samples were observed."""

@@ -17,10 +17,11 @@ from observer_rt.bus.links.receiver import BusDownError
 from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
+from observer_rt.service.compiled.asking import Need
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.pump import libc, loop
-from observer_rt.service.pump.memory import BATCH, BUS, ERRORS, Need, Pump, make_pump
+from observer_rt.service.pump.memory import BATCH, BUS, ERRORS, Pump, make_pump
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.rights import hurry
 from observer_rt.service.watch.arrivals import Arrivals
@@ -67,15 +68,16 @@ class CompiledPump(FramePump):
         bus: BusMap,
         arrivals: Arrivals,
         on_unsent: Callable[[int], None] = lambda count: None,
+        processor: int | None = None,
     ) -> None:
-        """on_unsent: hears how many rates were given up, now and then."""
+        """on_unsent: hears how many rates were given up, now and then; processor: that the loop is to stay on."""
         self._links = [link for link in links if isinstance(link, SocketCanLink)]
         self._core = core
         self._arrivals = arrivals
         self._on_unsent = on_unsent
+        self._processor = processor
         self._layouts = (*bus.received, *bus.sent)
-        asked = [slow.layout for slow in bus.slow]
-        self._pump = make_pump(len(links), self._layouts, asked, bus.rate.layout if bus.rate else None)
+        self._pump = make_pump(len(links), self._layouts, core.asking, bus.rate.layout if bus.rate else None)
         self._compiled = compile_pump(core, self._pump)
         self._errors_read = [0] * len(links)
         self._unsent = 0
@@ -144,7 +146,7 @@ class CompiledPump(FramePump):
     def _loop(self) -> None:
         """The thread of the compiled loop; Python runs in it only for what the loop needs of it."""
         try:
-            hurry()
+            hurry(self._processor)
             while need := Need(self._compiled(self._pump, self._core.compiled.held, self._wake)):
                 if need is Need.INPUT:
                     self._take_input()
@@ -166,9 +168,6 @@ class CompiledPump(FramePump):
         data = pump.frames[at + HEADER_BYTES : at + HEADER_BYTES + int(pump.frames[at + 4])]
         with self._inputs:
             self._core.take_inputs(int(memory["asked_key"]), data, int(bus["stamp"]))
-            again = self._core.again()
-        memory["answered_at"], memory["ask_at"], memory["ask_at_rest"] = again.now, again.due, again.at_rest
-        memory["answered"] = int(memory["frames"]) + 1
 
     def _stop(self) -> None:
         self._pump.memory["is_to_stop"] = True

@@ -21,11 +21,12 @@ from observer_rt.bus.database.frame_key import BUS as BUS_KEY
 from observer_rt.bus.database.frame_key import EXTENDED as EXTENDED_KEY
 from observer_rt.bus.links.socketcan import SO_RXQ_OVFL
 from observer_rt.bus.links.stamps import SO_TIMESTAMPING, SO_TIMESTAMPNS
-from observer_rt.observer.stream.state import RING, Observer
+from observer_rt.observer.stream.state import Observer
+from observer_rt.service.compiled.asking import Need, is_asked_for
 from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
 from observer_rt.service.compiled.publisher import Publisher
 from observer_rt.service.pump import libc
-from observer_rt.service.pump.memory import BATCH, CONTROL_WORDS, ERRORS, WAITING, Need, Pump
+from observer_rt.service.pump.memory import BATCH, CONTROL_WORDS, ERRORS, WAITING, Pump
 
 WAIT_MS = 20  # longest time deaf to Python
 RETRY_MS = 1  # a full transmit queue cannot be polled for
@@ -36,7 +37,7 @@ _recvmmsg, _send, _write, _poll = libc.recvmmsg, libc.send, libc.write, libc.pol
 _clock_gettime, _errno_location = libc.clock_gettime, libc.errno_location
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def run(pump: Pump, pipeline: Pipeline, wake: int) -> int:
     """Pump until told to stop, or until Python must do something first: `Need`. Call it again then.
 
@@ -229,7 +230,7 @@ def _take(pump: Pump, pipeline: Pipeline, number: int) -> int:
     else:
         key += identifier & STANDARD_MASK
     is_data = identifier & (ERROR_FLAG | REMOTE_FLAG) == 0
-    if is_data and _is_asked_for(pump, pipeline.observer, key):
+    if is_data and is_asked_for(pump.asking, pipeline.observer, key):
         pump.memory[0].asked_bus = number
         pump.memory[0].asked_key = key
         return _INPUT
@@ -240,34 +241,22 @@ def _take(pump: Pump, pipeline: Pipeline, number: int) -> int:
         if identifier & ERROR_FLAG:
             _note_error(pump, number, identifier, payload)
         return _NOTHING
-    pump.memory[0].frames += 1
-    for watched in range(pump.arrivals.size):
-        arrival = pump.arrivals[watched]
-        if arrival.key == key:
-            arrival.frames += 1
-            arrival.last = _now(pump, libc.CLOCK_MONOTONIC)
-            break
+    pump.asking.memory[0].taken += 1
     waits = handle(pipeline, key, payload, stamp)
     send_rates(pump, pipeline.publisher)
+    _note_arrival(pump, key)
     return _VERDICT if waits else _NOTHING
 
 
 @njit(cache=True, nogil=True)
-def _is_asked_for(pump: Pump, observer: Observer, key: int) -> bool:
-    """Whether Python must look at the optional inputs before the next frame is taken, and has not yet."""
-    memory = pump.memory[0]
-    if pump.asked.size == 0 or memory.answered == memory.frames + 1:
-        return False
-    for number in range(pump.asked.size):
-        if pump.asked[number] == key:
-            return True
-    stream = observer.memory[0]
-    if memory.ask_at_rest and not stream.in_event:
-        return True
-    if stream.received == 0:
-        return bool(memory.answered == 0)
-    newest = observer.ring[(stream.received - 1) & (RING - 1)].index
-    return bool(newest < memory.answered_at or newest >= memory.ask_at)
+def _note_arrival(pump: Pump, key: int) -> None:
+    """Of a frame that is watched; once its rates are sent, for asking for the time may be a system call."""
+    for watched in range(pump.arrivals.size):
+        arrival = pump.arrivals[watched]
+        if arrival.key == key:
+            arrival.last = _now(pump, libc.CLOCK_MONOTONIC)
+            arrival.frames += 1
+            break
 
 
 @njit(cache=True, nogil=True)

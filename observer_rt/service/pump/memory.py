@@ -1,7 +1,6 @@
 """The compiled pump's memory: buffers that the kernel fills, and what Python reads and writes beside the loop."""
 
 from collections.abc import Sequence
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -10,20 +9,14 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLAG, FD_MTU
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.foundation.referenced import referenced
+from observer_rt.service.compiled.asking import Asking
 from observer_rt.service.pump.libc import IOVEC, MMSGHDR, POLLFD, POLLIN
 
 BATCH = 16  # frames that one system call may bring
 CONTROL_WORDS = 16  # of 8 bytes: room for three time stamps and a count of lost frames
 ERRORS = 64  # error frames remembered until Python has read them
 WAITING = 512  # results: some 0.15 s at 100 kHz, after which the oldest serve nobody
-
-
-class Need(IntEnum):
-    """Why the loop stopped, which goes on when it is called again."""
-
-    NOTHING = 0  # it was told to
-    VERDICT = 1  # the stream waits for one
-    INPUT = 2  # before the next frame is taken Python must look at the optional inputs
 
 
 BUS = np.dtype(
@@ -47,14 +40,8 @@ PUMP = np.dtype(
         ("is_to_stop", np.bool_),
         ("told", np.int64),  # events closed and taken, failures, errors that Python was told of
         ("turns", np.int64),
-        ("frames", np.int64),  # received
         ("unsent", np.int64),
-        # optional inputs: Python looks at them at frames that carry one, and
-        ("answered", np.int64),  # number of the frame for which it did last, from 1
-        ("answered_at", np.int64),  # index of the newest sample then: again if the index begins anew,
-        ("ask_at", np.int64),  # .. from this index on,
-        ("ask_at_rest", np.bool_),  # .. and outside every event
-        ("asked_bus", np.int64),  # whose next frame it is,
+        ("asked_bus", np.int64),  # whose next frame Python must look at,
         ("asked_key", np.int64),  # .. and its key
         # results
         ("bus", np.int64),  # they go to, -1: none are sent
@@ -68,6 +55,7 @@ PUMP = np.dtype(
 )
 
 
+@referenced
 class Pump(NamedTuple):
     """All memory of the pump; buffers of bus b begin at b * BATCH."""
 
@@ -81,7 +69,7 @@ class Pump(NamedTuple):
     vectors: NDArray[np.void]  # IOVEC
     errors: NDArray[np.void]  # ERROR, ERRORS of every bus
     arrivals: NDArray[np.void]  # ARRIVAL
-    asked: NDArray[np.int64]  # keys of frames with optional inputs
+    asking: Asking
     waiting: NDArray[np.uint8]  # WAITING results as the kernel takes them
     event: NDArray[np.uint64]  # (1,) what is written to wake Python
     clock: NDArray[np.int64]  # (2,) seconds, nanoseconds
@@ -90,10 +78,10 @@ class Pump(NamedTuple):
 def make_pump(
     buses: int,
     watched: Sequence[MessageLayout],
-    asked: Sequence[MessageLayout],
+    asking: Asking,
     result: MessageLayout | None,
 ) -> Pump:
-    """Memory for so many buses; watched: messages whose arrivals are counted; asked: those with optional inputs.
+    """Memory for so many buses; watched: messages whose arrivals are counted; asking: of the core that is pumped.
 
     result: that of the rates, if any.
     """
@@ -128,7 +116,7 @@ def make_pump(
         vectors,
         np.zeros(buses * ERRORS, ERROR),
         arrivals,
-        np.array([frame_key(each.frame_id, each.is_extended, each.bus) for each in asked], np.int64),
+        asking,
         np.zeros(WAITING * FD_MTU, np.uint8),
         np.ones(1, np.uint64),
         np.zeros(2, np.int64),

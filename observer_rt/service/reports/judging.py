@@ -38,7 +38,7 @@ class _Closed:
 
     number: in the order in which they closed, from 0; in_force: theta (m,) the observer carried; standstill: until it
     ended; learning: what is being learned from it, None: nothing; examined: once it was, with what was learned from
-    an earlier one.
+    an earlier one, and with what speaks against either.
     """
 
     number: int
@@ -50,6 +50,7 @@ class _Closed:
     learning: Future[Outcome] | None = None
     examined: Examination | None = None
     earlier: Outcome | None = None
+    objections: tuple[Objection, ...] = ()
     is_taken: bool = False
 
     @property
@@ -104,6 +105,10 @@ class Judging:
         self.passed_over = 0
         """Events that were judged and not learned from, since more came than can be learned from."""
         self._compiled = compiled
+        memory = compiled.observer.memory  # stays where it is: views spare a look-up a frame
+        self._events_closed, self._events_taken = memory["events_closed"], memory["events_taken"]
+        self._events = memory["events"][0]
+        self._waits_for_verdicts = memory["waits_for_verdicts"]
         self._learner = learner
         self._executor = executor
         self._first_version = start.phi_version
@@ -131,9 +136,8 @@ class Judging:
 
         learning: whether they are learned from.
         """
-        memory = self._compiled.observer.memory[0]
-        taken = int(memory["events_taken"])  # before the others: none is taken that has not closed
-        closed = int(memory["events_closed"])
+        taken = int(self._events_taken[0])  # before the others: none is taken that has not closed
+        closed = int(self._events_closed[0])
         while self._taken < taken or self._submitted < closed:
             if self._submitted < closed and self._event(self._submitted)["judged_before"] <= self._taken:
                 self._submit(learning, fuel_temperature)
@@ -159,7 +163,7 @@ class Judging:
     @property
     def _waits(self) -> bool:
         """Whether the stream waits for verdicts: then every event is learned from."""
-        return bool(self._compiled.observer.memory["waits_for_verdicts"][0])
+        return bool(self._waits_for_verdicts[0])
 
     def _is_pressing(self, closed: _Closed) -> bool:
         """Whether an event, whose predecessors were all taken, is to be examined in case its learning is late."""
@@ -225,9 +229,11 @@ class Judging:
             closed.window, closed.innovations, closed.in_force, closed.fuel.constants
         )
         closed.earlier, self._late = self._late, None
-        objections = closed.examined.objections or (closed.earlier.objections if closed.earlier else ())
+        closed.objections = closed.examined.objections or (
+            closed.earlier.objections if closed.earlier else ()
+        )
         is_coloured = (closed.earlier.knowledge.colour if closed.earlier else examiner.colour) is not None
-        post_examined(self._compiled.observer, closed.number, objections, is_coloured, closed.earlier)
+        post_examined(self._compiled.observer, closed.number, closed.objections, is_coloured, closed.earlier)
 
     def _post_learned(self, closed: _Closed, outcome: Outcome) -> None:
         self._late = None  # this knows of it
@@ -240,28 +246,30 @@ class Judging:
         closed.is_taken = True
         self._taken += 1
         event = self._event(closed.number).copy()
-        taken = Taken(int(event["taken"]))
-        outcome: Outcome | None = None
         objections: tuple[Objection, ...] = (Objection(Reason.NOT_JUDGED),)
-        learned = closed.learning.result() if closed.learning and closed.learning.done() else None
-        if taken is Taken.LEARNED and learned is not None:
-            outcome = learned
-            objections = learned.objections
-            self._examiner.statistics = learned.knowledge.statistics
-            self._put_into_force(learned)
+        outcome: Outcome | None = None
+        taken = Taken(int(event["taken"]))
+        if taken is Taken.LEARNED and closed.learning is not None:
+            outcome = closed.learning.result()
+            objections = outcome.objections
+            self._examiner.statistics = outcome.knowledge.statistics
+            self._put_into_force(outcome)
         elif taken is Taken.EXAMINED and closed.examined is not None:
-            objections = closed.examined.objections
+            objections = closed.objections
             self._examiner.statistics = closed.examined.statistics
             if closed.earlier is not None:
-                objections = objections or closed.earlier.objections
                 self._put_into_force(closed.earlier)
         elif closed.earlier is not None:
             self._late = closed.earlier
-        if taken is not Taken.LEARNED and closed.learning is not None:
-            self.late += 1
-            if closed is not self._learned_from and learned is not None:
-                self._late = learned  # it was posted just after
+        if outcome is None and closed.learning is not None:
+            self._note_late(closed, closed.learning)
         return Judged(event, objections, outcome, self._carried, self._compiled.observer.phi, closed.fuel)
+
+    def _note_late(self, closed: _Closed, learning: Future[Outcome]) -> None:
+        """An event was taken before what is learned from it was known, or just before that was posted."""
+        self.late += 1
+        if closed is not self._learned_from and learning.done():
+            self._late = learning.result()
 
     def _put_into_force(self, outcome: Outcome) -> None:
         """The stream carries it from now on."""
@@ -273,7 +281,7 @@ class Judging:
         self.known = replace(knowledge, phi_version=self.known.phi_version + is_adopted)
 
     def _event(self, number: int) -> np.void:
-        event: np.void = self._compiled.observer.memory[0]["events"][number % PENDING_EVENTS]
+        event: np.void = self._events[number % PENDING_EVENTS]
         return event
 
     def injections(self, judged: Judged) -> Iterator[np.void]:

@@ -49,11 +49,15 @@ class Mismatch:
 
 @dataclass(frozen=True)
 class Notice:
-    """Something is the matter with a link or an input, or, `is_over`, is well again."""
+    """Something is the matter with a link or an input, or, `is_over`, is well again.
+
+    incident: of a bus as such, what all injectors on it call it; empty: of this injector alone.
+    """
 
     topic: Topic
     text: str
     is_over: bool = False
+    incident: str = ""
 
     def as_text(self) -> str:
         """One line and, where there is one, a remedy."""
@@ -74,6 +78,11 @@ def to_all(listeners: Sequence[Listener]) -> Listener:
             listener(news)
 
     return tell
+
+
+def of_bus(topic: Topic, text: str, is_over: bool = False) -> Notice:
+    """A notice that is the same for all injectors on the bus."""
+    return Notice(topic, text, is_over, incident=text)
 
 
 class Notes:

@@ -10,15 +10,17 @@ from observer_rt.service.notify import Notifier
 from observer_rt.service.reports.injection_record import energizing_record, injection_record
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, Mismatch, News, Notice
+from observer_rt.service.reports.once import Once
 from observer_rt.service.words import Topic, named
 
 
 class Teller:
     """A listener that puts into words what it hears."""
 
-    def __init__(self, log: Voice, notifier: Notifier, c: Coefficients) -> None:
-        """c: of the nominal model."""
+    def __init__(self, log: Voice, notifier: Notifier, c: Coefficients, once: Once) -> None:
+        """c: of the nominal model; once: of all injectors, for what they share."""
         self._log = log
+        self._once = once
         self._notifier = notifier
         self._c = c
 
@@ -32,10 +34,16 @@ class Teller:
                 self._log.say(Topic.MEASURED, news.as_text())
             case Mismatch():
                 self._log.say(Topic.ENERGIZING, news.as_text())
-            case Notice(topic, text, is_over):
-                self._log.say(topic, text, is_over)
-                if topic in (Topic.STATE, Topic.LINK):
-                    self._notifier.status(self._log.named(text))
+            case Notice() if not news.incident or self._once.is_new(self._log.name, news.incident):
+                self._notice(news)
+
+    def _notice(self, notice: Notice) -> None:
+        """Without a name where it is the same for all injectors."""
+        is_shared = notice.incident == notice.text
+        text = notice.text if is_shared else self._log.named(notice.text)
+        self._log.log.say(notice.topic, text, notice.is_over)
+        if notice.topic in (Topic.STATE, Topic.LINK):
+            self._notifier.status(text)
 
     def _record(self, report: InjectionReport) -> dict[str, Any]:
         record = injection_record(report, self._c)

@@ -117,4 +117,7 @@ def _figures(daemon: Daemon) -> list[Text]:
     if core.energizing is not None:
         is_odd = core.energizing.missing > 0 or core.energizing.uncommanded > 0
         told.append(_line(f" {core.energizing.as_text()}", "yellow" if is_odd else "dim"))
+    if daemon.failed_writes:
+        text = f" {daemon.failed_writes} failed writes of learned state, journal or log, which says why"
+        told.append(_line(text, "bold red"))
     return told

@@ -22,6 +22,10 @@ class LogWatch:
         self._now = 0
         self._notes: list[str] = []
 
+    def is_due(self, stamp: int) -> bool:
+        """Whether it looks at the core when it is given the frame of a stamp [ns]."""
+        return self._first is None or stamp >= self._next
+
     def note(self, bus: int, frame: Frame) -> None:
         """A frame of the log."""
         if self._first is None:
@@ -29,7 +33,7 @@ class LogWatch:
             self._watch.arrivals.begin(frame.stamp_ns)
         self._now = frame.stamp_ns
         self._watch.arrivals.note(bus, frame.frame_id, frame.is_extended, self._now)
-        if self._now >= self._next:
+        if self.is_due(self._now):
             self._next = self._now + PERIOD
             at = (self._now - self._first) / SECOND
             self._notes += [f"at {at:.1f} s: {notice.text}" for notice in self._watch.look(self._now)]

@@ -117,7 +117,7 @@ def test_derivatives_of_the_lump(opened: float) -> None:
 
     learned = learned_of(theta, c)
     tangent = tangent_of(c, learned.network, by_theta(theta, c), PARAMETERS + 4)
-    tangent.by[:, PARAMETERS:] = np.eye(4)
+    tangent.by[:, PARAMETERS : PARAMETERS + 4] = np.eye(4)
     x = start.copy()
     advance_over(x, interval, NO_KNOT, learned.coefficients, learned.network, tangent)
     by = tangent.by / np.array([1.0, 1.0, 1.0, PERIOD])[:, None]

@@ -123,7 +123,7 @@ def test_derivatives(
 
     learned = learned_of(theta, c)
     tangent = tangent_of(c, learned.network, by_theta(theta, c), PARAMETERS + c.states)
-    tangent.by[:, PARAMETERS:] = np.eye(c.states)
+    tangent.by[:, PARAMETERS : PARAMETERS + c.states] = np.eye(c.states)
     x = start.copy()
     advance_over(x, interval, knot, learned.coefficients, learned.network, tangent)
     np.testing.assert_array_equal(x, stepped(theta, start))

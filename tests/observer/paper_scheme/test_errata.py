@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.model.network import constant_network
 from observer_rt.model.right_hand_side import right_hand_side
-from observer_rt.observer.paper_scheme.network import FaultCost, free_network, no_fault, scaled_identity
+from observer_rt.observer.paper_scheme.network import fault_cost, free_network, no_fault, scaled_identity
 from observer_rt.observer.paper_scheme.systems import swept
 from observer_rt.observer.paper_scheme.training import network_of
 from tests.observer.paper_scheme.conftest import GAIN, SAMPLE_RATE, Injection
@@ -106,7 +106,7 @@ def test_gradient_orders_w_by_rows(worn: Injection) -> None:
     z, target = random.normal(size=(40, 6)), random.normal(size=(40, 3))
     z[:, 5] = 1.0  # z = [x u 1]
     unit = 2.0
-    cost = FaultCost(z, target * unit, unit)
+    cost = fault_cost(z, target * unit, unit)
     p = scaled_identity(0.3) + 0.2 * random.normal(size=48)
 
     def printed_13(p: Vector) -> Vector:

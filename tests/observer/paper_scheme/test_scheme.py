@@ -14,7 +14,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients
 from observer_rt.observer.paper_scheme.gain import check_gain, doubts_about_gain
 from observer_rt.observer.paper_scheme.network import (
-    FaultCost,
+    fault_cost,
     free_fault,
     free_network,
     no_fault,
@@ -74,7 +74,7 @@ def test_scaled_identity_of_matrices_that_are_not_square() -> None:
 def test_cost_is_half_the_sum_of_squares_in_units_of_the_network() -> None:
     target = np.array([[3.0, 0.0, -4.0], [0.0, 6.0, 0.0]])
     z = np.column_stack([np.zeros((2, 5)), np.ones(2)])
-    cost = FaultCost(z, target, 2.0)
+    cost = fault_cost(z, target, 2.0)
     assert cost.value(no_fault()) == pytest.approx(0.5 * (9 + 16 + 36) / 4)
 
 

@@ -3,10 +3,15 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from tools.benchmarks.speed.evaluated import ARRAYS, CAN_LOG, MDF4, PARQUET
+from tools.benchmarks.speed.injectors import NUMBERS
 from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.roundtrip import BUSY, ECHO, LEAN, OURS, PEER
 from tools.benchmarks.speed.scaling import exponent
 from tools.benchmarks.speed.traffic import SAMPLES
+
+EVALUATE_BARS = {ARRAYS: 0.8, PARQUET: 0.5, MDF4: 0.5, CAN_LOG: 0.5}
+"""Of the core's speed, by what is evaluated."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +42,8 @@ class Figure:
 
 def figures(speed: Speed) -> list[Figure]:
     """All of them, None for those not measured."""
-    return [*_round_trip(speed), *_sustained(speed), *_sample(speed), *_training(speed), *_rest(speed)]
+    parts = (_round_trip, _sustained, _sample, _evaluate, _training, _rest)
+    return [figure for part in parts for figure in part(speed)]
 
 
 def _round_trip(speed: Speed) -> Iterator[Figure]:
@@ -75,6 +81,14 @@ def _sample(speed: Speed) -> Iterator[Figure]:
     )
 
 
+def _evaluate(speed: Speed) -> Iterator[Figure]:
+    found = speed.evaluate
+    for source, bar in EVALUATE_BARS.items():
+        name = f"evaluate_{source.replace(' ', '_')}_vs_core"
+        value = found.share(source) if found else None
+        yield Figure(name, value, "the compiled core alone, nothing learned", at_least=bar)
+
+
 def _training(speed: Speed) -> Iterator[Figure]:
     found = speed.training
     yield Figure(
@@ -89,5 +103,10 @@ def _rest(speed: Speed) -> Iterator[Figure]:
     yield Figure("ready_cold_s", started.cold_s if started else None, "", 20.0)
     yield Figure("memory_mib", started.memory_mib if started else None, "")
     yield Figure("samples_exponent", exponent(speed.scaling) if speed.scaling else None, "1: linear", 1.1)
+    most = speed.injectors[-1] if speed.injectors else None
+    what = f"{NUMBERS[-1]} injectors, windows, learning"
+    yield Figure("injectors_cpu_share", most.cpu_share if most else None, f"one core; {what}", 1.0)
+    yield Figure("injectors_lost_samples", float(most.lost_samples) if most else None, what, 0.0)
+    yield Figure("injectors_not_judged", float(most.injections - most.judged) if most else None, what, 0.0)
     yield Figure("block_samples", SAMPLES, "")
     yield Figure("substeps", float(speed.sample.substeps) if speed.sample else None, "")

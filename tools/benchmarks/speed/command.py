@@ -21,6 +21,7 @@ EXAMPLE = (
 SOAK_EXAMPLE = "Example: tools/bench soak --minutes 60"
 SECONDS, QUICK_SECONDS = 600.0, 10.0
 ROUNDTRIP_SECONDS, QUICK_ROUNDTRIP_SECONDS = 50.0, 5.0
+INJECTORS_SECONDS, QUICK_INJECTORS_SECONDS = 60.0, 10.0
 TABLE_WIDTH = 170  # where stdout is no terminal
 messages = Console(stderr=True)
 
@@ -39,6 +40,7 @@ def speed(
         _parts(only),
         seconds or (QUICK_SECONDS if quick else SECONDS),
         QUICK_ROUNDTRIP_SECONDS if quick else ROUNDTRIP_SECONDS,
+        QUICK_INJECTORS_SECONDS if quick else INJECTORS_SECONDS,
         cold=not quick,
     )
     found = measure_speed(plan, messages)

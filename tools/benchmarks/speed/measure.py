@@ -9,6 +9,8 @@ from pathlib import Path
 
 from rich.console import Console
 
+from tools.benchmarks.speed.evaluated import EvaluateTimes, measure_evaluate
+from tools.benchmarks.speed.injectors import InjectorsRow, measure_injectors
 from tools.benchmarks.speed.roundtrip import RoundTrips, measure_roundtrips
 from tools.benchmarks.speed.sample import SampleTimes, measure_sample
 from tools.benchmarks.speed.scaling import Row, measure_scaling
@@ -24,18 +26,24 @@ class Part(StrEnum):
     SUSTAINED = "sustained"
     ROUNDTRIP = "roundtrip"
     SAMPLE = "sample"
+    EVALUATE = "evaluate"
     TRAINING = "training"
     STARTUP = "startup"
     SCALING = "scaling"
+    INJECTORS = "injectors"
 
 
 @dataclass(frozen=True)
 class SpeedPlan:
-    """What is measured. seconds: of the sustained rate; roundtrip_seconds: to each party; cold: start so, too."""
+    """What is measured. seconds: of the sustained rate; roundtrip_seconds: to each party.
+
+    injectors_seconds: to each number of injectors; cold: start so, too.
+    """
 
     parts: Collection[Part]
     seconds: float
     roundtrip_seconds: float
+    injectors_seconds: float
     cold: bool
 
 
@@ -47,9 +55,11 @@ class Speed:
     sustained: Sustained | None = None
     roundtrips: RoundTrips | None = None
     sample: SampleTimes | None = None
+    evaluate: EvaluateTimes | None = None
     training: TrainingTimes | None = None
     startup: Startup | None = None
     scaling: tuple[Row, ...] = ()
+    injectors: tuple[InjectorsRow, ...] = ()
 
 
 def measure_speed(plan: SpeedPlan, messages: Console) -> Speed:
@@ -67,8 +77,12 @@ def measure_speed(plan: SpeedPlan, messages: Console) -> Speed:
         sustained = measure_sustained(folder, traffic, plan.seconds) if wanted(Part.SUSTAINED) else None
         roundtrips = measure_roundtrips(folder, plan.roundtrip_seconds) if wanted(Part.ROUNDTRIP) else None
         sample = measure_sample(folder) if wanted(Part.SAMPLE) else None
+        evaluate = measure_evaluate(folder) if wanted(Part.EVALUATE) else None
         training = measure_training(traffic) if wanted(Part.TRAINING) else None
         startup = measure_startup(folder, cold=plan.cold) if wanted(Part.STARTUP) else None
         scaling = tuple(measure_scaling()) if wanted(Part.SCALING) else ()
+        injectors = (
+            measure_injectors(folder, traffic, plan.injectors_seconds) if wanted(Part.INJECTORS) else ()
+        )
     load = before, os.getloadavg()[0]
-    return Speed(load, sustained, roundtrips, sample, training, startup, scaling)
+    return Speed(load, sustained, roundtrips, sample, evaluate, training, startup, scaling, injectors)

@@ -70,13 +70,19 @@ class Pacer:
     """Sends frames to one observer; their numbers go on from one passage to the next."""
 
     def __init__(
-        self, folder: Path, traffic: Traffic, link: str, ids: Ids, descriptors: Sequence[int] = ()
+        self,
+        folder: Path,
+        traffic: Traffic,
+        link: str,
+        ids: Ids,
+        descriptors: Sequence[int] = (),
+        first: int = 0,
     ) -> None:
-        """link: an interface, or `fd:N` for one of the descriptors handed over."""
+        """link: an interface, or `fd:N` for one of the descriptors handed over; first: number of the first frame."""
         self._program = native.program("pacer", folder)
-        self._out = folder / f"passage_{ids.place}.bin"
+        self._out = folder / f"passage_{ids.place}_{link.replace(':', '')}.bin"
         self._traffic, self._link, self._ids, self._descriptors = traffic, link, ids, descriptors
-        self._next = self._told_until = 0
+        self._next, self._told_until = first, first * SAMPLES
 
     def send(self, count: int, period: float) -> Passage:
         """`count` frames, one every `period` [s]. Raises RunError."""

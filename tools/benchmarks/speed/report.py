@@ -1,5 +1,6 @@
 """A run of `tools/bench speed` as tables and as a document."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -7,6 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from tools.benchmarks.speed.bars import figures
+from tools.benchmarks.speed.evaluated import EvaluateTimes
+from tools.benchmarks.speed.injectors import InjectorsRow
 from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.roundtrip import ECHO, RoundTrips
 from tools.benchmarks.speed.training import USUAL, TrainingTimes
@@ -30,6 +33,8 @@ def print_speed(speed: Speed, console: Console) -> None:
         times = speed.sample
         text = f"open sample: {times.ours:.2f} us, in C {times.in_c:.2f}, whole step {times.whole:.2f}"
         console.print(f"{text}; the same rates to {times.largest_difference:.1e}", highlight=False)
+    if speed.evaluate:
+        console.print(_evaluate_table(speed.evaluate))
     if speed.training:
         console.print(_training_table(speed.training))
         ours, theirs = speed.training.costs
@@ -50,6 +55,8 @@ def print_speed(speed: Speed, console: Console) -> None:
         for row in speed.scaling:
             table.add_row(row.what, f"{row.value:g}", f"{row.us_a_sample:.2f}")
         console.print(table)
+    if speed.injectors:
+        console.print(_injectors_table(speed.injectors))
 
 
 def speed_document(speed: Speed) -> dict[str, Any]:
@@ -62,9 +69,11 @@ def speed_document(speed: Speed) -> dict[str, Any]:
             "roundtrip": speed.roundtrips and speed.roundtrips.document(),
             "sustained": speed.sustained and speed.sustained.document(),
             "sample": speed.sample and asdict(speed.sample),
+            "evaluate": speed.evaluate and asdict(speed.evaluate),
             "training": speed.training and asdict(speed.training),
             "startup": speed.startup and asdict(speed.startup),
             "scaling": [asdict(row) for row in speed.scaling],
+            "injectors": [asdict(row) for row in speed.injectors],
         },
     }
 
@@ -96,6 +105,27 @@ def _round_trip_table(found: RoundTrips) -> Table:
         if not found.is_kept(pace):
             table.add_row(pace, "the echo falls behind: too busy a machine, no verdict at this pace")
         table.add_section()
+    return table
+
+
+def _evaluate_table(times: EvaluateTimes) -> Table:
+    title = f"evaluate, us a sample ({times.seconds:g} s, nothing learned; verdicts {times.verdicts.processor:.2f})"
+    columns = ("", "clock", "of the core's speed", "processor", "of the core's")
+    table = Table(*columns, title=title, title_justify="left")
+    table.add_row("compiled core alone", f"{times.core.wall:.2f}", "", f"{times.core.processor:.2f}", "")
+    for source, cost in times.whole.items():
+        shares = f"{100 * times.share(source):.0f} %", f"{100 * times.processor_share(source):.0f} %"
+        table.add_row(source, f"{cost.wall:.2f}", shares[0], f"{cost.processor:.2f}", shares[1])
+    return table
+
+
+def _injectors_table(rows: Sequence[InjectorsRow]) -> Table:
+    title = "injectors in one daemon, windows of 100 kHz, 25 injections a second each"
+    columns = ("injectors", "CPU", "lost samples", "injections", "judged", "learned from", "of these late")
+    table = Table(*columns, title=title, title_justify="left")
+    for each in rows:
+        counts = (each.lost_samples, each.injections, each.judged, each.learned, each.late)
+        table.add_row(str(each.injectors), f"{each.cpu_share:.2f}", *map(str, counts))
     return table
 
 

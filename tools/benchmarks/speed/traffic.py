@@ -22,7 +22,8 @@ from tools.benchmarks.scoring import bench_at
 SAMPLE_RATE = 100e3  # Hz
 SAMPLES, RATES = 9, 28  # of an input frame and of a rate frame
 INPUT_ID, RATE_ID, DATA_ID = 0x100, 0x200, 0x100
-_PERIOD, _ENERGIZING, _FIRST = 40 * MILLISECOND, 1.2 * MILLISECOND, 10 * MILLISECOND  # 25 injections a second
+PERIOD = 40 * MILLISECOND  # 25 injections a second
+_ENERGIZING, _FIRST = 1.2 * MILLISECOND, 10 * MILLISECOND
 _EVENTS = 9  # 0.36 s, a whole number of frames
 _PRESSURES = (60e6, 100e6, 140e6)  # Pa
 _WEAR = 0.2  # v_H
@@ -81,9 +82,9 @@ class Ids:
 def make_traffic(folder: Path) -> Traffic:
     """Write a loop of injections of a worn injector."""
     events = tuple(
-        Event(_FIRST + n * _PERIOD, _PRESSURES[n // 3], (Shot(_ENERGIZING),)) for n in range(_EVENTS)
+        Event(_FIRST + n * PERIOD, _PRESSURES[n // 3], (Shot(_ENERGIZING),)) for n in range(_EVENTS)
     )
-    schedule = Schedule(events, _EVENTS * _PERIOD - 1.0 / SAMPLE_RATE)
+    schedule = Schedule(events, _EVENTS * PERIOD - 1.0 / SAMPLE_RATE)
     worn = (sized("orifice_area", v_H=_WEAR),)
     recording = simulate(load_injector(), schedule, SAMPLE_RATE, worn, NoiseLevels(), seed=1).recording
     bus = map_bus(bench_at(SAMPLE_RATE))

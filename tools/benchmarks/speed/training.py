@@ -1,5 +1,7 @@
 """The paper's training, 30 epochs over the samples of an event, against scipy's BFGS on the same cost and gradient.
 
+Both are given the same compiled cost; scipy's search is Python round it, ours is compiled with it.
+
 That is `training = "paper"`. The default training is another problem, Gauss-Newton on the prediction error, for which
 scipy has no peer; what an event of it takes stands beside.
 """
@@ -21,8 +23,8 @@ from observer_rt.model.effects import sized
 from observer_rt.model.network import constant_network
 from observer_rt.model.right_hand_side import fault_and_rate
 from observer_rt.model.seat import normalised_area
-from observer_rt.observer.paper_scheme.bfgs import minimise
-from observer_rt.observer.paper_scheme.network import WEIGHTS, FaultCost, scaled_identity
+from observer_rt.observer.paper_scheme.bfgs import Objective, minimise
+from observer_rt.observer.paper_scheme.network import WEIGHTS, FaultCost, fault_cost, scaled_identity
 from observer_rt.observer.paper_scheme.training import BETA, EPOCHS, GAMMA
 from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import Event, Schedule, Shot
@@ -59,7 +61,7 @@ def measure_training(traffic: Traffic, repeats: int = REPEATS) -> TrainingTimes:
     """Both in turn on the same samples of one injection of a worn nozzle, taken more and more densely."""
     ours, theirs, ratio, costs = {}, {}, float("nan"), (float("nan"), float("nan"))
     for samples in SAMPLES:
-        cost = fault_cost(samples)
+        cost = cost_of(samples)
         turns = np.array([(_timed(_ours, cost), _timed(_scipy, cost)) for _ in range(repeats)])
         ours[samples], theirs[samples] = (turns.min(axis=0) / MILLISECOND).tolist()
         if samples == USUAL:
@@ -72,9 +74,9 @@ def measure_training(traffic: Traffic, repeats: int = REPEATS) -> TrainingTimes:
     return TrainingTimes(ours, theirs, ratio, exponent, costs, evaluations, _default_training_ms(traffic))
 
 
-def fault_cost(samples: int) -> FaultCost:
+def cost_of(samples: int) -> FaultCost:
     """The cost (10) of so many samples of an injection whose phi is known."""
-    return FaultCost(*_training_data(samples), GAIN)
+    return fault_cost(*_training_data(samples), GAIN)
 
 
 def _training_data(samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -97,33 +99,37 @@ def _training_data(samples: int) -> tuple[NDArray[np.float64], NDArray[np.float6
     return z, target
 
 
-class _CountingCost(FaultCost):
-    """Counts how often it is asked for."""
+class _CountingCost:
+    """Counts how often a cost is asked for."""
 
-    values = 0
-    gradients = 0
+    def __init__(self, cost: FaultCost) -> None:
+        self._cost = cost
+        self.values = 0
+        self.gradients = 0
 
     def value(self, theta: NDArray[np.float64]) -> float:
+        """J."""
         self.values += 1
-        return super().value(theta)
+        return self._cost.value(theta)
 
     def value_and_gradient(self, theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        """J and its gradient."""
         self.gradients += 1
-        return super().value_and_gradient(theta)
+        return self._cost.value_and_gradient(theta)
 
 
-def _evaluations(train: Callable[[FaultCost], float]) -> tuple[int, int]:
-    cost = _CountingCost(*_training_data(USUAL), GAIN)
+def _evaluations(train: Callable[[Objective], float]) -> tuple[int, int]:
+    cost = _CountingCost(cost_of(USUAL))
     train(cost)
     return cost.values, cost.gradients
 
 
-def _ours(cost: FaultCost) -> float:
+def _ours(cost: Objective) -> float:
     start = scaled_identity(BETA)
     return minimise(cost, start, np.eye(WEIGHTS) / GAMMA, tolerance=0.0, max_iterations=EPOCHS).value
 
 
-def _scipy(cost: FaultCost) -> float:
+def _scipy(cost: Objective) -> float:
     def value_and_gradient(theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         return cost.value_and_gradient(theta)
 
@@ -139,7 +145,7 @@ def _scipy(cost: FaultCost) -> float:
     return float(found.fun)
 
 
-def _timed(train: Callable[[FaultCost], float], cost: FaultCost) -> float:
+def _timed(train: Callable[[Objective], float], cost: Objective) -> float:
     begin = time.thread_time()
     train(cost)
     return time.thread_time() - begin

@@ -1,6 +1,7 @@
 """Stretches in which the line pressure is far noisier than at rest: a neighbour that is switched, a loose contact."""
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.observer.learning.disturbances.held import Stretch
@@ -14,14 +15,32 @@ MOST = 0.35  # share of an event, beyond which its noise is just not known
 
 def bursts_of(y: NDArray[np.float64], noise: float) -> list[Stretch]:
     """Stretches of y (n,) louder than its noise (standard deviation); fourth differences hide what is slow."""
-    differences = np.convolve(y, DIFFERENCE, "valid")
-    squares = np.ones(y.size)
-    squares[2:-2] = np.minimum(differences**2 / (float(DIFFERENCE @ DIFFERENCE) * noise**2), MOST_OF_ONE)
-    weights = np.ones(LENGTH)
-    loudness = np.convolve(squares, weights, "same") / np.convolve(np.ones(y.size), weights, "same")
-    loud = loudness > LOUD
-    if loud.mean() > MOST:
+    loud = np.empty(y.size, np.bool_)
+    count = _find_loud(y, noise, loud)
+    if count == 0 or count > MOST * y.size:
         return []
     changes = np.flatnonzero(np.diff(loud, prepend=False, append=False))
     spans = zip(changes[::2], changes[1::2], strict=True)
     return [Stretch(int(start), int(end), float(np.mean(y[start:end])), False) for start, end in spans]
+
+
+@njit(cache=True, nogil=True)
+def _find_loud(y: NDArray[np.float64], noise: float, loud: NDArray[np.bool_]) -> int:
+    """Which samples (n,) have a loud mean square round them, and how many."""
+    n, before = y.shape[0], LENGTH // 2
+    level = 0.0
+    for weight in DIFFERENCE:
+        level += weight * weight * noise * noise
+    sums = np.zeros(n + 1)
+    for k in range(n):
+        square = 1.0
+        if 2 <= k < n - 2:
+            difference = y[k - 2] - 4.0 * y[k - 1] + 6.0 * y[k] - 4.0 * y[k + 1] + y[k + 2]
+            square = min(difference * difference / level, MOST_OF_ONE)
+        sums[k + 1] = sums[k] + square
+    count = 0
+    for k in range(n):
+        first, end = max(k - before, 0), min(k - before + LENGTH, n)
+        loud[k] = sums[end] - sums[first] > LOUD * (end - first)
+        count += loud[k]
+    return count

@@ -5,14 +5,16 @@ event after event at one level, beyond which no value goes. What lies there says
 bridges it as it does outliers.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.disturbances.levels import Sigmas, mask_of
+from observer_rt.observer.learning.disturbances.levels import Sigmas, mask_of, median
 
 SMOOTHED = 5  # samples whose mean tells how far the line pressure goes
 AT_LEVEL = 1.5  # standard deviations of a sample below a level, from which on that mean is at it
@@ -60,27 +62,27 @@ class EndsOfRange:
         """
         before = mask_of(window)
         mask = before.copy()
-        is_explained = np.median(np.abs(innovations[first:])) < EXPLAINED * sigmas.innovation
+        smoothed = _smoothed(window.output)
         for end, (sign, levels) in enumerate(zip(_SIGNS, self._levels, strict=True)):
-            y = sign * window.output
-            if levels and np.count_nonzero(_is_beyond(y, float(np.mean(levels)), sigmas)) >= FEWEST:
+            y, means = sign * window.output, sign * smoothed
+            if levels and np.count_nonzero(_is_beyond(means, float(np.mean(levels)), sigmas)) >= FEWEST:
                 levels.clear()
             if len(levels) >= RECURS:
-                mask |= _about(y, float(np.mean(levels)), sigmas)
+                mask |= _about(means, float(np.mean(levels)), sigmas)
                 continue
-            pile = pile_of(y, innovations, before, sigmas, first)
+            pile = _pile(y, means, innovations, before, sigmas, first)
             if pile is None:
                 continue
             self._piles[end] = pile
-            if pile.changing > CLEAR and is_explained:
-                mask |= _about(y, pile.level, sigmas)
+            if pile.changing > CLEAR and _is_explained(innovations[first:], sigmas):
+                mask |= _about(means, pile.level, sigmas)
         return mask
 
     def is_new_after(self, window: Window, sigmas: Sigmas) -> bool:
         """Take in what was seen of an event while it was fitted; whether an end is known now, and none was."""
         was_known = self.is_known
         for sign, levels, pile in zip(_SIGNS, self._levels, self._piles, strict=True):
-            if levels and _is_beyond(sign * window.output, float(np.mean(levels)), sigmas).any():
+            if levels and _is_beyond(_smoothed(sign * window.output), float(np.mean(levels)), sigmas).any():
                 levels.clear()
             if pile is None or pile.changing < CHANGING:
                 continue
@@ -99,42 +101,89 @@ def pile_of(
     first: int,
 ) -> Pile | None:
     """The samples of y (n,) about its highest level that are not masked, None where they are too few, or y rests."""
-    means = _smoothed(y)
-    counts = ~masked
-    counts[:first] = False
-    if not counts.any():
+    return _pile(y, _smoothed(y), innovations, masked, sigmas, first)
+
+
+def _pile(
+    y: NDArray[np.float64],
+    means: NDArray[np.float64],
+    innovations: NDArray[np.float64],
+    masked: NDArray[np.bool_],
+    sigmas: Sigmas,
+    first: int,
+) -> Pile | None:
+    """`pile_of`; means: of y over some neighbours (n,)."""
+    level, lowest = _reach(means, masked, first)
+    if not level - lowest >= MOVING * sigmas.noise:
         return None
-    level = float(np.max(means[counts]))
-    if level - float(np.min(means[counts])) < MOVING * sigmas.noise:
+    samples, level, constant, changing = _gather(y, means, innovations, masked, level, sigmas.noise, first)
+    if samples < FEWEST:
         return None
+    constant, changing = constant / sigmas.noise**2, changing / sigmas.innovation**2
+    is_flat = constant < samples + FLAT * math.sqrt(2.0 * samples)
+    return Pile(level, changing - constant if is_flat else 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _reach(means: NDArray[np.float64], masked: NDArray[np.bool_], first: int) -> tuple[float, float]:
+    """The highest and the lowest of what is not masked, from sample `first` on."""
+    highest, lowest = -np.inf, np.inf
+    for k in range(first, means.shape[0]):
+        if not masked[k]:
+            highest, lowest = max(highest, means[k]), min(lowest, means[k])
+    return highest, lowest
+
+
+@njit(cache=True, nogil=True)
+def _gather(
+    y: NDArray[np.float64],
+    means: NDArray[np.float64],
+    innovations: NDArray[np.float64],
+    masked: NDArray[np.bool_],
+    level: float,
+    noise: float,
+    first: int,
+) -> tuple[int, float, float, float]:
+    """The samples at a level, refined: how many, their mean, the squares of y and of the innovations round theirs."""
     for _ in range(REFINEMENTS):
-        at = _is_at(means, level, sigmas) & counts
-        if at.sum() < FEWEST:
-            return None
-        level = float(np.mean(y[at]))
-    values, samples = y[at], int(at.sum())
-    constant = float(np.sum((values - values.mean()) ** 2)) / sigmas.noise**2
-    changing = float(np.sum((innovations[at] - innovations[at].mean()) ** 2)) / sigmas.innovation**2
-    is_flat = constant < samples + FLAT * np.sqrt(2.0 * samples)
-    return Pile(float(values.mean()), changing - constant if is_flat else 0.0)
+        samples, total, other, lowest = 0, 0.0, 0.0, level - AT_LEVEL * noise
+        for k in range(first, y.shape[0]):
+            if means[k] > lowest and not masked[k]:
+                samples, total, other = samples + 1, total + y[k], other + innovations[k]
+        if samples < FEWEST:
+            return samples, level, 0.0, 0.0
+        level = total / samples
+    constant, changing = 0.0, 0.0
+    for k in range(first, y.shape[0]):
+        if means[k] > lowest and not masked[k]:
+            constant += (y[k] - level) ** 2
+            changing += (innovations[k] - other / samples) ** 2
+    return samples, level, constant, changing
 
 
-def _about(y: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
-    """Samples of y (n,) at a level, and those beside them."""
-    at = _is_at(_smoothed(y), level, sigmas)
+def _is_explained(innovations: NDArray[np.float64], sigmas: Sigmas) -> bool:
+    """Whether most innovations (n,) are as the model says."""
+    return median(np.abs(innovations)) < EXPLAINED * sigmas.innovation
+
+
+def _about(means: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
+    """Samples whose means over some neighbours (n,) are at a level, and those beside them."""
+    at = _is_at(means, level, sigmas)
     return np.asarray(np.convolve(at, np.ones(2 * MARGIN + 1), "same") > 0.5, np.bool_)
 
 
-def _is_beyond(y: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
-    """Samples of y (n,) above a level at which the range ends, so that it does not."""
-    return np.asarray(_smoothed(y) > level + BEYOND * sigmas.noise, np.bool_)
+def _is_beyond(means: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
+    """Means over some neighbours (n,) above a level at which the range ends, so that it does not."""
+    return np.asarray(means > level + BEYOND * sigmas.noise, np.bool_)
 
 
 def _smoothed(y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Means (n,) over some neighbours; at both ends, where some are missing, of fewer."""
-    weights = np.ones(SMOOTHED)
-    total = np.convolve(y, weights, "same")
-    return np.asarray(total / np.convolve(np.ones_like(y), weights, "same"), np.float64)
+    result = np.convolve(y, np.ones(SMOOTHED), "same")
+    half = SMOOTHED // 2
+    counts = np.full(y.size, float(SMOOTHED))
+    counts[:half] = counts[-half:][::-1] = np.arange(half + 1, SMOOTHED)
+    return np.asarray(result / counts, np.float64)
 
 
 def _is_at(means: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import BLOCKS, deviate
@@ -118,9 +119,7 @@ class RestingNoise:
         for values in segments:
             for choice, forgetting in enumerate(self._choices):
                 passed = weight * _passed(values, forgetting)
-                lagged = np.lib.stride_tricks.sliding_window_view(passed, ORDERS + 1)[:, ::-1]
-                self._products[choice] += lagged.T @ lagged
-                self._by_lag[choice] += _autocovariances(passed) * (len(values) - ORDERS)
+                _take_in(passed, self._products[choice], self._by_lag[choice])
             self._count += len(values) - ORDERS
 
     def _weights(self, segments: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
@@ -146,7 +145,7 @@ class RestingNoise:
             return before
         if self._products[0, 0, 0] < self._count * (QUIET * expected) ** 2:
             return None
-        variances = np.array([_residual_variances(each / self._count) for each in self._products])
+        variances = _residual_variances(self._products / self._count)
         parameters = np.arange(ORDERS + 1) + np.array(
             [[forgetting is not None] for forgetting in self._choices]
         )
@@ -196,9 +195,31 @@ class RestingNoise:
         return -np.linalg.solve(products[1 : order + 1, 1 : order + 1], products[1 : order + 1, 0])
 
 
-def _autocovariances(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean products of values and those 0, 1, .. samples before them, (LAGS,)."""
-    return np.array([values[lag:] @ values[: values.size - lag] / (values.size - lag) for lag in range(LAGS)])
+@njit(cache=True, nogil=True)
+def _take_in(values: NDArray[np.float64], products: NDArray[np.float64], by_lag: NDArray[np.float64]) -> None:
+    """Add what values (n,) have in common with those before them.
+
+    products (ORDERS + 1, ORDERS + 1): sums of products of those i and j samples before each, but for the first
+    ORDERS; by_lag (LAGS,): n - ORDERS mean products of each with that so many samples before.
+    """
+    n = values.shape[0]
+    sums = np.zeros(LAGS)
+    for k in range(n):
+        for lag in range(min(LAGS, k + 1)):
+            sums[lag] += values[k] * values[k - lag]
+    for lag in range(LAGS):
+        by_lag[lag] += sums[lag] / (n - lag) * (n - ORDERS)
+    for i in range(ORDERS + 1):
+        for j in range(i, ORDERS + 1):
+            lag = j - i
+            total = sums[lag]
+            for k in range(lag, ORDERS - i):
+                total -= values[k] * values[k - lag]
+            for k in range(n - i, n):
+                total -= values[k] * values[k - lag]
+            products[i, j] += total
+            if j > i:
+                products[j, i] += total
 
 
 def _passed(values: NDArray[np.float64], forgetting: float | None) -> NDArray[np.float64]:
@@ -207,10 +228,14 @@ def _passed(values: NDArray[np.float64], forgetting: float | None) -> NDArray[np
     return Whitening(forgetting, np.empty(0)).of(np.append(0.0, values))[1:]
 
 
-def _residual_variances(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of the newest value, given none of those before it, one, .. all; covariance: the newest first."""
-    order = len(covariance) - 1
-    last_first = [*range(1, order + 1), 0]
-    factor = np.linalg.cholesky(covariance[np.ix_(last_first, last_first)])
-    explained = np.append(0.0, np.cumsum(factor[-1, :-1] ** 2))
-    return np.asarray(covariance[0, 0] - explained, np.float64)
+def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of the newest value, given none of those before it, one, .. all: (c, m) of covariances (c, m, m).
+
+    Their first row is that of the newest.
+    """
+    last_first = [*range(1, covariances.shape[1]), 0]
+    factors = np.linalg.cholesky(covariances[:, last_first][:, :, last_first])
+    explained = np.cumsum(factors[:, -1, :-1] ** 2, axis=1)
+    variances = np.repeat(covariances[:, 0, :1], covariances.shape[1], axis=1)
+    variances[:, 1:] -= explained
+    return np.asarray(variances, np.float64)

@@ -4,10 +4,10 @@ The needle is shut then and nothing moves, so the model has nothing to say to it
 events it stands out of the noise. While it lasts, it would be taken for wear.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
@@ -58,18 +58,13 @@ class EdgeSearch:
         self._whole *= REMEMBERED
         opening = window.opening
         clipped = np.clip(innovations[:opening] / sigma, -CLIP, CLIP)
-        likely = np.zeros((2, self._products.size))
-        for place in range(self._shortest, min(self._products.size, opening)):
-            seen = min(place - self._beside, self._seen_for)
-            begin = opening - place
-            shape = response[opening - self.longest : opening - self.longest + seen]
-            square = float(shape @ shape)
-            most = OF_ONE_EVENT * math.sqrt(square)
-            product = float(clipped[begin : begin + seen] @ shape)
-            self._products[place] += min(max(product, -most), most)
-            self._squares[place] += square
-            likely[:, place] = product / sigma, square / sigma**2
-        self._whole += likely
+        shape = response[opening - self.longest : opening - self.longest + self._seen_for]
+        products, squares = np.zeros((2, self._products.size))
+        _compare(clipped, shape, self._shortest, self._beside, products, squares)
+        most = OF_ONE_EVENT * np.sqrt(squares)
+        self._products += np.clip(products, -most, most)
+        self._squares += squares
+        self._whole += products / sigma, squares / sigma**2
         known = np.maximum(self._squares, np.finfo(np.float64).tiny)
         scores = np.abs(self._products) / np.sqrt(known)
         edge, elsewhere = scores[: self.longest + 1].max(), scores[self.longest + 1 :].max()
@@ -78,6 +73,26 @@ class EdgeSearch:
         products, squares = self._whole[:, : self.longest + 1]
         before = int(np.argmax(products**2 / np.maximum(squares, np.finfo(np.float64).tiny)))
         return Edge(float(products[before] / squares[before]), before)
+
+
+@njit(cache=True, nogil=True)
+def _compare(
+    innovations: NDArray[np.float64],
+    shape: NDArray[np.float64],
+    shortest: int,
+    beside: int,
+    products: NDArray[np.float64],
+    squares: NDArray[np.float64],
+) -> None:
+    """Products of innovations with a shape that begins so many samples before their end, and its squares.
+
+    For every place of `products` and `squares` from the `shortest` on; `beside` the end nothing counts.
+    """
+    n = innovations.shape[0]
+    for place in range(shortest, min(products.shape[0], n)):
+        for i in range(min(place - beside, shape.shape[0])):
+            products[place] += innovations[n - place + i] * shape[i]
+            squares[place] += shape[i] * shape[i]
 
 
 def with_step(window: Window, first: int, height: float) -> Window:

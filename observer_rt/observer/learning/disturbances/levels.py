@@ -36,7 +36,14 @@ def loudness(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, f
 
 def robust_sigma(values: NDArray[np.float64]) -> float:
     """Standard deviation of most values (n,) about 0, however far a few of them are."""
-    return GAUSSIAN * float(np.median(np.abs(values)))
+    return GAUSSIAN * median(np.abs(values))
+
+
+def median(values: NDArray[np.float64]) -> float:
+    """Of finite values (n,); numpy's own looks for others first, which takes thrice as long."""
+    middle = values.size // 2
+    places = (middle,) if values.size % 2 else (middle - 1, middle)
+    return float(np.mean(np.partition(values, places)[list(places)]))
 
 
 def mask_of(window: Window) -> NDArray[np.bool_]:

@@ -9,7 +9,6 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
@@ -123,8 +122,7 @@ def _middle(stretch: Stretch) -> int:
 
 def ends_of(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas) -> tuple[End, End]:
     """Lowest and highest mean of y over some neighbours, with the innovations (n,) of the model there."""
-    around = sliding_window_view(window.output, END_SAMPLES)
-    means = around.mean(axis=1)
+    means = np.convolve(window.output, np.full(END_SAMPLES, 1.0 / END_SAMPLES), "valid")
     lowest, highest = (_end_at(window, innovations, sigmas, int(k)) for k in (means.argmin(), means.argmax()))
     return lowest, highest
 

@@ -1,5 +1,6 @@
 """Few samples of the line pressure that stand out by what the model says of them."""
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -34,6 +35,8 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
     Where the innovations are larger than they should be, so must be the spikes. Of many the model is to blame.
     """
     counted = innovations[first:]
+    if _largest_mean(counted) < SHARP * sigma:  # nor is anything sharp by a larger one
+        return []
     sigma = max(sigma, robust_sigma(counted))
     counted = counted / sigma
     left, found = counted.copy(), list[tuple[int, int]]()
@@ -52,6 +55,12 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
             found.append((first + start, first + end))
         left[start:end] = 0.0
     return []
+
+
+def _largest_mean(innovations: NDArray[np.float64]) -> float:
+    """Over the widths of a spike, with the square root of the samples as its weight."""
+    total = np.concatenate(([0.0], np.cumsum(innovations)))
+    return max(float(np.max(np.abs(total[w:] - total[:-w]))) / math.sqrt(w) for w in SHARP_WIDTHS)
 
 
 def _spread(deviates: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -78,8 +78,8 @@ def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
     for phase in Phase:
         most = RELEVANT_VARIANCE if phase in EDGES else RELEVANT_LOUDNESS
         relevant = statistics.colour(phase) > RELEVANT_COLOUR or statistics.variance(phase) > most
-        excess = statistics.excess(phase)
-        if relevant and excess > worst_excess:
+        excess = statistics.excess(phase) if relevant else 0.0
+        if excess > worst_excess:
             worst, worst_excess = phase, excess
     return worst
 
@@ -105,11 +105,10 @@ def tempering(statistics: PhaseStatistics) -> float:
     """Factor on the variance of an event's innovations: above 1 when they are coloured, or louder than believed."""
     found = [1.0]
     for phase in Phase:
-        if statistics.excess(phase) > TEMPER_SIGNIFICANT:
-            if statistics.colour(phase) > TEMPER_ABOVE:
-                found.append(statistics.colour(phase))
-            if statistics.variance(phase) > RELEVANT_VARIANCE:
-                found.append(statistics.variance(phase))
+        limits = (statistics.colour(phase), TEMPER_ABOVE), (statistics.variance(phase), RELEVANT_VARIANCE)
+        beyond = [value for value, limit in limits if value > limit]
+        if beyond and statistics.excess(phase) > TEMPER_SIGNIFICANT:
+            found.extend(beyond)
     return max(found)
 
 
@@ -136,8 +135,8 @@ def is_worn_beyond_limits(theta: NDArray[np.float64], scalars: Scalars = SCALARS
 
     An opening that was none makes it so: only a blocked nozzle explains that no pressure moved.
     """
-    lowest, highest = scalars.bounds(1.0)
-    return any(not lowest[column] < theta[column] < highest[column] for column in WEAR)
+    limits = ((theta[row.column], row.bounds) for row in scalars.rows if row.column in WEAR)
+    return any(not lowest < value < highest for value, (lowest, highest) in limits)
 
 
 def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:

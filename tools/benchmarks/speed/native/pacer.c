@@ -3,6 +3,7 @@
  * usage: pacer LINK LOOP COUNT FIRST PERIOD_NS LINGER_MS BACKLOG_MS INPUT_ID RATE_ID DATA_ID OUT
  *
  * LOOP: frames (struct canfd_frame) sent again and again; sample index, counter and CRC (AUTOSAR E2E profile 5) go on.
+ * One of length 0 is a pause: it has its time and its place in the index, and is not sent (0 in OUT).
  * FIRST: number of the first frame, as if those before it had been sent already. A frame that finds no room waits
  * here with all that follow, as on a device; one that is BACKLOG_MS late is given up. It ends LINGER_MS after the last
  * rate frame. OUT: int64 frames sent, rate frames received; then int64 ns of each frame sent (0: given up; of those
@@ -122,7 +123,15 @@ int main(int argc, char **argv)
     const int s = open_frames(argv[1], rate_id);
     const int64_t start = now_ns() + 2000000;
     int is_held = 0;
+    long pauses = 0;
+    for (long n = 0; n < first; n++)
+        pauses += frames[n % loop].len == 0;
     for (long n = 0; n < count;) {
+        if (frames[(first + n) % loop].len == 0) {
+            n++;
+            pauses++;
+            continue;
+        }
         const int64_t due = start + n * period;
         if (now_ns() < due) {
             is_held = 0;
@@ -134,7 +143,7 @@ int main(int argc, char **argv)
         struct canfd_frame f = frames[(first + n) % loop];
         f.can_id = input_id;
         put_index(&f, (uint32_t)((first + n) * SAMPLES));
-        protect(&f, (uint8_t)(first + n), data_id);
+        protect(&f, (uint8_t)(first + n - pauses), data_id);
         const int64_t stamp = is_held ? due : now_ns();
         if (send(s, &f, sizeof f, MSG_DONTWAIT | MSG_NOSIGNAL) == sizeof f) {
             sent[n++] = stamp;

@@ -1,0 +1,87 @@
+"""What is done at every sample that is evaluated, beside the observer. Compiled."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.foundation.continuity import Break
+from observer_rt.model.integrator import Interval, advance_over
+from observer_rt.model.right_hand_side import injection_rate
+from observer_rt.observer.stream.pair import coefficients_in_force, network_in_force
+from observer_rt.observer.stream.state import RING, Observer
+
+FOLLOWED = np.dtype([("position", np.int64), ("flows", np.bool_)], align=True)
+_MASK = RING - 1
+_NONE = int(Break.NONE)
+
+
+@njit(cache=True, nogil=True)
+def nominal_rates(
+    ring: NDArray[np.void],
+    nominal: Observer,
+    state: NDArray[np.void],
+    x: NDArray[np.float64],
+    first: int,
+    rates: NDArray[np.float64],
+) -> None:
+    """Rates of the model as given [m3/s] at samples of a ring from the position `first` on.
+
+    x: the model's state at state.position, up to which it was followed; it flows while its last rate is not 0.
+
+    A needle that is shut with nothing flowing is passed over until it opens again or the line is at rest.
+    """
+    c, network, memory = coefficients_in_force(nominal), network_in_force(nominal), state[0]
+    for place in range(rates.size):
+        position = first + place
+        row = ring[position & _MASK]
+        rates[place] = 0.0
+        if row.resting or row.broken != _NONE:
+            x[:] = row.x_tilde
+            memory.position = position
+            memory.flows = False
+        elif row.seat_area > 0.0 or memory.flows:
+            if position - memory.position >= RING:
+                x[:] = np.nan
+                memory.position = position - 1
+            for number in range(memory.position + 1, position + 1):
+                before, after = ring[(number - 1) & _MASK], ring[number & _MASK]
+                interval = Interval(
+                    (before.rail_pressure, before.seat_area),
+                    (after.rail_pressure, after.seat_area),
+                    nominal.constants.interval,
+                    nominal.constants.substeps,
+                )
+                advance_over(x, interval, (before.lift_after, before.lift_area), c, network, None)
+            memory.position = position
+            rates[place] = injection_rate(x, (row.rail_pressure, max(row.seat_area, 0.0)), c, network)
+            memory.flows = rates[place] != 0.0
+        if np.isnan(row.injection_rate):
+            rates[place] = np.nan
+
+
+@njit(cache=True, nogil=True)
+def note_samples(
+    ring: NDArray[np.void],
+    position: int,
+    first_index: int,
+    nominal: NDArray[np.float64],
+    held: NDArray[np.void],
+) -> None:
+    """What the observer said of as many samples as `nominal` has, from a position of its ring on.
+
+    held: `passage.HELD`, the first of them that of a sample index; samples of other indices are left out.
+    """
+    for number in range(nominal.size):
+        row = ring[(position + number) & _MASK]
+        place = row.index - first_index
+        if not 0 <= place < held.size:
+            continue
+        here = held[place]
+        here.line_pressure = np.nan if row.interpolated else row.line_pressure
+        here.injection_rate = row.injection_rate
+        here.nominal_rate = nominal[number]
+        here.valid = row.valid
+        here.state = row.state
+        if not np.isnan(row.injection_rate):
+            here.x[:] = row.x_hat[:3]
+            here.phi[:] = row.phi

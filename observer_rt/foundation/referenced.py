@@ -1,0 +1,179 @@
+"""Named tuples that compiled code is given as one pointer, whatever they hold.
+
+Numba passes a named tuple leaf by leaf, and counts the users of every array in it, atomically, at every call that it
+does not inline. With a hundred leaves that is most of what the code does, of its size, and of the time to compile it.
+
+Of what is reached by such a pointer nothing is counted: Python, who owns the tuple, must keep it while compiled code
+runs. Its elements are read where they are used; one that is a referenced tuple, too, is a pointer again.
+"""
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from typing import Any, TypeVar
+
+import numpy as np
+from numba import njit, types
+from numba.core import cgutils
+from numba.core.datamodel import models
+from numba.core.imputils import lower_getattr_generic
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    intrinsic,
+    register_model,
+    typeof_impl,
+    unbox,
+)
+from numpy.typing import NDArray
+
+_Kind = TypeVar("_Kind", bound=type)
+_kinds: set[type] = set()
+
+
+class Reference(types.Type):
+    """Type of the pointer; `tuple_type` of what it points to, by value."""
+
+    def __init__(self, tuple_type: Any) -> None:
+        self.tuple_type = tuple_type
+        kind = tuple_type.instance_class
+        # the whole name would be part of the name of every function that takes one
+        digest = hashlib.sha256(f"{kind.__module__}.{tuple_type}".encode()).hexdigest()
+        super().__init__(f"Reference({kind.__name__}, {digest[:24]})")
+
+    def element(self, name: str) -> tuple[int, Any]:
+        """Its place, and its type by value."""
+        place = self.tuple_type.fields.index(name)
+        return place, self.tuple_type.types[place]
+
+
+def referenced(kind: _Kind) -> _Kind:
+    """Class decorator: compiled code is given such named tuples by reference, from Python and from within others."""
+    _kinds.add(kind)
+
+    @typeof_impl.register(kind)
+    def _type_of(value: Any, context: Any) -> Reference:
+        return Reference(_type_by_value(value, context))
+
+    return kind
+
+
+def _type_by_value(value: Any, context: Any) -> Any:
+    if not isinstance(value, tuple):
+        return typeof_impl(value, context)
+    return types.BaseTuple.from_types([_type_by_value(each, context) for each in value], type(value))
+
+
+def _is_referenced(kind: Any) -> bool:
+    return isinstance(kind, types.BaseNamedTuple) and kind.instance_class in _kinds
+
+
+register_model(Reference)(models.OpaqueModel)
+
+
+@unbox(Reference)
+def _unbox(kind: Reference, value: Any, c: Any) -> NativeValue:
+    """To a copy of the leaves that lasts as long as the call; made elsewhere, for every entry has this code."""
+    make, its_kind = (c.pyapi.unserialize(c.pyapi.serialize_object(each)) for each in (_native, kind))
+    native = c.pyapi.call_function_objargs(make, (value, its_kind))
+    c.pyapi.decref(make)
+    c.pyapi.decref(its_kind)
+    is_error = cgutils.is_null(c.builder, native)
+    place = cgutils.alloca_once_value(c.builder, cgutils.get_null_value(cgutils.voidptr_t))
+    with c.builder.if_then(c.builder.not_(is_error)):
+        c.builder.store(c.pyapi.bytes_as_string(native), place)
+    return NativeValue(c.builder.load(place), is_error=is_error, cleanup=lambda: c.pyapi.decref(native))
+
+
+def _native(value: Any, kind: Reference) -> bytes:
+    """The leaves of a tuple as compiled code has them."""
+    return bytes(_entry(kind)(value))
+
+
+@cache
+def _entry(kind: Reference) -> Callable[[Any], NDArray[np.uint8]]:
+    compiled: Any = _leaves
+    entry: Callable[[Any], NDArray[np.uint8]] = compiled.compile((kind.tuple_type,))
+    return entry
+
+
+@njit(cache=True)
+def _leaves(value: Any) -> NDArray[np.uint8]:
+    found = np.empty(_size(value), np.uint8)
+    _write(found, value)
+    return found
+
+
+@intrinsic
+def _size(typing_context: Any, value: Any) -> Any:
+    """Bytes of a value."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return context.get_constant(types.intp, context.get_abi_sizeof(context.get_value_type(value)))
+
+    return types.intp(value), codegen
+
+
+@intrinsic
+def _write(typing_context: Any, target: Any, value: Any) -> Any:
+    """A value into an array of as many bytes."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(target)(context, builder, arguments[0]).data
+        builder.store(arguments[1], builder.bitcast(data, context.get_value_type(value).as_pointer()))
+        return context.get_dummy_value()
+
+    return types.none(target, value), codegen
+
+
+@infer_getattr
+class _Elements(AttributeTemplate):
+    key = Reference
+
+    def generic_resolve(self, kind: Reference, name: str) -> Any:
+        if name not in kind.tuple_type.fields:
+            return None
+        _, element = kind.element(name)
+        return Reference(element) if _is_referenced(element) else element
+
+
+@lower_getattr_generic(Reference)
+def _element(context: Any, builder: Any, kind: Reference, value: Any, name: str) -> Any:
+    place, element = kind.element(name)
+    pointer = _typed(context, builder, kind, value)
+    inner = cgutils.gep_inbounds(builder, pointer, 0, place)
+    if _is_referenced(element):
+        return builder.bitcast(inner, cgutils.voidptr_t)
+    return _load(context, builder, element, inner)
+
+
+def _typed(context: Any, builder: Any, kind: Reference, value: Any) -> Any:
+    return builder.bitcast(value, context.get_value_type(kind.tuple_type).as_pointer())
+
+
+def _load(context: Any, builder: Any, kind: Any, pointer: Any) -> Any:
+    """What is there, of arrays without their owner; leaf by leaf, so that leaves that are not used go."""
+    if isinstance(kind, types.BaseTuple):
+        leaves = [
+            _load(context, builder, leaf, cgutils.gep_inbounds(builder, pointer, 0, place))
+            for place, leaf in enumerate(kind.types)
+        ]
+        return context.make_tuple(builder, kind, leaves)
+    if not isinstance(kind, types.Array):
+        return builder.load(pointer)
+    there = context.make_array(kind)(context, builder, ref=pointer)
+    array = context.make_array(kind)(context, builder)
+    array.meminfo = cgutils.get_null_value(array.meminfo.type)
+    array.parent = cgutils.get_null_value(array.parent.type)
+    array.nitems, array.data = there.nitems, there.data
+    array.itemsize = context.get_constant(
+        types.intp, context.get_abi_sizeof(context.get_data_type(kind.dtype))
+    )
+    array.shape, array.strides = there.shape, there.strides
+    return array._getvalue()
+
+
+def reference_to(builder: Any, pointer: Any) -> Any:
+    """For intrinsics: LLVM's value of a `Reference` from that of a pointer to the tuple by value."""
+    return builder.bitcast(pointer, cgutils.voidptr_t)

@@ -1,0 +1,203 @@
+"""One event explained: fitted without its outliers, in the colour of the noise and at its levels."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.phases import PhaseStatistics
+from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.prediction_error import EventCost
+from observer_rt.estimation.predictor import Setting, Window
+from observer_rt.estimation.scalars import Scalars, Theta
+from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.observer.learning.change import FIRST_ITERATIONS, ITERATIONS, ChangingFit
+from observer_rt.observer.learning.disturbances.clipping import EndsOfRange
+from observer_rt.observer.learning.disturbances.colour import (
+    SEGMENT,
+    Colour,
+    RestingNoise,
+    SlowRail,
+    resting_segments,
+)
+from observer_rt.observer.learning.disturbances.jitter import TimeJitter
+from observer_rt.observer.learning.disturbances.levels import Sigmas, mask_of
+from observer_rt.observer.learning.disturbances.masks import OutlierSearch
+from observer_rt.observer.learning.disturbances.offset_walk import moved, offset_move
+from observer_rt.observer.learning.doubts.adequacy import BURN_IN, tempering
+from observer_rt.observer.learning.fitting import EventFit
+
+COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
+RAIL_TEMPER = 2.0
+
+
+class Believed(NamedTuple):
+    """What is known when an event comes.
+
+    offset [p_0]: at rest before it, None without a sample; sigmas: if its noise is white; theta (m,) is where it is
+    linearised first; active: the gated columns in use; prior: the belief; is_first: nothing was learned yet; lasts:
+    what was learned explains nothing.
+    """
+
+    setting: Setting
+    sigmas: Sigmas
+    offset: float | None
+    theta: Theta
+    active: frozenset[int]
+    prior: Belief
+    is_first: bool
+    lasts: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """An event as far as it was understood: the samples that count, its fit, and the colour after it.
+
+    is_louder: where the pressure is steep, as was not known before.
+    """
+
+    window: Window
+    cost: EventCost
+    fit: EventFit
+    colour: Colour | None
+    is_louder: bool
+
+
+class EventReader:
+    """Explains event after event, by what those before have shown of the noise and of the range."""
+
+    def __init__(
+        self, interval: float, pressure_scale: float, scalars: Scalars, colour: Colour | None
+    ) -> None:
+        """interval: of samples [s]; pressure_scale: p_0 [Pa]; colour: that is known."""
+        self.colour = colour
+        """Of the innovations, None while they are white."""
+        self.burn_in = round(BURN_IN / interval)
+        self._interval, self._scalars = interval, scalars
+        self._shortest = round(SEGMENT / interval)
+        self._at_rest = RestingNoise(interval)
+        self._slow_rail = SlowRail(interval)
+        self._jitter = TimeJitter()
+        self._outliers = OutlierSearch()
+        self._range = EndsOfRange()
+        self._fit = ChangingFit(scalars, pressure_scale)
+
+    def explained(self, window: Window, believed: Believed) -> Explained | None:
+        """An event fitted; None if no fit is finite. Raises numpy.linalg.LinAlgError when singular."""
+        counted, cost, fit = self._fitted(window, believed)
+        if fit is None:
+            return None
+        mask = self._mask(counted, fit.innovations, believed)
+        if mask is not None:
+            counted = counted._replace(masked=mask)
+            cost = self.cost_of(counted, believed)
+            fit = self._fit.fit_again(cost, fit)
+        colour = self._colour_after(counted, fit, believed)
+        if self.colour is None and colour is not None:
+            self.colour = colour
+            self._fit.forget()
+            counted, cost, fit = self._fitted(counted, believed)
+            if fit is None:
+                return None
+        is_louder = self._jitter.is_new_after(
+            counted, fit.unfiltered, believed.sigmas.innovation, self.burn_in
+        )
+        if is_louder:
+            counted, cost, fit = self._fitted(counted, believed._replace(lasts=False))
+            if fit is None:
+                return None
+        return Explained(counted, cost, fit, colour, is_louder)
+
+    def cost_of(self, window: Window, believed: Believed) -> EventCost:
+        """An event's cost with the colour in use."""
+        return EventCost(
+            window,
+            believed.setting,
+            self._sigmas(believed).innovation,
+            self.burn_in,
+            self._scalars,
+            None if self.colour is None else self.colour.whitening,
+            believed.offset,
+            self._jitter.levels(window, believed.sigmas.innovation),
+        )
+
+    def temper(self, statistics: PhaseStatistics, rail_noise: float) -> float:
+        """Factor on the variance of an event's innovations; rail_noise: of a sample [p_0].
+
+        Coloured noise of the rail pressure drives the model, too: it does not stay an error of its output. A rail
+        that really moves is no noise, but then the innovations are white.
+        """
+        is_rail = self.colour is not None and self._slow_rail.sigma > COLOURED_RAIL * rail_noise
+        return max(tempering(statistics), RAIL_TEMPER if is_rail else 1.0)
+
+    def is_clipped_after(self, event: Explained, believed: Believed) -> bool:
+        """Take in an explained event; whether its line pressure goes as far as at other rail pressures."""
+        return self._outliers.is_clipped_after(
+            event.window, event.fit.innovations, self._sigmas(believed), self.burn_in
+        )
+
+    def is_range_ending_in(self, window: Window, believed: Believed) -> tuple[bool, bool]:
+        """Whether the line pressure's range is known to end, after an event, and whether that is new."""
+        is_new = self._range.is_new_after(window, self._sigmas(believed))
+        if is_new:
+            self.forget_colour()
+        return self._range.is_known, is_new
+
+    def loudest(self, window: Window, believed: Believed) -> float:
+        """Mean square of innovations where an event is loudest, over that at rest."""
+        return self._jitter.loudest(window, believed.sigmas.innovation)
+
+    def forget_colour(self) -> None:
+        """What was heard was no noise."""
+        self.colour, self._at_rest = None, RestingNoise(self._interval)
+
+    def forget(self) -> None:
+        """What was seen was of other line pressures than those that come."""
+        self.forget_colour()
+        self._fit.forget()
+
+    def _fitted(self, window: Window, believed: Believed) -> tuple[Window, EventCost, EventFit | None]:
+        """An event without what stands out by what is believed before it, its cost, and its fit."""
+        cost, prior, active = self.cost_of(window, believed), believed.prior, believed.active
+        first = cost.linearised(believed.theta)
+        if believed.is_first or not np.isfinite(first.value):
+            return window, cost, self._fit.fit_first(cost, first, prior, active)
+        mask = self._mask(window, cost.innovations, believed)
+        move = offset_move(window if mask is None else window._replace(masked=mask), cost)
+        if move != 0.0:
+            prior = moved(prior, move)
+            theta = first.theta.copy()
+            theta[Parameter.LINE_PRESSURE_OFFSET] += move
+            first = cost.linearised(theta)
+            mask = self._mask(window, cost.innovations, believed)
+        if mask is not None:
+            window = window._replace(masked=mask)
+            cost = self.cost_of(window, believed)
+            first = cost.linearised(first.theta)
+        # where nothing explained the events before, many steps would be lost on this one
+        iterations = ITERATIONS if believed.lasts else FIRST_ITERATIONS
+        return window, cost, self._fit.fit(cost, first, prior, active, iterations)
+
+    def _mask(
+        self, window: Window, innovations: NDArray[np.float64], believed: Believed
+    ) -> NDArray[np.bool_] | None:
+        sigmas = self._sigmas(believed)
+        ended = self._range.masked(window, innovations, sigmas, self.burn_in)
+        more = bool((ended & ~mask_of(window)).any())
+        window = window._replace(masked=ended) if more else window
+        found = self._outliers.masked(window, np.where(ended, 0.0, innovations), sigmas, self.burn_in)
+        return ended if found is None and more else found
+
+    def _colour_after(self, window: Window, fit: EventFit, believed: Believed) -> Colour | None:
+        """The colour of the noise, after what a fitted event leaves while the needle is shut."""
+        rest = resting_segments(window, self.burn_in, self._shortest)
+        self._at_rest.add([fit.unfiltered[part] for part in rest])
+        self._slow_rail.add([window.inputs[part, 0] for part in rest])
+        return self._at_rest.colour(self.colour, believed.sigmas.innovation)
+
+    def _sigmas(self, believed: Believed) -> Sigmas:
+        """Of the innovations as they count."""
+        return (
+            believed.sigmas if self.colour is None else replace(believed.sigmas, innovation=self.colour.sigma)
+        )

@@ -1,0 +1,158 @@
+"""Many frames in one call give what the same frames give one by one: frames, reports, counters."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from observer_rt.bus.frame_block import block_of
+from observer_rt.bus.links.link import BusFrame, Frame
+from observer_rt.config.bench import load_injector
+from observer_rt.model.effects import sized
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import OutputFrame
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import Shot, make_schedule
+from observer_rt.simulation.simulate import simulate
+from tests.service import bus_frames, core_frames, pulse_frames
+from tests.service.bus_frames import frames_of, shuffled, twin_bench
+from tests.service.core_frames import (
+    ONE_MESSAGE,
+    SAMPLE_RATE,
+    THREE_MESSAGES,
+    Device,
+    bench_text,
+    damaged,
+    recording,
+    run,
+)
+from tests.service.inputs import test_energizing, test_fuel_temperature
+from tests.service.participants import worn_recording
+from tests.service.pulse_bench import pulse_bench
+from tests.service.pulse_frames import commands, injected, misfired, samples, watch
+from tests.service.slow_frames import bed, inserted, slow_bench
+
+BLOCK = 9  # samples in a frame
+TimedResult = tuple[list[OutputFrame], Core]
+
+
+class ManyAtOnce(Core):
+    """Takes its frames at the end, in parts of many sizes."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self._gathered: list[BusFrame] = []
+
+    def handle(
+        self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int, bus: int = 0
+    ) -> list[OutputFrame]:
+        self._gathered.append(BusFrame(bus, Frame(frame_id, payload, stamp_ns, is_extended)))
+        return []
+
+    def finish(self) -> list[OutputFrame]:
+        random, frames, first = np.random.default_rng(5), [], 0
+        while first < len(self._gathered):
+            end = first + int(random.choice([1, 2, 30, 400, 2000]))
+            frames += self.handle_many(block_of(self._gathered[first:end]))
+            first = end
+        return frames + super().finish()
+
+
+@pytest.fixture
+def many(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """From the call on, cores take many frames at once."""
+
+    def change() -> None:
+        for module in (core_frames, pulse_frames, bus_frames):
+            monkeypatch.setattr(module, "Core", ManyAtOnce)
+
+    return change
+
+
+def _core_frames(messages: dict[str, str], made: Recording) -> list[core_frames.Frame]:
+    """With a damaged frame, a lost one and some that are none of ours."""
+    frames = Device(messages).send(made)
+    frames[300] = damaged(frames[300], 77)
+    del frames[700]
+    return inserted(frames, [(n, core_frames.Frame(0x7, b"\x00")) for n in range(0, 900, 90)])
+
+
+@pytest.mark.parametrize("messages", [ONE_MESSAGE, THREE_MESSAGES])
+def test_while_it_learns(tmp_path: Path, many: Callable[[], None], messages: dict[str, str]) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(bench_text(messages))
+    frames = _core_frames(messages, recording())
+    expected = run(path, frames)
+    many()
+    found = run(path, frames)
+    assert found.frames == expected.frames
+    assert found.core.counters == expected.core.counters
+    assert found.core.knowledge.events == expected.core.knowledge.events == 3
+
+
+def test_from_several_buses(tmp_path: Path, many: Callable[[], None]) -> None:
+    path = twin_bench(tmp_path)
+    frames = shuffled(frames_of(path, worn_recording()), 0.01, 1)
+
+    def through() -> TimedResult:
+        return bus_frames.through_core(path, frames)
+
+    expected, one_by_one = through()
+    many()
+    found, core = through()
+    assert found == expected
+    assert core.counters == one_by_one.counters
+
+
+def _fuel(celsius: Sequence[float | None]) -> list[core_frames.Frame]:
+    """A temperature every 200 frames: within events, between them, and stale in the end."""
+    frames = test_fuel_temperature.frames_of(test_fuel_temperature.simulation(40.0).recording)
+    told = ((200 * n, test_fuel_temperature.sensor(each)) for n, each in enumerate(celsius))
+    return inserted(frames, told)
+
+
+def test_with_fuel_that_warms_up_and_is_lost(tmp_path: Path, many: Callable[[], None]) -> None:
+    path = test_fuel_temperature.bench(tmp_path, "timeout_ms = 50\n")
+    frames = _fuel([40.0, 40.0, 52.0, 52.1, 60.0, None, 41.0, 40.0])
+    expected = run(path, frames)
+    many()
+    found = run(path, frames)
+    assert found.frames == expected.frames
+    temperatures = [report.fuel_temperature for report in expected.reports]
+    assert [report.fuel_temperature for report in found.reports] == temperatures
+    assert len(set(temperatures)) > 1
+
+
+def test_with_learning_held_up_for_a_while(tmp_path: Path, many: Callable[[], None]) -> None:
+    path = slow_bench(tmp_path, {"learning_enable": ("Bed", "LearnEnable"), "measured_mass": ("Bed", "Mass")})
+    schedule = make_schedule([100e6], 4, 0.05, [1.1e-3])
+    worn = (sized("orifice_area", v_H=0.2),)
+    made = simulate(load_injector(), schedule, SAMPLE_RATE, worn, NoiseLevels(), seed=8).recording
+    values = [(n, bed("LearnEnable", int(n // 400 % 2))) for n in range(0, made.samples // BLOCK, 50)]
+    frames = inserted(Device(ONE_MESSAGE).send(made), [*values, (1500, bed("Mass", 12.0))])
+    expected = run(path, frames)
+    many()
+    found = run(path, frames)
+    assert found.frames == expected.frames
+    assert 0 < found.core.knowledge.events == expected.core.knowledge.events < 4
+
+
+@pytest.mark.parametrize("name", test_energizing.SOURCES)
+def test_with_commands(tmp_path: Path, many: Callable[[], None], name: str) -> None:
+    """One of which has no injection, and one injection no command."""
+    lines, source, *_ = test_energizing.SOURCES[name]
+    schedule, made = injected(3, (Shot(0.3e-3, -1.5e-3), Shot(1.0e-3)))
+    told = commands(schedule)
+    made = misfired(made, (told[2][0], told[2][0] + 1.2e-3))
+    sent = samples(made), source(told[:-1])
+    path = pulse_bench(tmp_path, lines)
+    expected = watch(path, *sent)
+    many()
+    found = watch(path, *sent)
+    assert found.frames == expected.frames
+    assert found.mismatches == expected.mismatches != []
+    assert found.commands == expected.commands
+    assert found.core.counters == expected.core.counters

@@ -1,0 +1,159 @@
+"""Several injectors in one daemon that learns: each on a bus of its own, in windows of 100 kHz, 25 times a second."""
+
+import json
+import re
+import socket
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import EXAMPLE_BENCH
+from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.units import MILLISECOND
+from observer_rt.observer.stream.state import Reason
+from tools.benchmarks.speed.observers import READY, RUN, START_TIMEOUT, Observer, observer
+from tools.benchmarks.speed.pace import Pacer, Passage
+from tools.benchmarks.speed.sustained import socket_pair
+from tools.benchmarks.speed.traffic import PERIOD, RATES, RAW_FRAME, SAMPLE_RATE, SAMPLES, Ids, Traffic
+
+NUMBERS = (1, 2, 4, 8)
+BEFORE, AFTER = 2 * MILLISECOND, 4 * MILLISECOND  # of an open needle, as a windowed source sends them
+_FRAME = SAMPLES / SAMPLE_RATE  # s
+_SETTLING = 2.0  # s
+_LAST_WORDS = re.compile(
+    r"stopped after \d+ samples, (\d+) injections; .* (\d+) late, (\d+) events not learned from"
+)
+
+
+@dataclass(frozen=True)
+class InjectorsRow:
+    """So many injectors. cpu_share: of one core, all threads, while they were sent to.
+
+    lost_samples: due to be sent, and in no rate frame; injections: of all, judged: those of them that were tested,
+    learned: those learned from; late: of these, in force with a later one.
+    """
+
+    injectors: int
+    cpu_share: float
+    lost_samples: int
+    injections: int
+    judged: int
+    learned: int
+    late: int
+
+
+def measure_injectors(folder: Path, traffic: Traffic, seconds: float) -> tuple[InjectorsRow, ...]:
+    """A daemon for each number of injectors, sent to for so long. Raises RunError."""
+    windowed = in_windows(traffic)
+    return tuple(_row(folder, windowed, number, seconds) for number in NUMBERS)
+
+
+def in_windows(traffic: Traffic) -> Traffic:
+    """The same loop, of which what is far from an open needle is a pause."""
+    before, after = (round(each * SAMPLE_RATE) for each in (BEFORE, AFTER))
+    round_and_round = np.tile(traffic.is_open, 3)
+    spread = np.convolve(round_and_round, np.ones(before + after + 1))[before : before + round_and_round.size]
+    near = np.split(spread > 0.5, 3)[1]
+    raw = np.frombuffer(traffic.loop.read_bytes(), RAW_FRAME).copy()
+    raw["length"][~near.reshape(-1, SAMPLES).any(axis=1)] = 0
+    loop = traffic.loop.with_suffix(".windows")
+    loop.write_bytes(raw.tobytes())
+    return replace(traffic, loop=loop)
+
+
+def sent_frames(traffic: Traffic) -> NDArray[np.bool_]:
+    """Of every frame of the loop: whether it is sent, else it is a pause."""
+    return np.asarray(np.frombuffer(traffic.loop.read_bytes(), RAW_FRAME)["length"] > 0)
+
+
+def lost(passages: Sequence[Passage], is_sent: NDArray[np.bool_]) -> int:
+    """Samples that were to be sent and that no rate frame told of, but for the last window, which may still wait."""
+    numbers = np.concatenate([each.first + np.arange(each.sent.size) for each in passages])
+    numbers = numbers[is_sent[numbers % is_sent.size]]
+    begins = np.flatnonzero(np.diff(numbers, prepend=-2) > 1)  # of windows
+    due = np.flatnonzero(_marked(SAMPLES * numbers[: begins[-1]], SAMPLES))
+    told = _marked(np.concatenate([each.index for each in passages]), RATES)
+    return int(due.size - np.count_nonzero(told[due[due < told.size]]))
+
+
+def _marked(starts: NDArray[np.int64], length: int) -> NDArray[np.bool_]:
+    """Samples by their index: those in runs of a length from each start."""
+    marked = np.zeros(int(starts.max(initial=0)) + length, np.bool_)
+    for offset in range(length):
+        marked[starts + offset] = True
+    return marked
+
+
+def _row(folder: Path, traffic: Traffic, number: int, seconds: float) -> InjectorsRow:
+    with ExitStack() as stack:
+        pairs = [socket_pair(stack) for _ in range(number)]
+        bench = _bench(folder / f"injectors_{number}", [pair.receiver for pair in pairs])
+        descriptors = [pair.receiver.fileno() for pair in pairs]
+        ours = stack.enter_context(observer([*RUN, bench, "--json"], descriptors))
+        _until_ready(ours, number)
+        pacers = [
+            Pacer(folder, traffic, f"fd:{each.fileno()}", Ids(), [each.fileno()], _turn(place, number))
+            for place, each in enumerate(pair.sender for pair in pairs)
+        ]
+        together = stack.enter_context(ThreadPoolExecutor(number))
+
+        def sent(duration: float) -> list[Passage]:
+            return list(together.map(lambda pacer: pacer.send(round(duration / _FRAME), _FRAME), pacers))
+
+        settling = sent(_SETTLING)
+        before, begin = ours.cpu_time(), time.monotonic()
+        passages = sent(seconds)
+        share = (ours.cpu_time() - before) / (time.monotonic() - begin)
+    is_sent = sent_frames(traffic)
+    missing = sum(lost(both, is_sent) for both in zip(settling, passages, strict=True))
+    return counted(number, share, missing, ours.said)
+
+
+def counted(number: int, cpu_share: float, lost_samples: int, said: Sequence[str]) -> InjectorsRow:
+    """With what the daemon said of each injection, and at its end. Raises RunError where that is missing."""
+    records = [json.loads(line) for line in said if line.startswith("{")]
+    words = [tuple(map(int, match.groups())) for line in said if (match := _LAST_WORDS.search(line))]
+    if len(words) != number:
+        last = "\n".join(said[-20:])
+        raise RunError(f"{len(words)} of {number} injectors said what they counted:\n{last}")
+    injections, late, passed_over = (sum(column) for column in zip(*words, strict=True))
+    judged = sum(Reason.NOT_JUDGED.name not in record["reasons"] for record in records)
+    return InjectorsRow(number, cpu_share, lost_samples, injections, judged, injections - passed_over, late)
+
+
+def _turn(place: int, number: int) -> int:
+    """First frame of an injector, so that they inject in turn."""
+    return round(place * PERIOD / number / _FRAME)
+
+
+def _bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:
+    """The example bench for injectors whose links are these sockets; [link] itself is none of theirs."""
+    folder.mkdir(parents=True, exist_ok=True)
+    text = EXAMPLE_BENCH.read_text("utf-8")
+    for old, new in (
+        ('interface = "socketcan"', 'interface = "descriptor"'),
+        ('\ntime_base = "device"\n', '\ntime_base = "device"\nlink = "{injector}"\n'),
+        ("\ninjector_id = 1\n", '\nlink = "{injector}"\n'),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    names = [f"i{number}" for number in range(len(sockets))]
+    for name, each in zip(names, sockets, strict=True):
+        text += f'[links.{name}]\nchannel = "{each.fileno()}"\n[injectors.{name}]\n'
+    path = folder / "bench.toml"
+    path.write_text(text, "utf-8")
+    return path
+
+
+def _until_ready(ours: Observer, number: int) -> None:
+    end = time.monotonic() + START_TIMEOUT
+    while sum(bool(READY.search(line)) for line in list(ours.said)) < number:
+        if time.monotonic() > end:
+            raise RunError("injectors did not get ready:\n" + "\n".join(ours.said[-20:]))
+        time.sleep(0.1)

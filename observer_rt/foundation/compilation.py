@@ -109,6 +109,11 @@ def is_compiled() -> bool:
     return any(Path(os.environ[_VARIABLE]).rglob("*.nbi"))
 
 
+def is_kept(function: str) -> bool:
+    """Whether code of a compiled function, `module.name`, is in the cache."""
+    return any(Path(os.environ[_VARIABLE]).rglob(f"{function}-*.nbi"))
+
+
 def _first_usable(name: str) -> CompiledCode:
     """The folder `name` in the user's own cache, else in a temporary one."""
     chosen = os.environ.get(_VARIABLE)

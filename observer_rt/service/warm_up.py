@@ -11,7 +11,7 @@ from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
-from observer_rt.foundation.compilation import is_compiled
+from observer_rt.foundation.compilation import is_kept
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.service.core.core import Core
 from observer_rt.service.learning_ahead import learning_compiled_beside
@@ -28,8 +28,10 @@ def warm_up(bench: Bench, bus: BusMap) -> Core:
     Code that is only compiled is still to be loaded, linked and its branches still to be met: a first real event
     after that took ten times as long as the next. Returns the core that was used up.
     """
-    is_here = is_compiled()
-    with nullcontext(lambda: None) if is_here else learning_compiled_beside(bench.injector) as wait:
+    beside = (
+        nullcontext(lambda: None) if is_kept("predictor.follow") else learning_compiled_beside(bench.injector)
+    )
+    with beside as wait:
         core = Core(bench.injector, bus)
         core.compiled.proceed()  # compiled now, and not while another process is waited for
         if is_pumped(bench, bus):

@@ -57,6 +57,11 @@ def needs_bus(command: str) -> bool:
     return bool(re.match(r"observer-rt (run|record|replay)\b(?!.*--print-|.*--interface virtual)", command))
 
 
+def serves_a_page(command: str) -> bool:
+    """Whether a command line waits for browsers until it is interrupted; tests/watch/test_page.py has one."""
+    return command.startswith("observer-rt monitor ")
+
+
 def words_of(command: str) -> tuple[list[str], Path | None]:
     """Arguments of an `observer-rt` command line, and the file its output goes to."""
     words = shlex.split(command.removeprefix("observer-rt "))

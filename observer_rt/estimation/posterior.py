@@ -22,6 +22,15 @@ class Belief:
     error_covariance: NDArray[np.float64]
 
     @property
+    def parts(self) -> dict[str, NDArray[np.float64]]:
+        """What it consists of by name, without what was worked out of it meanwhile."""
+        return {
+            "mean": self.mean,
+            "covariance": self.covariance,
+            "error_covariance": self.error_covariance,
+        }
+
+    @property
     def sigma(self) -> NDArray[np.float64]:
         """Standard deviations (m,), drift included."""
         return np.array(np.sqrt(np.diag(self.covariance)), np.float64)

@@ -65,7 +65,7 @@ def _problem_of_colour(colour: Colour) -> str | None:
 
 
 def _arrays(knowledge: Knowledge) -> list[NDArray[np.float64]]:
-    return [knowledge.in_force, *vars(knowledge.belief).values(), *vars(knowledge.statistics).values()]
+    return [knowledge.in_force, *knowledge.belief.parts.values(), *vars(knowledge.statistics).values()]
 
 
 def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:

@@ -4,6 +4,7 @@ Those that need one run in tests/service/test_on_vcan_pages.py. A command that i
 """
 
 import re
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from observer_rt.config.links import LinkConfig
 from observer_rt.config.signals import SignalConfig
 from observer_rt.recording.formats import read_recording
 from tests.cli.conftest import Command
-from tests.pages import PAGES, ROOT, Page, needs_bus, words_of
+from tests.pages import PAGES, ROOT, Page, needs_bus, serves_a_page, words_of
 from tools.benchmarks.__main__ import app as bench
 
 NOT_RUN = {  # with the reason, and what looks after it instead
@@ -67,16 +68,39 @@ def run_all(command: Command, commands: list[str]) -> None:
 
 
 def without_bus(page: Page) -> list[str]:
-    return [line for line in page.commands if line not in NOT_RUN and not needs_bus(line)]
+    return [
+        line
+        for line in page.commands
+        if line not in NOT_RUN and not needs_bus(line) and not serves_a_page(line)
+    ]
 
 
 @pytest.mark.slow
 def test_the_commands_of_the_readme(command: Command, desk: Path) -> None:
     for name, effect in (("new", ()), ("worn_1", WORN), ("worn_2", WORN)):
         assert command("simulate", *SEVERAL_POINTS, *effect, "--output", f"{name}.csv").code == 0
+    copied_as(desk / "measured" / "injector_a.csv", Path("worn_1.csv"))
     run_all(command, without_bus(Page("README.md")))
-    made = {"worn.png", "some.png", "figures", "found", "bench.toml"}
+    made = {"worn.png", "some.png", "figures", "found", "bench.toml", "results"}
     assert made <= {path.name for path in desk.iterdir()}
+    assert (desk / "results" / "trend.html").exists()
+
+
+@pytest.mark.slow
+def test_the_commands_on_many_recordings(command: Command, desk: Path) -> None:
+    for name, effect in (("a", ()), ("b", WORN)):
+        path = desk / "measured" / f"injector_{name}" / "run.csv"
+        path.parent.mkdir(parents=True)
+        assert command("simulate", *SEVERAL_POINTS, *effect, "--output", path).code == 0
+    run_all(command, without_bus(Page("docs/batch.md")))
+    page = (desk / "results" / "trend.html").read_text()
+    assert page.index("#1") < page.index(">b<") < page.index(">a<")
+    assert (desk / "wear.png").exists()
+
+
+def copied_as(path: Path, recording: Path) -> None:
+    path.parent.mkdir(parents=True)
+    shutil.copy(recording, path)
 
 
 @pytest.mark.slow

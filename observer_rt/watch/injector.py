@@ -51,6 +51,11 @@ class WatchedInjector:
         self._status: StatusValues | None = None
         self._injections: deque[SeenInjection] = deque(maxlen=KEPT)
 
+    def prepare(self) -> None:
+        """Compile, or load, what frames will need, before they come."""
+        self._samples.prepare()
+        self._model(np.zeros(2), np.zeros(2))
+
     def begin(self, now: int) -> None:
         """Listening begins at a time [ns since 1970]."""
         self._arrivals.begin(now)

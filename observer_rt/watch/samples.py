@@ -21,6 +21,10 @@ class InputSamples:
         self._compiled = Core(fitted, bus, learning=False).compiled
         self._keys = set(bus.inputs.messages["key"].tolist())
 
+    def prepare(self) -> None:
+        """Compile, or load, what frames will need: an empty one is passed over."""
+        self._compiled.listen(min(self._keys), np.empty(0, np.uint8), 0)
+
     def take(self, came: BusFrame) -> None:
         """A frame; one that brings no samples is passed over."""
         key = frame_key(came.frame.frame_id, came.frame.is_extended, came.bus)

@@ -15,6 +15,7 @@ from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.evaluation.command import EvaluateOptions, evaluate_files
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.model.effects import sized
 from observer_rt.model.parameters import LineOutflow
 from observer_rt.observer.paper_scheme.systems import swept
@@ -62,7 +63,10 @@ def mass_error(window: InjectionWindow) -> float:
 
 def test_before_the_first_training_it_is_the_model() -> None:
     trace, span = evaluated().trace, windows()[0].span
-    np.testing.assert_array_equal(trace.injection_rate[span], trace.nominal_rate[span])
+    # the nominal model empties the sac behind the shut needle, this x^ lets it drain
+    np.testing.assert_allclose(
+        trace.injection_rate[span], trace.nominal_rate[span], rtol=1e-12, atol=1e-4 * MM3_PER_MS
+    )
     assert not trace.phi[span].any()
 
 

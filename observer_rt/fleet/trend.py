@@ -94,7 +94,7 @@ def smoothed(value: Signal, sigma: Signal) -> Course:
     if value.size == 0:
         return Course(value, sigma, value, sigma, 0.0)
     scale = max(float(np.ptp(value)), float(np.median(sigma)))
-    drifts = scale * np.geomspace(_LEAST_DRIFT, 1.0, _DRIFTS) if value.size > 2 else np.zeros(1)
+    drifts = scale * np.geomspace(_LEAST_DRIFT, 1.0, _DRIFTS) if value.size > 1 else np.zeros(1)
     runs = [_smoothed(value, sigma, drift) for drift in drifts.tolist()]
     surprise = np.array([run.surprise for run in runs])
     weight = np.exp(-0.5 * (surprise - surprise.min()))

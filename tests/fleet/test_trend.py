@@ -40,6 +40,11 @@ def test_few_sightings_are_taken_as_they_are(sightings: int) -> None:
     assert course.level.tolist() == pytest.approx([0.1] * sightings)
 
 
+def test_two_sightings_that_differ_are_no_quantity_that_stands_still() -> None:
+    course = smoothed(np.array([0.02, 0.04]), np.full(2, 0.002))
+    assert course.level == pytest.approx([0.02, 0.04], abs=0.004)
+
+
 @pytest.fixture
 def table() -> pa.Table:
     return pa.concat_tables(

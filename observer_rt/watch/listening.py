@@ -4,12 +4,11 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 
-from observer_rt.bus.links.link import BusFrame, LinkDownError
+from observer_rt.bus.links.enduring import EnduringReading
+from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.links.open import open_link
-from observer_rt.bus.links.receiver import BusDownError, reading
 from observer_rt.config.links import NamedLink
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.channels import chosen_channels
@@ -18,15 +17,6 @@ from observer_rt.recording.formats import open_log
 Taker = Callable[[BusFrame, int], None]
 """Takes a frame that came at a time [ns since 1970]."""
 _WAIT = 0.05  # s that the listener is deaf to its end
-_RETRY = 0.5  # s between two tries to connect anew
-
-
-@dataclass
-class Heard:
-    """What the links themselves tell: frames the kernel or the interface lost, and buses that are down, with why."""
-
-    dropped: int = 0
-    down: Mapping[int, str] | None = None
 
 
 class LiveSource:
@@ -36,7 +26,17 @@ class LiveSource:
 
     def __init__(self, links: Sequence[NamedLink]) -> None:
         self._links = links
-        self.heard = Heard()
+        self._reading: EnduringReading | None = None  # until it runs
+
+    @property
+    def dropped(self) -> int:
+        """Frames that the kernel or an interface lost."""
+        return 0 if self._reading is None else self._reading.dropped
+
+    @property
+    def down(self) -> Mapping[int, str]:
+        """Buses that are down, with why."""
+        return {} if self._reading is None else self._reading.down
 
     def run(self, take: Taker, stop: threading.Event) -> None:
         """Listen until told to stop. Raises `RunError` when a link cannot be opened, or fails for good."""
@@ -47,41 +47,26 @@ class LiveSource:
                 )
                 for link in self._links
             ]
-            read = reading(links)
-            stack.callback(read.close)
-            down: dict[int, str] = {}
-            retry = 0.0
+            self._reading = EnduringReading(links)
+            stack.callback(self._reading.close)
             while not stop.is_set():
-                try:
-                    came = read.receive(_WAIT)
-                except BusDownError as error:
-                    read.leave_out(error.bus)
-                    down[error.bus] = str(error)
-                    came = None
+                came = self._reading.receive(_WAIT)
                 if came is not None:
                     take(came, time.time_ns())
-                self.heard = Heard(sum(link.dropped for link in links), dict(down))
-                if down and time.monotonic() >= retry:
-                    retry = time.monotonic() + _RETRY
-                    for bus in list(down):
-                        try:
-                            links[bus].reconnect()
-                        except LinkDownError:
-                            continue
-                        read.take_back(bus)
-                        del down[bus]
 
 
 class LogSource:
     """A CAN log, from its first frame on, at the pace of its stamps."""
 
     is_live = False
+    dropped = 0
+    """Nobody can tell."""
+    down: Mapping[int, str] = {}
 
     def __init__(
         self, path: Path, links: Sequence[NamedLink], from_channels: Sequence[str] = (), speed: float = 1.0
     ) -> None:
         """from_channels: texts of `--from-channel`. Raises `UserError` for a log that is none, or malformed."""
-        self.heard = Heard()
         self._speed = speed
         self._channels = chosen_channels(path, links, set(range(len(links))), from_channels)
         self._log = open_log(path)

@@ -2,22 +2,31 @@
 
 import threading
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.config.bench import Bench
 from observer_rt.watch.injector import Seen, WatchedInjector
-from observer_rt.watch.listening import Heard, Taker
+from observer_rt.watch.listening import Taker
 from observer_rt.watch.load import BusLoad
 
 
 class Source(Protocol):
     """Gives frames until told to stop."""
 
-    is_live: bool
-    """Else time is that of the frames."""
-    heard: Heard
+    @property
+    def is_live(self) -> bool:
+        """Else time is that of the frames."""
+
+    @property
+    def dropped(self) -> int:
+        """Frames that were lost before they were given."""
+
+    @property
+    def down(self) -> Mapping[int, str]:
+        """Buses that are down, with why."""
 
     def run(self, take: Taker, stop: threading.Event) -> None:
         """Give frames. Raises `ObserverError` when it cannot go on."""
@@ -60,7 +69,7 @@ class Watching:
     @property
     def dropped(self) -> int:
         """Frames that were lost before they were heard."""
-        return self._source.heard.dropped
+        return self._source.dropped
 
     def start(self) -> None:
         """Begin to listen."""
@@ -79,7 +88,7 @@ class Watching:
     def buses(self) -> tuple[BusSeen, ...]:
         """Every bus as it is now."""
         with self._lock:
-            now, down = self.now, self._source.heard.down or {}
+            now, down = self.now, self._source.down
             loads = [load.share(now) for load in self._loads]
         return tuple(
             BusSeen(label, load, down.get(bus, ""))

@@ -3,15 +3,12 @@
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
-from observer_rt.bus.links.outage import Outage
-from observer_rt.bus.links.receiver import BusDownError, reading
+from observer_rt.bus.links.enduring import EnduringReading
+from observer_rt.bus.links.link import Frame, Link
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder
@@ -108,19 +105,19 @@ def record(
     links = [link, *(other for other, _ in further)]
     channels = [channel, *(name for _, name in further)]
     files = _Files(path, limits)
-    receiver = _Receiver(links)
+    receiver = EnduringReading(links)
     statistics = RecordStatistics(files=files.paths)
     start = time.monotonic_ns()
     next_flush, next_report = start + FLUSH_PERIOD, start
-    lost_before = sum(each.dropped for each in links)
+    lost_before = receiver.dropped
     with file_errors(path):
         try:
             while not stop.is_set():
-                received = receiver.next()
+                received = receiver.receive(RECEIVE_TIMEOUT)
                 now = time.monotonic_ns()
                 statistics.outages = receiver.outages
                 statistics.duration = (now - start) / NANOSECONDS
-                lost = sum(each.dropped for each in links) - lost_before
+                lost = receiver.dropped - lost_before
                 if lost > statistics.lost:
                     files.write_lost(lost - statistics.lost)
                     statistics.lost = lost
@@ -145,36 +142,6 @@ def _reached(statistics: RecordStatistics, limits: RecordLimits) -> bool:
     return (limits.duration is not None and statistics.duration >= limits.duration) or (
         limits.frames is not None and statistics.frames >= limits.frames
     )
-
-
-class _Receiver:
-    """Frames of links whose interfaces may go away and come back."""
-
-    def __init__(self, links: Sequence[Link]) -> None:
-        self.outages = 0
-        self._links = links
-        self._reading = reading(links)
-        self._outages: dict[int, Outage] = {}  # by bus
-        self._executor = ThreadPoolExecutor(1)
-
-    def next(self) -> BusFrame | None:
-        """The next frame; None if none came for a while, or none can."""
-        for bus, outage in list(self._outages.items()):
-            with suppress(LinkDownError):
-                if outage.is_over(self._executor):
-                    del self._outages[bus]
-                    self._reading.take_back(bus)
-        try:
-            return self._reading.receive(RECEIVE_TIMEOUT)
-        except BusDownError as error:
-            self.outages += 1
-            self._reading.leave_out(error.bus)
-            self._outages[error.bus] = Outage(self._links[error.bus])
-            return None
-
-    def close(self) -> None:
-        self._executor.shutdown()
-        self._reading.close()
 
 
 class _Files:

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.dates import date2num
@@ -14,16 +13,11 @@ from matplotlib.figure import Figure
 from observer_rt import __version__
 from observer_rt.fleet.trend import SURE, Trend
 from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.pages import templates_of
 
 _COLOURS = {"nozzle": "#0b4f9e", "seat": "#188038"}
 _SIDE_BY_SIDE = 3
-_PAGES = Environment(
-    loader=PackageLoader(__package__),
-    autoescape=True,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    undefined=StrictUndefined,
-)
+_PAGES = templates_of(__package__)
 
 
 def write_page(path: Path, found: Sequence[Trend], source: Path) -> None:

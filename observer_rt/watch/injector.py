@@ -92,7 +92,7 @@ class WatchedInjector:
             return SeenInjection(summary, now, _no_curves(), np.nan)
         rail, lift = rows["rail_pressure"].copy(), rows["needle_lift"].copy()
         nominal = self._model(rail, lift)
-        worn = self._model(rail, lift, _number(summary.nozzle_wear), _number(summary.seat_wear))
+        worn = self._model(rail, lift, *np.nan_to_num([summary.nozzle_wear, summary.seat_wear]))
         c = self._model.coefficients
         place = (rows["index"] - rows["index"][0]).astype(np.float64)
 
@@ -104,16 +104,12 @@ class WatchedInjector:
             rail_pressure=in_mpa(rail),
             needle_lift=(lift / MICROMETRE).astype(np.float32),
             line_pressure=in_mpa(rows["line_pressure"]),
-            rate=self._rates.at(rows["index"] & 0xFFFFFFFF).astype(np.float32),
+            rate=self._rates.at(rows["index"]).astype(np.float32),
             nominal=nominal.rate.astype(np.float32),
             phi=worn.phi.astype(np.float32),
         )
         volume = float(np.trapezoid(nominal.rate * MM3_PER_MS)) / self.rate_hz
         return SeenInjection(summary, now, curves, volume * c.density / MILLIGRAM)
-
-
-def _number(value: float) -> float:
-    return 0.0 if np.isnan(value) else value
 
 
 def _no_curves() -> Curves:

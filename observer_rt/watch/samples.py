@@ -62,6 +62,7 @@ class PublishedRates:
         self._rate[index % RING] = rates.rates
 
     def at(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
-        """At sample indices as sent, (n,); nan: not published, or long ago."""
-        place = index % RING
-        return np.where(self._index[place] == index, self._rate[place], np.nan)
+        """At sample indices (n,); nan: not published, or long ago."""
+        sent = index & _INDEX
+        place = sent % RING
+        return np.where(self._index[place] == sent, self._rate[place], np.nan)

@@ -1,12 +1,12 @@
 """An injection that was seen, kept as files: its samples as a table, its summary for programs."""
 
 import json
-import math
 from pathlib import Path
 
 import numpy as np
 
 from observer_rt.foundation.file_errors import file_errors
+from observer_rt.service.reports.injection_record import known
 from observer_rt.watch.injection import SeenInjection
 
 _HEADER = (
@@ -32,11 +32,10 @@ def save_injection(seen: SeenInjection, folder: Path, name: str) -> Path:
         curves.nominal,
         *curves.phi,
     ]
-    said = {key: None if math.isnan(value) else value for key, value in seen.summary._asdict().items()}
+    said = seen.summary._asdict() | {"nominal_mass": seen.nominal_mass}
+    document = {key: known(value) for key, value in said.items()} | {"moment_ns": seen.moment}
     with file_errors(path):
         folder.mkdir(parents=True, exist_ok=True)
         np.savetxt(path, np.column_stack(columns), "%.9g", ",", header=_HEADER, comments="")
-        path.with_suffix(".json").write_text(
-            json.dumps({**said, "nominal_mass": seen.nominal_mass, "moment_ns": seen.moment}, indent=2)
-        )
+        path.with_suffix(".json").write_text(json.dumps(document, indent=2, allow_nan=False))
     return path

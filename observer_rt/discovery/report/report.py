@@ -1,7 +1,5 @@
 """report.html: the answer first, then what it rests on, in one self-contained page."""
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from observer_rt import __version__
 from observer_rt.discovery.findings import Findings, Sources
 from observer_rt.discovery.opinion import remark
@@ -10,15 +8,10 @@ from observer_rt.discovery.report.figures import overlay_figure
 from observer_rt.discovery.report.gap_map import LEGEND, gap_map
 from observer_rt.discovery.report.printed_units import UNITS, sign
 from observer_rt.discovery.report.text import EQUATION_WORDS, best_words, caveat_words, choices
+from observer_rt.foundation.pages import templates_of
 from observer_rt.model.effects import VOCABULARY
 
-_PAGES = Environment(
-    loader=PackageLoader(__package__),
-    autoescape=True,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    undefined=StrictUndefined,
-)
+_PAGES = templates_of(__package__)
 _PAGES.filters |= {
     "printed": views.printed_in,
     "sign": sign,

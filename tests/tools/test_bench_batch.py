@@ -70,7 +70,7 @@ def test_what_is_no_straight_line_shows() -> None:
 
 
 def test_every_file_has_a_content_of_its_own(tmp_path: Path) -> None:
-    few, more = (sorted(Files(PARQUET, number, 1).written(tmp_path).iterdir()) for number in (1, 2))
-    assert [path.name for path in few] == ["0.parquet"]
+    few, more = (sorted(Files(CAN_LOG, number, 1).written(tmp_path).iterdir()) for number in (1, 2))
+    assert [path.name for path in few] == ["0.mf4"]
     assert len({file_hash(path) for path in more}) == 2
     assert file_hash(few[0]) == file_hash(more[0])

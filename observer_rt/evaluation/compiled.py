@@ -8,11 +8,12 @@ from observer_rt.foundation.continuity import Break
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.observer.stream.pair import coefficients_in_force, network_in_force
-from observer_rt.observer.stream.state import RING, Observer
+from observer_rt.observer.stream.state import RING, Observer, State
 
 FOLLOWED = np.dtype([("position", np.int64), ("flows", np.bool_)], align=True)
 _MASK = RING - 1
 _NONE = int(Break.NONE)
+_STARTING = int(State.STARTING)
 
 
 @njit(cache=True, nogil=True)
@@ -57,6 +58,20 @@ def nominal_rates(
             memory.flows = rates[place] != 0.0
         if np.isnan(row.injection_rate):
             rates[place] = np.nan
+
+
+@njit(cache=True, nogil=True)
+def begin_samples(held: NDArray[np.void], time: NDArray[np.float64]) -> None:
+    """Samples of which nothing is said yet; held: `passage.HELD`, (n,); time [s]: (n,)."""
+    for number in range(held.size):
+        row = held[number]
+        row.time = time[number]
+        row.line_pressure = row.measured_rate = row.injection_rate = row.nominal_rate = np.nan
+        row.injection_rate_sigma = np.nan
+        row.x[:] = np.nan
+        row.phi[:] = np.nan
+        row.valid = False
+        row.state = _STARTING
 
 
 @njit(cache=True, nogil=True)

@@ -34,7 +34,6 @@ from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
     INJECTIONS,
-    LINE,
     PENDING_EVENTS,
     RING,
     Constants,
@@ -45,6 +44,7 @@ from observer_rt.observer.stream.state import (
 )
 from observer_rt.observer.stream.undoing import louder, undoing_of
 from observer_rt.observer.stream.verdict import no_verdicts
+from observer_rt.observer.stream.window import copy_window
 
 SETTLE = 3 * MILLISECOND
 GOOD = 1 * MILLISECOND
@@ -151,20 +151,19 @@ def event_window(observer: Observer, number: int) -> Window | None:
         return None
     start, end = _window_of(observer, event)
     late = observer.constants.sensor.late
-    first = observer.ring[start % RING]
-
-    def column(name: str, shift: int = 0) -> NDArray[Any]:
-        return remembered(observer.ring[name], start + shift, end + shift)
-
-    return Window(
-        inputs=np.column_stack([column("rail_pressure"), column("seat_area")]),
-        output=column("line_pressure", late).copy(),
-        resting=column("resting").copy(),
+    samples, first = max(0, end - start), observer.ring[start % RING]
+    window = Window(
+        inputs=np.empty((samples, 2)),
+        output=np.empty(samples),
+        resting=np.empty(samples, np.bool_),
         start=np.append(first["x_tilde"], first["indicated"]),
         opening=int(event["opening"]) - start,
-        knots=np.column_stack([column("lift_after"), column("lift_area")]),
-        masked=(column("bridged", late) >> LINE & 1).astype(np.bool_),
+        knots=np.empty((samples, 2)),
+        masked=np.empty(samples, np.bool_),
     )
+    columns = window.inputs, window.output, window.resting, window.knots, window.masked
+    copy_window(observer.ring, start, late, *columns)
+    return window
 
 
 def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:

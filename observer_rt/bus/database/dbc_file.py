@@ -1,6 +1,7 @@
 """Reading bus databases: what cantools refuses is refused with file, line and reason, or read leniently."""
 
 import re
+from functools import lru_cache
 from pathlib import Path
 
 import cantools.database
@@ -8,6 +9,7 @@ from cantools.database.can import Database
 
 from observer_rt.foundation.errors import UserError
 
+_KEPT = 16  # databases
 _LENIENT = "or read it all the same: lenient = true in its [[dbc]], or --lenient"
 # As cantools says it: where it stopped, an attribute, or signals and message by name.
 _AT_LINE = re.compile(r"at line (\d+)")
@@ -29,7 +31,8 @@ def load_database(path: Path, lenient: bool = False) -> Database:
         UserError: no such file, not readable, not a bus database, or not correct.
     """
     try:
-        database = cantools.database.load_file(path, strict=not lenient)
+        found = path.stat()
+        database = _load(path, lenient, found.st_mtime_ns, found.st_size)
     except FileNotFoundError:
         raise UserError(str(path), "no such file", "correct the path of the bus database") from None
     except OSError as error:
@@ -44,6 +47,12 @@ def load_database(path: Path, lenient: bool = False) -> Database:
     if not isinstance(database, Database):
         raise UserError(str(path), "is a diagnostics database, not a bus database", "name a DBC file")
     return database
+
+
+@lru_cache(maxsize=_KEPT)
+def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> Database:
+    """A database in this state of its file: to read one takes as long as seconds of a recording."""
+    return cantools.database.load_file(path, strict=not lenient)
 
 
 def overlooked(database: Database) -> list[str]:

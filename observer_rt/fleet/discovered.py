@@ -19,6 +19,7 @@ from observer_rt.discovery.runs import Document, Run
 from observer_rt.evaluation.replacing import replacing
 from observer_rt.fleet.dataset import write_table
 from observer_rt.fleet.groups import Group
+from observer_rt.fleet.inquiry import Ended
 from observer_rt.fleet.job import Failed
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
@@ -87,20 +88,23 @@ class Answers:
             return None
         return tuple(Failed(Path(one.file), one.sha256, one.problem, group.injector) for one in note.left_out)
 
-    def take(self, group: Group, key: str, left_out: tuple[Failed, ...]) -> None:
-        """The answer is written."""
-        lines = [_LeftOut(file=str(one.path), sha256=one.sha256, problem=one.problem) for one in left_out]
-        self._write(
-            group,
-            _Note(injector=group.injector, key=key, recordings=group.recordings, left_out=tuple(lines)),
+    def take(self, group: Group, key: str, ended: Ended) -> None:
+        """The answer is written, or there is none."""
+        lines = [
+            _LeftOut(file=str(one.path), sha256=one.sha256, problem=one.problem) for one in ended.left_out
+        ]
+        note = _Note(
+            injector=group.injector,
+            key=key,
+            recordings=group.recordings,
+            left_out=tuple(lines),
+            problem=ended.problem,
         )
-
-    def take_failure(self, group: Group, failed: Failed) -> None:
-        """There is no answer."""
-        self._write(
-            group,
-            _Note(injector=group.injector, key="", recordings=group.recordings, problem=failed.problem),
-        )
+        place = self.place / group.folder
+        with file_errors(place):
+            place.mkdir(parents=True, exist_ok=True)
+            with replacing(place / _GROUP) as part:
+                part.write_text(note.model_dump_json(indent=2), encoding="utf-8")
 
     def table(self) -> pa.Table:
         """All there are, written as a table: a row an injector, the most affected first."""
@@ -109,20 +113,17 @@ class Answers:
         write_table(self._folder / TABLE, table)
         return table
 
-    def _write(self, group: Group, note: _Note) -> None:
-        place = self.place / group.folder
-        with file_errors(place):
-            place.mkdir(parents=True, exist_ok=True)
-            with replacing(place / _GROUP) as part:
-                part.write_text(note.model_dump_json(indent=2), encoding="utf-8")
-
     def _rows(self) -> Iterator[dict[str, Any]]:
         for place in sorted(self.place.iterdir()):
             if (note := _read(place)) is not None:
                 yield self._row(place, note)
 
     def _row(self, place: Path, note: _Note) -> dict[str, Any]:
-        row: dict[str, Any] = {"injector": note.injector, "recordings": note.recordings}
+        row: dict[str, Any] = {
+            "injector": note.injector,
+            "recordings": note.recordings,
+            "left_out": len(note.left_out),
+        }
         if note.problem:
             return row | {"problem": note.problem}
         try:
@@ -134,7 +135,7 @@ class Answers:
         }
         if not (place / AMENDED).exists():
             files["amended"] = None
-        return row | said_of(document) | files | {"left_out": len(note.left_out)}
+        return row | said_of(document) | files
 
 
 def _read(place: Path) -> _Note | None:

@@ -13,7 +13,7 @@ from observer_rt.fleet.cluster import Broken, Jobs
 from observer_rt.fleet.dataset import Dataset, read_injections
 from observer_rt.fleet.discovered import SCHEMA, Answers
 from observer_rt.fleet.groups import NEEDED, Group, Kind, groups_of, kinds_of
-from observer_rt.fleet.inquiry import Inquiry, discovered
+from observer_rt.fleet.inquiry import Ended, Inquiry, discovered
 from observer_rt.fleet.job import Failed
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.fleet.work import Work
@@ -87,14 +87,14 @@ def discover_groups(work: Work, asked: Discovering, files: Mapping[str, Path], d
             found.skipped += 1
             _note(dataset, left_out)
     with progress_bar(work.console, "looking for what is missing", len(waiting)) as progress:
-        for group, result in _outcomes(work, asked, answers.place, waiting):
-            if isinstance(result, Failed):
-                answers.take_failure(group, result)
-                dataset.take_failure(result)
+        for group, ended in _outcomes(work, asked, answers.place, waiting):
+            answers.take(group, keys[group.injector], ended)
+            _note(dataset, ended.left_out)
+            if ended.problem:
+                problem = f"injector {group.injector}: {ended.problem}"
+                dataset.take_failure(Failed(None, "", problem, group.injector))
                 found.failed += 1
             else:
-                answers.take(group, keys[group.injector], result)
-                _note(dataset, result)
                 found.done += 1
             progress(found.done + found.failed)
     found.answers = answers.table()
@@ -108,7 +108,7 @@ def discover_groups(work: Work, asked: Discovering, files: Mapping[str, Path], d
 
 def _outcomes(
     work: Work, asked: Discovering, place: Path, groups: Sequence[Group]
-) -> Iterator[tuple[Group, tuple[Failed, ...] | Failed]]:
+) -> Iterator[tuple[Group, Ended]]:
     """What becomes of each group, as it becomes known."""
     jobs: Jobs[Group] = Jobs(work.cluster.client)
     threads = jobs.places // max(1, len(groups)) if work.cluster.local else 1
@@ -121,8 +121,7 @@ def _outcomes(
             return
         for group, result in jobs.ended():
             if isinstance(result, Broken):
-                text = f"injector {group.injector}: {result.problem}\n  remedy: {result.remedy}"
-                yield group, Failed(None, "", text, group.injector)
+                yield group, Ended(problem=f"{result.problem}\n  remedy: {result.remedy}")
             else:
                 yield group, result
     jobs.cancel()

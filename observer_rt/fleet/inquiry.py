@@ -41,19 +41,31 @@ class Inquiry:
     threads: int
 
 
-def discovered(inquiry: Inquiry, group: Group) -> tuple[Failed, ...] | Failed:
-    """Write the answer on a group into its folder; recordings that could not be taken, or why there is none."""
+@dataclass(frozen=True)
+class Ended:
+    """How it ended. left_out: recordings that could not be taken; problem: why there is no answer, else empty."""
+
+    left_out: tuple[Failed, ...] = ()
+    problem: str = ""
+
+
+def discovered(inquiry: Inquiry, group: Group) -> Ended:
+    """Write the answer on a group into its folder."""
+    discovery = _Discovery(inquiry, group)
+    problem = ""
     try:
         inquiry.effects.use()
-        return _Discovery(inquiry, group).written()
+        discovery.write()
     except ObserverError as error:
         problem = str(error)
     except MemoryError:
         problem = "not enough memory\n  remedy: fewer --workers"
-    return Failed(None, "", f"injector {group.injector}: {problem}", group.injector)
+    return Ended(tuple(discovery.left_out), problem)
 
 
 class _Discovery:
+    """left_out: recordings that could not be taken."""
+
     def __init__(self, inquiry: Inquiry, group: Group) -> None:
         self._inquiry = inquiry
         self._group = group
@@ -61,15 +73,12 @@ class _Discovery:
         self._parameters = injector.parameters
         self._stated = effects_on_one_raster(injector)
         self._signals = injector.config.signals
+        self.left_out: list[Failed] = []
 
-    def written(self) -> tuple[Failed, ...]:
+    def write(self) -> None:
         begin = time.monotonic()
         inquiry, group = self._inquiry, self._group
-        paths, measured, left_out = self._measured()
-        if not measured:
-            raise UserError(
-                "recordings", "none of them can be taken", "see the others in the table of errors"
-            )
+        paths, measured = self._measured()
         healthy = self._read(inquiry.healthy)
         refuse_sample_rates([one.recording for one in (*measured, *healthy)])
         question = Question(self._parameters, measured, healthy, hashes(paths))
@@ -81,13 +90,11 @@ class _Discovery:
             found = answer(question, store, ask, lambda _: None, AMENDED, inquiry.threads)
         found = replace(found, seconds=time.monotonic() - begin)
         write_answer(folder, question, found, group.kind.file, inquiry.healthy)
-        return left_out
 
-    def _measured(self) -> tuple[list[Path], tuple[Measurement, ...], tuple[Failed, ...]]:
-        """Recordings that can be judged with the latest one, and the others with the reason."""
+    def _measured(self) -> tuple[list[Path], tuple[Measurement, ...]]:
+        """Recordings that can be judged with the latest one. Raises `UserError` where there is none."""
         paths: list[Path] = []
         measured: list[Measurement] = []
-        left_out: list[Failed] = []
         for name, sha256 in self._group.files:
             path = self._inquiry.folder / name
             try:
@@ -96,11 +103,16 @@ class _Discovery:
                 refuse_sample_rates(with_first)
                 refuse_rates_missing(with_first)
             except ObserverError as error:
-                left_out.append(Failed(name, sha256, str(error), self._group.injector))
+                self.left_out.append(Failed(name, sha256, str(error), self._group.injector))
             else:
                 paths.append(path)
                 measured.append(one)
-        return paths, tuple(measured), tuple(left_out)
+        if not measured:
+            raise UserError(
+                f"{len(self.left_out)} recordings",
+                f"none can be taken, the latest because {self.left_out[0].problem}",
+            )
+        return paths, tuple(measured)
 
     def _read(self, paths: Sequence[Path], most: int = MOST_SAMPLES) -> tuple[Measurement, ...]:
         quiet = Console(quiet=True)

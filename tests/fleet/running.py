@@ -10,7 +10,7 @@ from typing import Any
 
 import psutil
 
-PATIENCE = 300.0  # s
+PATIENCE = 600.0  # s
 PATTERN = ("--injector-from", r"injector_(\w+)")
 
 

@@ -83,34 +83,25 @@ def expected(desk: Desk, model: Path) -> list[float]:
     return [1e6 * each.report.mass for each in evaluation.injections]
 
 
-def test_a_scheduler_that_is_there_serves_one_user_after_another(scheduler: str, desk: Desk) -> None:
-    """Its workers keep no effects of another command, and find files by the paths of this one."""
-    own = ("--effects", "my_effects.py", "--model", "amended.toml")
-    for out, more in (("own", own), ("nominal", ()), ("own_again", own)):
-        said = ended(
-            started("injector_a.csv", "--out", out, "--scheduler", scheduler, *more, cwd=desk.folder)
-        )
-        assert (said["done"], said["failed"]) == (1, 0)
+def test_effects_of_ones_own_are_in_force_and_found_on_a_scheduler_that_is_there(
+    scheduler: str, desk: Desk
+) -> None:
+    """Its workers find files by the paths of the command."""
+    common = ("injector_a.csv", "--scheduler", scheduler, "--effects", "my_effects.py")
+    found = ended(started(*common, "--out", "found", "--discover", cwd=desk.folder))
+    (row,) = found["discovered"]["injectors"]
+    assert (row["injector"], row["verdict"], row["effects"]) == ("a", "named", "sac_volume")
+    assert row["size"] == pytest.approx(2.0, abs=0.3)
+    assert (desk.folder / "found" / row["report"]).exists()
+
+    own = ended(started(*common, "--out", "own", "--model", "amended.toml", cwd=desk.folder))
+    assert (own["done"], own["failed"]) == (1, 0)
     nominal = expected(desk, NOMINAL_INJECTOR)
     try:
         use_effects([desk.folder / "my_effects.py"])
         with_sac = expected(desk, desk.folder / "amended.toml")
     finally:
         use_effects([])
-    assert desk.masses("nominal") == pytest.approx(nominal, rel=1e-12)
-    assert desk.masses("own") == desk.masses("own_again") == pytest.approx(with_sac, rel=1e-12)
+    assert desk.masses("found") == pytest.approx(nominal, rel=1e-12)
+    assert desk.masses("own") == pytest.approx(with_sac, rel=1e-12)
     assert nominal != pytest.approx(with_sac, rel=1e-6)
-
-
-def test_an_effect_of_ones_own_is_found_by_a_worker(scheduler: str, desk: Desk) -> None:
-    said = ended(
-        started(
-            *("injector_a.csv", "--out", "found", "--scheduler", scheduler),
-            *("--discover", "--effects", "my_effects.py"),
-            cwd=desk.folder,
-        )
-    )
-    (row,) = said["discovered"]["injectors"]
-    assert (row["injector"], row["verdict"], row["effects"]) == ("a", "named", "sac_volume")
-    assert row["size"] == pytest.approx(2.0, abs=0.3)
-    assert (desk.folder / "found" / row["report"]).exists()

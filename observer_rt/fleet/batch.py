@@ -6,18 +6,15 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
-from observer_rt.fleet.answer_table import answer_table
 from observer_rt.fleet.cluster import Broken, Jobs, connected
 from observer_rt.fleet.dataset import Dataset
-from observer_rt.fleet.discovered import FOLDER as ANSWERS
-from observer_rt.fleet.discovering import Discovering, Found, discover_groups
 from observer_rt.fleet.job import Failed, Task, evaluated, hashed
 from observer_rt.fleet.names import InjectorNames, recordings_in
 from observer_rt.fleet.vocabulary import OwnEffects
@@ -32,6 +29,9 @@ from observer_rt.service.state_file import model_hash
 from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
 from observer_rt.terminal.destinations import check_folder
 from observer_rt.terminal.stop import stop_on_signals
+
+if TYPE_CHECKING:
+    from observer_rt.fleet.discovering import Discovering, Found
 
 _WAITING = 4  # files at a worker, so that it need not wait for the next
 _COMPILED = "batch"  # in the cache: all code that evaluating a file needs
@@ -75,7 +75,7 @@ def batch(bench: Bench, sources: Sequence[str], options: BatchOptions, console: 
     """
     InjectorNames(options.pattern)
     effects = OwnEffects.in_use(options.effects)
-    asked = Discovering.of(bench, options.pattern, options.healthy, effects) if options.discover else None
+    asked = _asked(bench, options, effects) if options.discover else None
     paths = recordings_in(sources)
     options.out.mkdir(parents=True, exist_ok=True)
     check_folder("--out", options.out)
@@ -88,7 +88,7 @@ def batch(bench: Bench, sources: Sequence[str], options: BatchOptions, console: 
         work = Work(cluster, stop, console)
         counts = _evaluate(work, task, paths, dataset)
         if asked is not None:
-            found = discover_groups(work, asked, counts.paths, dataset)
+            found = asked.of_groups(work, counts.paths, dataset)
     _tell(dataset, counts, found, options, console)
 
 
@@ -158,6 +158,13 @@ def _take(
     counts.paths.setdefault(sha256, path)
 
 
+def _asked(bench: Bench, options: BatchOptions, effects: OwnEffects) -> "Discovering":
+    """What is asked of every injector; loading what discovery needs takes as long as all else."""
+    from observer_rt.fleet.discovering import Discovering
+
+    return Discovering.of(bench, options.pattern, options.healthy, effects)
+
+
 def _settings(bench: Bench, options: BatchOptions, effects: OwnEffects) -> dict[str, Any]:
     """What rows depend on beside the files."""
     in_force = {effect.id for each in bench.injectors for effect in each.parameters.effects}
@@ -186,7 +193,7 @@ def _knowledge(bench: Bench, options: BatchOptions, console: Console) -> Knowled
 
 
 def _tell(
-    dataset: Dataset, counts: Evaluated, found: Found | None, options: BatchOptions, console: Console
+    dataset: Dataset, counts: Evaluated, found: "Found | None", options: BatchOptions, console: Console
 ) -> None:
     """What came of it: files, and answers if asked for, in words or JSON; those that failed."""
     for failed in dataset.failed:
@@ -210,5 +217,5 @@ def _tell(
         text += f"; {counts.failed} could not be evaluated, see {options.out / 'errors.parquet'}"
     say(results(), f"{text}; {options.out}")
     if found is not None:
-        results().print(answer_table(found.answers))
-        say(results(), f"{found.words}; {options.out / ANSWERS}/INJECTOR/report.html")
+        results().print(found.table())
+        say(results(), f"{found.words}; {options.out}/{found.reports}")

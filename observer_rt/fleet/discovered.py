@@ -80,6 +80,8 @@ class Answers:
         """folder: of the batch."""
         self._folder = folder
         self.place = folder / FOLDER
+        with file_errors(self.place):
+            self.place.mkdir(exist_ok=True)
 
     def left_out(self, group: Group, key: str) -> tuple[Failed, ...] | None:
         """The recordings that could not be taken, where the group's answer is there; None: it is not."""
@@ -102,7 +104,7 @@ class Answers:
         )
         place = self.place / group.folder
         with file_errors(place):
-            place.mkdir(parents=True, exist_ok=True)
+            place.mkdir(exist_ok=True)
             with replacing(place / _GROUP) as part:
                 part.write_text(note.model_dump_json(indent=2), encoding="utf-8")
 

@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+from rich.table import Table
 
 from observer_rt.config.bench import Bench
+from observer_rt.discovery.folder import REPORT
+from observer_rt.fleet.answer_table import answer_table
 from observer_rt.fleet.cluster import Broken, Jobs
 from observer_rt.fleet.dataset import Dataset, read_injections
-from observer_rt.fleet.discovered import SCHEMA, Answers
+from observer_rt.fleet.discovered import FOLDER, SCHEMA, Answers
 from observer_rt.fleet.groups import NEEDED, Group, Kind, groups_of, kinds_of
 from observer_rt.fleet.inquiry import Ended, Inquiry, discovered
 from observer_rt.fleet.job import Failed
@@ -44,6 +47,39 @@ class Discovering:
                 hashes[path.absolute()] = file_hash(path)
         return cls(kinds_of(bench, pattern), hashes, effects)
 
+    def of_groups(self, work: Work, files: Mapping[str, Path], dataset: Dataset) -> "Found":
+        """Have the workers look for what is missing in every injector. files: those of this run by SHA-256.
+
+        Raises `RunError` when it is interrupted.
+        """
+        answers, found = Answers(dataset.folder), Found(SCHEMA.empty_table())
+        groups = groups_of(read_injections(dataset.folder, NEEDED), files, self.kinds)
+        keys = {group.injector: group.key(tuple(self.healthy.values())) for group in groups}
+        waiting: list[Group] = []
+        for group in groups:
+            left_out = answers.left_out(group, keys[group.injector])
+            if left_out is None:
+                waiting.append(group)
+            else:
+                found.skipped += 1
+                _note(dataset, left_out)
+        with progress_bar(work.console, "looking for what is missing", len(waiting)) as progress:
+            for group, ended in _outcomes(work, self, answers.place, waiting):
+                answers.take(group, keys[group.injector], ended)
+                _note(dataset, ended.left_out)
+                if ended.problem:
+                    _note(dataset, [_failed(group, ended)])
+                found.failed += bool(ended.problem)
+                found.done += not ended.problem
+                progress(found.done + found.failed)
+        found.answers = answers.table()
+        if work.stop.is_set():
+            raise RunError(
+                f"interrupted; {found.done + found.skipped} of {len(groups)} injectors are done\n"
+                "  remedy: give the same command again to go on"
+            )
+        return found
+
 
 @dataclass
 class Found:
@@ -59,6 +95,15 @@ class Found:
         counts = {"done": self.done, "skipped": self.skipped, "failed": self.failed}
         return {**counts, "injectors": self.answers.to_pylist()}
 
+    def table(self) -> Table:
+        """For the screen."""
+        return answer_table(self.answers)
+
+    @property
+    def reports(self) -> str:
+        """Where they are in the folder of the batch."""
+        return f"{FOLDER}/INJECTOR/{REPORT}"
+
     @property
     def words(self) -> str:
         """In a line."""
@@ -68,42 +113,6 @@ class Found:
         if self.failed:
             text += f"; {self.failed} have no answer"
         return text
-
-
-def discover_groups(work: Work, asked: Discovering, files: Mapping[str, Path], dataset: Dataset) -> Found:
-    """Have the workers look for what is missing in every injector. files: those of this run by SHA-256.
-
-    Raises `RunError` when it is interrupted.
-    """
-    answers, found = Answers(dataset.folder), Found(SCHEMA.empty_table())
-    groups = groups_of(read_injections(dataset.folder, NEEDED), files, asked.kinds)
-    keys = {group.injector: group.key(tuple(asked.healthy.values())) for group in groups}
-    waiting: list[Group] = []
-    for group in groups:
-        left_out = answers.left_out(group, keys[group.injector])
-        if left_out is None:
-            waiting.append(group)
-        else:
-            found.skipped += 1
-            _note(dataset, left_out)
-    with progress_bar(work.console, "looking for what is missing", len(waiting)) as progress:
-        for group, ended in _outcomes(work, asked, answers.place, waiting):
-            answers.take(group, keys[group.injector], ended)
-            _note(dataset, ended.left_out)
-            if ended.problem:
-                problem = f"injector {group.injector}: {ended.problem}"
-                dataset.take_failure(Failed(None, "", problem, group.injector))
-                found.failed += 1
-            else:
-                found.done += 1
-            progress(found.done + found.failed)
-    found.answers = answers.table()
-    if work.stop.is_set():
-        raise RunError(
-            f"interrupted; {found.done + found.skipped} of {len(groups)} injectors are done\n"
-            "  remedy: give the same command again to go on"
-        )
-    return found
 
 
 def _outcomes(
@@ -125,6 +134,10 @@ def _outcomes(
             else:
                 yield group, result
     jobs.cancel()
+
+
+def _failed(group: Group, ended: Ended) -> Failed:
+    return Failed(None, "", f"injector {group.injector}: {ended.problem}", group.injector)
 
 
 def _note(dataset: Dataset, left_out: Sequence[Failed]) -> None:

@@ -12,6 +12,11 @@ from observer_rt.foundation.errors import RunError, UserError
 CONNECT_TIMEOUT = 10.0  # s
 _RETRIES = 2  # of a job whose worker is gone
 _WAIT = 0.5  # s to a look at Ctrl-C
+_SELDOM = {  # how often Dask looks at its own processes: as often as it would, that takes some percent of each
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
 
 _Name = TypeVar("_Name")
 
@@ -85,6 +90,7 @@ def connected(address: str | None, workers: int | None) -> Iterator[Cluster]:
     Raises `UserError` without Dask, `RunError` for a scheduler that cannot be reached.
     """
     try:
+        import dask
         from distributed import Client, LocalCluster
     except ImportError as error:
         raise UserError(
@@ -103,6 +109,7 @@ def connected(address: str | None, workers: int | None) -> Iterator[Cluster]:
             yield Cluster(client, local=False)
         return
     with (
+        dask.config.set(_SELDOM),
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

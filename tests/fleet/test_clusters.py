@@ -66,9 +66,9 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
     (folder / "amended.toml").write_text(NOMINAL_INJECTOR.read_text() + IN_FORCE)
     try:
         use_effects([folder / "my_effects.py"])
-        schedule = make_schedule([60e6, 140e6], 4, 0.05, [1.9e-3])
+        schedule = make_schedule([60e6, 140e6], 2, 0.05, [0.6e-3])
         hidden = (sized("sac_volume", r=2.0),)
-        made = simulate(load_injector(), schedule, 100e3, hidden, NoiseLevels(), measured_rate=True, seed=3)
+        made = simulate(load_injector(), schedule, 100e3, hidden, NoiseLevels(), seed=3)
     finally:
         use_effects([])
     write_recording(folder / "injector_a.csv", made.recording)

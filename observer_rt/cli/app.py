@@ -99,7 +99,7 @@ for _command, _example in (
         "--output worn.csv",
     ),
     (evaluate, "worn.csv --output trace.csv --plot worn.png"),
-    (batch, "measured/ --out results --bench bench.toml"),
+    (batch, r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)' --discover"),
     (trend, "results --plot wear.png"),
     (check, "--bench bench.toml --recording mine.csv"),
     (replay, "recording.csv --bench bench.toml --speed 0.1"),

@@ -63,16 +63,43 @@ def batch(
     state: StateOption = None,
     no_learning: Annotated[bool, typer.Option("--no-learning", help="Judge only.")] = False,
     lenient: LenientOption = False,
+    discover: Annotated[
+        bool,
+        typer.Option(
+            "--discover",
+            help="Also find what the model is missing, injector by injector: DIR/discovered.",
+        ),
+    ] = False,
+    healthy: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--healthy",
+            help="With --discover: recording of a healthy injector to judge the model by; repeatable.",
+            metavar="RECORDING",
+        ),
+    ] = None,
     as_json: JsonOption = False,
     effects: Annotated[list[Path] | None, effects_option(exposed=True)] = None,
 ) -> None:
     """Evaluate thousands of recordings side by side: an injection a row of Parquet, resumed where it stopped."""
     from observer_rt.fleet.batch import BatchOptions
     from observer_rt.fleet.batch import batch as run
+    from observer_rt.foundation.errors import UserError
 
-    chosen = load_bench(bench, model, lenient).of(injector)
+    if healthy and not discover:
+        raise UserError("--healthy", "is for discovery", "add --discover, or leave it out")
+    chosen = load_bench(bench.absolute(), model and model.absolute(), lenient).of(injector)
     options = BatchOptions(
-        out, scheduler, workers, state, not no_learning, injector_from, tuple(effects or ()), as_json
+        out=out,
+        scheduler=scheduler,
+        workers=workers,
+        state=state,
+        learning=not no_learning,
+        pattern=injector_from,
+        effects=tuple(effects or ()),
+        json=as_json,
+        discover=discover,
+        healthy=tuple(healthy or ()),
     )
     run(chosen, sources, options, messages)
 

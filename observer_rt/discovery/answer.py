@@ -22,7 +22,9 @@ from observer_rt.evidence.coverage import chosen_words
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.operating_points import by_operating_point
+from observer_rt.evidence.plausible import refuse_rates_missing
 from observer_rt.foundation.errors import ObserverError
+from observer_rt.model.cells import refuse_unstable_cells
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
@@ -60,6 +62,14 @@ class Question:
     chosen: tuple[str, ...] = ()
 
 
+def refuse_incomparable(question: Question, model: str) -> None:
+    """Raise `UserError` for recordings that cannot be compared with the model, or not together; model: its file."""
+    refuse_rates_missing([one.recording for one in question.measured])
+    first = question.measured[0]
+    coefficients = first.coefficients_of(effective_model(question.parameters))
+    refuse_unstable_cells(model, question.parameters, coefficients, first.interval)
+
+
 _INADEQUATE = (
     "The fit of this model to healthy recordings was not adequate: what is named here may be its error. Fit again "
     "with another structure or more recordings."
@@ -72,15 +82,18 @@ def answer(
     ask_observer: AskObserver,
     progress: Callable[[float], None],
     amended_model: str,
+    threads: int | None = None,
 ) -> Findings:
     """Everything but the time it took; progress is told the share done, amended_model is the name of its file.
+
+    threads: to search with, None: one a CPU.
 
     Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
     """
     nominal = effective_model(question.parameters)
     points = by_operating_point(question.measured)
     measured = [point.measurement for point in points]
-    workers = len(os.sched_getaffinity(0))
+    workers = threads or len(os.sched_getaffinity(0))
     baseline, warning = _judged_by_healthy(nominal, question.healthy, workers)
     begin = _HEALTHY if question.healthy else 0.0
     progress(begin)

@@ -1,26 +1,28 @@
 """`observer-rt batch`: thousands of recordings, an injection a row."""
 
 import json
-import threading
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
-from observer_rt.fleet.cluster import connected
+from observer_rt.fleet.cluster import Broken, Jobs, connected
 from observer_rt.fleet.dataset import Dataset
 from observer_rt.fleet.job import Failed, Task, evaluated, hashed
 from observer_rt.fleet.names import InjectorNames, recordings_in
-from observer_rt.foundation.compilation import is_compiled
+from observer_rt.fleet.vocabulary import OwnEffects
+from observer_rt.fleet.work import Work
+from observer_rt.foundation.compilation import is_complete, note_complete
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.file_hash import file_hash
+from observer_rt.model.effects import BUILT_IN
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.restoring import restored_knowledge
 from observer_rt.service.state_file import model_hash
@@ -28,14 +30,16 @@ from observer_rt.terminal.console import progress_bar, results, say, say_if_comp
 from observer_rt.terminal.destinations import check_folder
 from observer_rt.terminal.stop import stop_on_signals
 
-_RETRIES = 2  # of a file whose worker is gone
+if TYPE_CHECKING:
+    from observer_rt.fleet.discovering import Discovering, Found
+
 _WAITING = 4  # files at a worker, so that it need not wait for the next
-_WAIT = 0.5  # s to a look at Ctrl-C
+_COMPILED = "batch"  # in the cache: all code that evaluating a file needs
 
 
 @dataclass(frozen=True)
 class BatchOptions:
-    """What the command line says; pattern: as of `InjectorNames`."""
+    """What the command line says; pattern: as of `InjectorNames`; healthy: recordings for `discover`."""
 
     out: Path
     scheduler: str | None = None
@@ -45,112 +49,125 @@ class BatchOptions:
     pattern: str | None = None
     effects: tuple[Path, ...] = ()
     json: bool = False
+    discover: bool = False
+    healthy: tuple[Path, ...] = ()
 
 
 @dataclass
-class Counts:
-    """How many files there were, of what kind."""
+class Evaluated:
+    """How many files there were, of what kind; paths: of those that did not fail, by SHA-256."""
 
     done: int = 0
     skipped: int = 0
     failed: int = 0
+    paths: dict[str, Path] = field(default_factory=dict)
+
+    @property
+    def well(self) -> int:
+        """Files whose rows are there."""
+        return self.done + self.skipped
 
 
 def batch(bench: Bench, sources: Sequence[str], options: BatchOptions, console: Console) -> None:
-    """Evaluate every recording that is not done yet; print what came of them.
+    """Evaluate every recording that is not done yet, then discover if asked; print what came of them.
 
     Raises `UserError` for options that will not do, before the work begins; `RunError` when it is interrupted.
     """
     InjectorNames(options.pattern)
+    effects = OwnEffects.in_use(options.effects)
+    asked = _asked(bench, options, effects) if options.discover else None
     paths = recordings_in(sources)
     options.out.mkdir(parents=True, exist_ok=True)
     check_folder("--out", options.out)
-    dataset = Dataset(options.out, _settings(bench, options))
-    dataset.forget_failures()
-    task = Task(
-        bench, _knowledge(bench, options, console), options.learning, options.pattern, options.effects
-    )
-    counts = Counts()
+    dataset = Dataset(options.out, _settings(bench, options, effects))
+    knowledge = _knowledge(bench, options, console)
+    task = Task(bench, Path.cwd(), knowledge, options.learning, options.pattern, effects)
+    found = None
     say_if_compiling(console)
-    with (
-        stop_on_signals() as stop,
-        connected(options.scheduler, options.workers) as client,
-        progress_bar(console, "evaluating", len(paths)) as progress,
-    ):
-        for outcome in _outcomes(client, task, paths, dataset, stop):
-            _take(dataset, counts, *outcome)
-            progress(counts.done + counts.skipped + counts.failed)
-        if stop.is_set():
-            raise RunError(
-                f"interrupted; {counts.done + counts.skipped} of {len(paths)} files are done\n"
-                "  remedy: give the same command again to go on"
-            )
-    _tell(dataset, counts, options, console)
+    with dataset, stop_on_signals() as stop, connected(options.scheduler, options.workers) as cluster:
+        work = Work(cluster, stop, console)
+        counts = _evaluate(work, task, paths, dataset)
+        if asked is not None:
+            found = asked.of_groups(work, counts.paths, dataset)
+    _tell(dataset, counts, found, options, console)
 
 
 _Outcome = tuple[Path, str, pa.Table | Failed | None]
 """A file, its hash, and its rows; None: they were there before."""
 
 
-def _outcomes(
-    client: Any, task: Task, paths: Sequence[Path], dataset: Dataset, stop: threading.Event
-) -> Iterator[_Outcome]:
-    """What becomes of each file, as it becomes known; only as many are at work as keep the workers busy."""
-    from distributed import wait
+def _evaluate(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -> Evaluated:
+    """Rows of all files into the dataset. Raises `RunError` when it is interrupted."""
+    counts = Evaluated()
+    with progress_bar(work.console, "evaluating", len(paths)) as progress:
+        for path, sha256, rows in _outcomes(work, task, paths, dataset):
+            _take(dataset, counts, path, sha256, rows)
+            progress(counts.well + counts.failed)
+    if work.stop.is_set():
+        raise RunError(
+            f"interrupted; {counts.well} of {len(paths)} files are done\n"
+            "  remedy: give the same command again to go on"
+        )
+    return counts
 
-    submit = partial(client.submit, pure=False, retries=_RETRIES)
+
+def _outcomes(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -> Iterator[_Outcome]:
+    """What becomes of each file, as it becomes known; only as many are at work as keep the workers busy.
+
+    What is not compiled yet is compiled once, not by every worker.
+    """
+    jobs: Jobs[tuple[Path, str]] = Jobs(work.cluster.client)
     remaining = iter(paths)
-    running: dict[Any, tuple[Path, str]] = {}
     begun: set[str] = set()
-    while not stop.is_set():
-        # what is not compiled yet is compiled once, not by every worker
-        room = (_WAITING * max(1, len(client.ncores())) if is_compiled() else 1) - len(running)
+    compiled = is_complete(_COMPILED) or not work.cluster.local
+    while not work.stop.is_set():
+        room = (_WAITING * jobs.places if compiled else 1) - len(jobs)
         for path in islice(remaining, max(0, room)):
-            running[submit(hashed, path)] = path, ""
-        if not running:
+            jobs.begin((path, ""), hashed, task.folder / path)
+        if not jobs:
             return
-        try:
-            ready = wait(list(running), timeout=_WAIT, return_when="FIRST_COMPLETED").done
-        except TimeoutError:
-            continue
-        for future in ready:
-            path, sha256 = running.pop(future)
-            result = _result(future, path, sha256)
+        for (path, sha256), result in jobs.ended():
             if isinstance(result, str) and (dataset.is_done(result) or result in begun):
                 yield path, result, None
             elif isinstance(result, str):
                 begun.add(result)
-                running[submit(evaluated, task, path, result)] = path, result
+                jobs.begin((path, result), evaluated, task, path, result)
+            elif isinstance(result, Broken):
+                problem = f"{path}: {result.problem}\n  remedy: {result.remedy}"
+                yield path, sha256, Failed(path, sha256, problem)
             else:
+                if not compiled and isinstance(result, pa.Table) and result.num_rows:
+                    note_complete(_COMPILED)
+                    compiled = True
                 yield path, sha256, result
-    client.cancel(list(running))
+    jobs.cancel()
 
 
-def _result(future: Any, path: Path, sha256: str) -> str | pa.Table | Failed:
-    """What a worker gave; what nobody foresaw is no end of the batch either."""
-    error = future.exception()
-    if error is None:
-        return future.result()
-    if type(error).__name__ == "KilledWorker":
-        problem, remedy = f"its worker died {_RETRIES + 1} times", "fewer --workers, if memory is short"
-    else:
-        problem, remedy = f"{type(error).__name__}: {error}", "please report it, with the file"
-    return Failed(path, sha256, f"{path}: {problem}\n  remedy: {remedy}")
-
-
-def _take(dataset: Dataset, counts: Counts, path: Path, sha256: str, rows: pa.Table | Failed | None) -> None:
-    if rows is None:
-        counts.skipped += 1
-    elif isinstance(rows, Failed):
+def _take(
+    dataset: Dataset, counts: Evaluated, path: Path, sha256: str, rows: pa.Table | Failed | None
+) -> None:
+    if isinstance(rows, Failed):
         dataset.take_failure(rows)
         counts.failed += 1
+        return
+    if rows is None:
+        counts.skipped += 1
     else:
         dataset.take(path, sha256, rows)
         counts.done += 1
+    counts.paths.setdefault(sha256, path)
 
 
-def _settings(bench: Bench, options: BatchOptions) -> dict[str, Any]:
+def _asked(bench: Bench, options: BatchOptions, effects: OwnEffects) -> "Discovering":
+    """What is asked of every injector; loading what discovery needs takes as long as all else."""
+    from observer_rt.fleet.discovering import Discovering
+
+    return Discovering.of(bench, options.pattern, options.healthy, effects)
+
+
+def _settings(bench: Bench, options: BatchOptions, effects: OwnEffects) -> dict[str, Any]:
     """What rows depend on beside the files."""
+    in_force = {effect.id for each in bench.injectors for effect in each.parameters.effects}
     return {
         "software": __version__,
         "models": [model_hash(each.parameters) for each in bench.injectors],
@@ -158,6 +175,7 @@ def _settings(bench: Bench, options: BatchOptions) -> dict[str, Any]:
         "state": file_hash(options.state) if options.state is not None else None,
         "learning": options.learning,
         "injector_from": options.pattern,
+        "effects": list(effects.digests) if in_force - BUILT_IN.keys() else [],
     }
 
 
@@ -174,12 +192,22 @@ def _knowledge(bench: Bench, options: BatchOptions, console: Console) -> Knowled
     )
 
 
-def _tell(dataset: Dataset, counts: Counts, options: BatchOptions, console: Console) -> None:
-    """What came of it: files in words or JSON, and those that failed."""
+def _tell(
+    dataset: Dataset, counts: Evaluated, found: "Found | None", options: BatchOptions, console: Console
+) -> None:
+    """What came of it: files, and answers if asked for, in words or JSON; those that failed."""
     for failed in dataset.failed:
         say(console, f"left out: {failed.problem}")
     if options.json:
-        said = {**vars(counts), "injections": dataset.injections, "out": str(options.out)}
+        said: dict[str, Any] = {
+            "done": counts.done,
+            "skipped": counts.skipped,
+            "failed": counts.failed,
+            "injections": dataset.injections,
+            "out": str(options.out),
+        }
+        if found is not None:
+            said["discovered"] = found.as_json()
         print(json.dumps(said, indent=2))
         return
     text = f"{counts.done} files, {dataset.injections} injections"
@@ -188,3 +216,6 @@ def _tell(dataset: Dataset, counts: Counts, options: BatchOptions, console: Cons
     if counts.failed:
         text += f"; {counts.failed} could not be evaluated, see {options.out / 'errors.parquet'}"
     say(results(), f"{text}; {options.out}")
+    if found is not None:
+        results().print(found.table())
+        say(results(), f"{found.words}; {options.out}/{found.reports}")

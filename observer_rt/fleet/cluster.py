@@ -1,22 +1,96 @@
 """The processes that do the work: of this computer, or of a Dask cluster that is there already."""
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Generic, TypeVar
 
 from observer_rt.foundation.errors import RunError, UserError
 
 CONNECT_TIMEOUT = 10.0  # s
+_RETRIES = 2  # of a job whose worker is gone
+_WAIT = 0.5  # s to a look at Ctrl-C
+_SELDOM = {  # how often Dask looks at its own processes: as often as it would, that takes some percent of each
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
+
+_Name = TypeVar("_Name")
+
+
+@dataclass(frozen=True)
+class Broken:
+    """How a job ended that gave nothing, not even an error its function foresees."""
+
+    problem: str
+    remedy: str
+
+
+class Jobs(Generic[_Name]):
+    """Jobs at the workers, each with a name for whoever began it; begun again where a worker dies."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._submit = partial(client.submit, pure=False, retries=_RETRIES)
+        self._running: dict[Any, _Name] = {}
+
+    def __len__(self) -> int:
+        return len(self._running)
+
+    @property
+    def places(self) -> int:
+        """How many jobs the workers do at the same time."""
+        threads: list[int] = list(self._client.ncores().values())
+        return max(1, sum(threads))
+
+    def begin(self, name: _Name, function: Callable[..., Any], *arguments: Any) -> None:
+        """Have a worker call the function."""
+        self._running[self._submit(function, *arguments)] = name
+
+    def ended(self) -> Iterator[tuple[_Name, Any]]:
+        """What came of jobs that are over, waiting a moment for the next one: what the function gave, or `Broken`."""
+        from distributed import wait
+
+        try:
+            ready = wait(list(self._running), timeout=_WAIT, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            return
+        for future in ready:
+            yield self._running.pop(future), _result(future)
+
+    def cancel(self) -> None:
+        """Give up what is not over."""
+        self._client.cancel(list(self._running))
+
+
+def _result(future: Any) -> Any:
+    error = future.exception()
+    if error is None:
+        return future.result()
+    if type(error).__name__ == "KilledWorker":
+        return Broken(f"its worker died {_RETRIES + 1} times", "fewer --workers, if memory is short")
+    return Broken(f"{type(error).__name__}: {error}", "please report it, with the file")
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """A `distributed.Client` of workers. local: started here for this command, with its compiled code and CPUs."""
+
+    client: Any
+    local: bool
 
 
 @contextmanager
-def connected(address: str | None, workers: int | None) -> Iterator[Any]:
-    """A `distributed.Client`. address: of a scheduler; None: of workers started here, one a CPU unless stated.
+def connected(address: str | None, workers: int | None) -> Iterator[Cluster]:
+    """Workers. address: of their scheduler; None: some are started here, one a CPU unless stated.
 
     Raises `UserError` without Dask, `RunError` for a scheduler that cannot be reached.
     """
     try:
+        import dask
         from distributed import Client, LocalCluster
     except ImportError as error:
         raise UserError(
@@ -32,9 +106,10 @@ def connected(address: str | None, workers: int | None) -> Iterator[Any]:
                 "  remedy: start one with `dask scheduler`, and workers with `dask worker ADDRESS`"
             ) from error
         with client:
-            yield client
+            yield Cluster(client, local=False)
         return
     with (
+        dask.config.set(_SELDOM),
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -42,7 +117,7 @@ def connected(address: str | None, workers: int | None) -> Iterator[Any]:
             dashboard_address="127.0.0.1:0",  # None is not none, but port 8787
             memory_limit=0,  # a file takes what it takes, whatever its length; compiling takes more for once
             silence_logs=logging.ERROR,
-        ) as local,
-        Client(local) as client,
+        ) as processes,
+        Client(processes) as client,
     ):
-        yield client
+        yield Cluster(client, local=True)

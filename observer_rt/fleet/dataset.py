@@ -2,14 +2,15 @@
 
 injections/injector=NAME/SHA256.parquet   rows of one file, `columns.SCHEMA` without the injector
 done.jsonl                                a line for every file whose rows are written
-errors.parquet                            files without rows, and why
+errors.jsonl                              while a batch runs: a line for every file without rows, and why
+errors.parquet                            the same, once it is over
 batch.json                                by which model and how: another one needs another folder
 """
 
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from urllib.parse import quote
 
 import pyarrow as pa
@@ -25,12 +26,16 @@ from observer_rt.foundation.file_errors import file_errors
 
 INJECTIONS = "injections"
 _DONE, _ERRORS, _SETTINGS = "done.jsonl", "errors.parquet", "batch.json"
-_FAILED = pa.schema([("file", pa.string()), ("sha256", pa.string()), ("problem", pa.string())])
+_ERRORS_SO_FAR = "errors.jsonl"
+_FAILED = pa.schema([(name, pa.string()) for name in ("file", "sha256", "injector", "problem")])
 _PARTITION = "injector"
 
 
 class Dataset:
-    """Takes results in whatever order; what is there when the power fails is whole, and is not done again."""
+    """Takes results in whatever order; what is there when the power fails is whole, and is not done again.
+
+    A context in which files are evaluated: what failed in an earlier one is forgotten, as it is tried again.
+    """
 
     def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
         """settings: what the rows depend on beside the files. Raises `UserError` for a folder with others."""
@@ -64,28 +69,27 @@ class Dataset:
         self.injections += rows.num_rows
 
     def take_failure(self, failed: Failed) -> None:
-        """A file without rows, into the table of errors."""
+        """A file without rows, or one that discovery could not take."""
         self._failed.append(failed)
-        columns = {
-            "file": [str(each.path) for each in self._failed],
-            "sha256": [each.sha256 for each in self._failed],
-            "problem": [each.problem for each in self._failed],
-        }
-        self._write_table(self.folder / _ERRORS, pa.table(columns, _FAILED))
+        with file_errors(self.folder), (self.folder / _ERRORS_SO_FAR).open("a", encoding="utf-8") as errors:
+            errors.write(json.dumps(_row(failed)) + "\n")
 
-    def forget_failures(self) -> None:
-        """Files that failed in an earlier run are tried again."""
+    def __enter__(self) -> Self:
         with file_errors(self.folder):
-            (self.folder / _ERRORS).unlink(missing_ok=True)
+            for name in (_ERRORS, _ERRORS_SO_FAR):
+                (self.folder / name).unlink(missing_ok=True)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._failed:
+            table = pa.Table.from_pylist([_row(each) for each in self._failed], _FAILED)
+            write_table(self.folder / _ERRORS, table)
+            (self.folder / _ERRORS_SO_FAR).unlink()
 
     def _write(self, sha256: str, injector: str, rows: pa.Table) -> None:
         place = self.folder / INJECTIONS / f"{_PARTITION}={quote(injector, safe='')}"
         place.mkdir(exist_ok=True)
-        self._write_table(place / f"{sha256}.parquet", rows.drop_columns([_PARTITION]))
-
-    def _write_table(self, path: Path, table: pa.Table) -> None:
-        with file_errors(path), replacing(path) as part:
-            pq.write_table(table, part)
+        write_table(place / f"{sha256}.parquet", rows.drop_columns([_PARTITION]))
 
     def _read_done(self) -> set[str]:
         path = self.folder / _DONE
@@ -110,6 +114,21 @@ class Dataset:
                 f"holds the results of another batch: {', '.join(other)} differ",
                 "name another folder",
             )
+
+
+def write_table(path: Path, table: pa.Table) -> None:
+    """A table as Parquet, whole whenever somebody looks."""
+    with file_errors(path), replacing(path) as part:
+        pq.write_table(table, part)
+
+
+def _row(failed: Failed) -> dict[str, str | None]:
+    return {
+        "file": None if failed.path is None else str(failed.path),
+        "sha256": failed.sha256,
+        "injector": failed.injector or None,
+        "problem": failed.problem,
+    }
 
 
 def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.Table:

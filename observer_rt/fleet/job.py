@@ -2,9 +2,8 @@
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,11 @@ import pyarrow as pa
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
-from observer_rt.config.own_effects import use_effects
 from observer_rt.evaluation.sources import open_source
 from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.fleet.columns import SCHEMA, row_of
 from observer_rt.fleet.names import InjectorNames
+from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.foundation.file_hash import file_hash
 from observer_rt.model.effects import effective_model
@@ -32,23 +31,28 @@ _MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since
 class Task:
     """What is the same for all files. knowledge: learned before, to start each file with.
 
-    pattern: as of `InjectorNames`; effects: files with effects of the user's own.
+    folder: where relative paths begin; pattern: as of `InjectorNames`.
     """
 
     bench: Bench
+    folder: Path
     knowledge: Knowledge | None = None
     learning: bool = True
     pattern: str | None = None
-    effects: tuple[Path, ...] = ()
+    effects: OwnEffects = field(default_factory=OwnEffects)
 
 
 @dataclass(frozen=True)
 class Failed:
-    """Why a file has no rows; sha256: empty where it could not even be read."""
+    """Why a file has no rows, or no part in the discovery of an injector; sha256: empty where it could not be read.
 
-    path: Path
+    path: None where it is the discovery that failed.
+    """
+
+    path: Path | None
     sha256: str
     problem: str
+    injector: str = ""
 
 
 def hashed(path: Path) -> str | Failed:
@@ -61,8 +65,8 @@ def hashed(path: Path) -> str | Failed:
 
 def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | Failed:
     """The file's injections as rows of `SCHEMA`, of every injector of the bench."""
-    _use(task.effects)
     try:
+        task.effects.use()
         rows = [row for alone in task.bench.each for row in _rows(task, path, sha256, alone)]
     except ObserverError as error:
         return Failed(path, sha256, str(error))
@@ -71,20 +75,15 @@ def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | Failed:
     return pa.Table.from_pylist(rows, SCHEMA)
 
 
-@cache
-def _use(effects: tuple[Path, ...]) -> None:
-    """Once in a worker."""
-    use_effects(effects)
-
-
 def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[str, Any]]:
     """Of one injector."""
     name = InjectorNames(task.pattern).of(path, alone)
-    source = open_source(path, alone, (), Console(quiet=True))
+    place = task.folder / path
+    source = open_source(place, alone, (), Console(quiet=True))
     learning = task.learning and alone.injector.config.learning.enabled
     (evaluation,), _ = evaluate_stream(alone, [source], knowledge=task.knowledge, learning=learning)
     c = effective_model(alone.injector.parameters).coefficients
-    zero = _zero(path, source)
+    zero = _zero(place, source)
     for result in evaluation.injections:
         yield {
             **row_of(result, evaluation.has_energizing, c),

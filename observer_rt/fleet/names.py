@@ -74,6 +74,7 @@ class InjectorNames:
         if self._pattern is None:
             return own
         found = self._pattern.search(str(path))
-        if found is None:
+        name = found and (found[1] if found.groups() else found[0])
+        if not name:
             raise UserError(str(path), f"'{self._pattern.pattern}' is not in its path", f"see {self.OPTION}")
-        return found[1] if found.groups() else found[0]
+        return name

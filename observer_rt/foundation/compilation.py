@@ -114,6 +114,16 @@ def is_kept(function: str) -> bool:
     return any(Path(os.environ[_VARIABLE]).rglob(f"{function}-*.nbi"))
 
 
+def note_complete(work: str) -> None:
+    """Remember that all code is in the cache that a kind of work needs: it was done."""
+    Path(os.environ[_VARIABLE], f"{work}.complete").touch()
+
+
+def is_complete(work: str) -> bool:
+    """Whether a kind of work was done with this state of the source: it compiles nothing any more."""
+    return Path(os.environ[_VARIABLE], f"{work}.complete").exists()
+
+
 def _first_usable(name: str) -> CompiledCode:
     """The folder `name` in the user's own cache, else in a temporary one."""
     chosen = os.environ.get(_VARIABLE)

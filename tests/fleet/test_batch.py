@@ -1,14 +1,8 @@
 """A batch on a real cluster of processes: nothing is lost, doubled or done again, whatever is killed or damaged."""
 
-import json
 import shutil
-import subprocess
-import sys
-import time
-from collections.abc import Sequence
 from pathlib import Path
 
-import psutil
 import pyarrow.parquet as pq
 import pytest
 
@@ -21,10 +15,10 @@ from observer_rt.recording.formats import open_recording, write_recording
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
+from tests.fleet.running import PATIENCE, ended, started, wait_until, workers_of
 
 pytestmark = pytest.mark.slow
 INJECTIONS = 6
-PATIENCE = 300.0  # s
 
 
 @pytest.fixture(scope="module")
@@ -46,34 +40,11 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def started(*arguments: str | Path) -> "subprocess.Popen[str]":
-    words = [sys.executable, "-m", "observer_rt", "batch", *map(str, arguments), "--json", "--workers", "2"]
-    pattern = ["--injector-from", r"injector_(\d)"]
-    return subprocess.Popen([*words, *pattern], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def ended(process: "subprocess.Popen[str]") -> dict[str, int]:
-    out, err = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0, err
-    said: dict[str, int] = json.loads(out)
-    return said
-
-
-def workers_of(process: "subprocess.Popen[str]") -> Sequence[psutil.Process]:
-    """The processes that evaluate: what the command has started, but for the tracker of their resources."""
-    children = psutil.Process(process.pid).children(recursive=True)
-    return [each for each in children if "spawn_main" in " ".join(each.cmdline())]
-
-
 def test_a_killed_worker_loses_and_doubles_nothing_and_a_bad_file_is_a_row(
     recordings: Path, tmp_path: Path
 ) -> None:
     process = started(recordings, "--out", tmp_path)
-    end = time.monotonic() + PATIENCE
-    while not (tmp_path / "done.jsonl").exists():
-        assert process.poll() is None, process.communicate()[1]
-        assert time.monotonic() < end
-        time.sleep(0.02)
+    wait_until(process, (tmp_path / "done.jsonl").exists)
     workers_of(process)[0].kill()
     said = ended(process)
 
@@ -98,10 +69,7 @@ def test_a_killed_worker_loses_and_doubles_nothing_and_a_bad_file_is_a_row(
 
 def test_an_interrupted_batch_goes_on(recordings: Path, tmp_path: Path) -> None:
     process = started(recordings, "--out", tmp_path)
-    end = time.monotonic() + PATIENCE
-    while not (tmp_path / "done.jsonl").exists():
-        assert time.monotonic() < end
-        time.sleep(0.02)
+    wait_until(process, (tmp_path / "done.jsonl").exists)
     process.terminate()
     _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1

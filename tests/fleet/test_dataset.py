@@ -1,5 +1,6 @@
 """The folder of a batch: whole whenever it is looked at, and nothing in it twice."""
 
+import json
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -45,13 +46,44 @@ def test_another_model_needs_another_folder(tmp_path: Path) -> None:
         Dataset(tmp_path, {**SETTINGS, "learning": False})
 
 
-def test_failures_are_a_table(tmp_path: Path) -> None:
-    dataset = Dataset(tmp_path, SETTINGS)
-    dataset.take_failure(Failed(Path("bad.csv"), "cc", "bad.csv: is empty"))
+def test_failures_are_a_table_of_the_last_run(tmp_path: Path) -> None:
+    with Dataset(tmp_path, SETTINGS) as dataset:
+        dataset.take_failure(Failed(Path("bad.csv"), "cc", "bad.csv: is empty"))
+        dataset.take_failure(Failed(None, "", "no answer", "left"))
     table = pq.read_table(tmp_path / "errors.parquet").to_pylist()
-    assert table == [{"file": "bad.csv", "sha256": "cc", "problem": "bad.csv: is empty"}]
-    dataset.forget_failures()
+    assert table == [
+        {"file": "bad.csv", "sha256": "cc", "injector": None, "problem": "bad.csv: is empty"},
+        {"file": None, "sha256": "", "injector": "left", "problem": "no answer"},
+    ]
+    assert not (tmp_path / "errors.jsonl").exists()
+    with Dataset(tmp_path, SETTINGS):
+        pass
     assert not (tmp_path / "errors.parquet").exists()
+
+
+def test_failures_are_there_while_a_batch_runs_and_when_it_is_interrupted(tmp_path: Path) -> None:
+    def run() -> None:
+        with Dataset(tmp_path, SETTINGS) as dataset:
+            for name in ("a", "b"):
+                dataset.take_failure(Failed(Path(name), "", f"{name}: is empty"))
+            lines = (tmp_path / "errors.jsonl").read_text().splitlines()
+            assert [json.loads(line)["file"] for line in lines] == ["a", "b"]
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run()
+    assert pq.read_table(tmp_path / "errors.parquet")["file"].to_pylist() == ["a", "b"]
+
+
+def test_a_failure_costs_the_same_however_many_there_were(tmp_path: Path) -> None:
+    written = []
+    with Dataset(tmp_path, SETTINGS) as dataset:
+        for number in range(200):
+            before = {path: path.stat().st_size for path in tmp_path.iterdir()}
+            dataset.take_failure(Failed(Path(f"{number:03}.csv"), "", "is empty"))
+            written.append(sum(path.stat().st_size - before.get(path, 0) for path in tmp_path.iterdir()))
+            assert all(path.stat().st_size >= size for path, size in before.items())
+    assert len(set(written)) == 1
 
 
 def test_a_folder_that_is_none_of_a_batch_is_refused(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def _rows(runs: Sequence[Run], documents: Sequence[Document]) -> Iterator[tuple[
     if any(document.rivals for document in documents):
         yield "or", [", ".join("+".join(ids) for ids in document.rivals) or "-" for document in documents]
     for key in dict.fromkeys(key for run in runs for key in run.sizes()):
-        yield " ".join(key), [_size(run.sizes().get(key)) for run in runs]
+        yield " ".join(key), [size_text(run.sizes().get(key)) for run in runs]
     switches = dict.fromkeys(e.id for document in documents for e in document.effects if not e.parameters)
     for effect in switches:
         yield effect, ["found" if effect in [e.id for e in d.effects] else "-" for d in documents]
@@ -65,7 +65,8 @@ def _rows(runs: Sequence[Run], documents: Sequence[Document]) -> Iterator[tuple[
     yield "recordings", ["\n".join(document.recordings) for document in documents]
 
 
-def _size(size: Size | None) -> str:
+def size_text(size: Size | None) -> str:
+    """A size with its 95 % interval, digits as that deserves; a dash for none."""
     if size is None:
         return "-"
     step = significant(max(size.value - size.ci95[0], size.ci95[1] - size.value))

@@ -1,0 +1,91 @@
+"""The folder of an answer: report, findings, amended model, and the fits of a search that was interrupted."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from observer_rt.discovery.answer import Question
+from observer_rt.discovery.findings import Findings, Sources
+from observer_rt.discovery.injector_text import InjectorText, write_amended
+from observer_rt.discovery.report.data import remove_data, write_data
+from observer_rt.discovery.report.document import as_json
+from observer_rt.discovery.report.report import report
+from observer_rt.discovery.search.fit_store import FitStore, problem_key
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.file_hash import file_hash
+from observer_rt.model.effect import SizedEffect
+from observer_rt.terminal.destinations import check_folder
+
+FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
+DATA = "data"
+ANSWER = (REPORT, FINDINGS, AMENDED, DATA)
+
+
+@dataclass(frozen=True)
+class InjectorFile:
+    """The injector file of a question: its name, SHA-256 and text."""
+
+    name: str
+    sha256: str
+    text: InjectorText
+
+    @classmethod
+    def read(cls, path: Path) -> "InjectorFile":
+        """Raises `UserError` for a file to which no effect can be added."""
+        return cls(path.name, file_hash(path), InjectorText(path))
+
+
+def make_folder(folder: Path) -> None:
+    """The folder, if it is not there. Raises `UserError` where it cannot be made or written."""
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"--out {folder}", "is a file", "name a folder")
+    with file_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    check_folder("--out", folder)
+
+
+def fits_in(folder: Path, question: Question, stated: Sequence[SizedEffect]) -> FitStore:
+    """Where the search for an answer keeps its fits, and finds those of an interrupted one."""
+    parts = [
+        f"{sha256} {one.recording.samples}"  # of a long one it depends on the command how much is kept
+        for sha256, one in zip(question.hashes.values(), question.measured, strict=True)
+    ]
+    with file_errors(folder):
+        return FitStore(folder / FITS, problem_key(question.parameters, parts, stated))
+
+
+def write_answer(
+    folder: Path,
+    question: Question,
+    found: Findings,
+    injector: InjectorFile,
+    healthy: Sequence[Path],
+    data: bool = False,
+) -> str:
+    """Everything into the folder, and back what findings.json says. data: figures and numbers as files, too.
+
+    What an earlier run left there and this one does not make is removed.
+    """
+    sources = Sources(
+        model=injector.name,
+        model_hash=injector.sha256,
+        in_force=tuple(effect.id for effect in question.parameters.effects),
+        recordings=question.hashes,
+        healthy=tuple(path.name for path in healthy),
+        made=datetime.now(),
+    )
+    document = json.dumps(as_json(found, sources), indent=2)
+    with file_errors(folder):
+        (folder / FINDINGS).write_text(document + "\n", encoding="utf-8")
+        (folder / REPORT).write_text(report(found, sources), encoding="utf-8")
+        remove_data(folder / DATA)
+        if data:
+            write_data(folder / DATA, found)
+        if found.in_force:
+            write_amended(folder / AMENDED, injector.text, found.in_force)
+        else:
+            (folder / AMENDED).unlink(missing_ok=True)
+    return document

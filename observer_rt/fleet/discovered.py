@@ -1,0 +1,178 @@
+"""What discovery says of every injector: which answers are there, and one table of them.
+
+discovered/INJECTOR/             report.html, findings.json, amended.toml as `discover` writes them
+discovered/INJECTOR/group.json   what the answer belongs to, and the recordings that could not be taken
+discovered.parquet               a row an injector, `SCHEMA`, the most affected first
+"""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from observer_rt.discovery.folder import AMENDED, REPORT
+from observer_rt.discovery.report.run_table import size_text
+from observer_rt.discovery.runs import Document, Run
+from observer_rt.evaluation.replacing import replacing
+from observer_rt.fleet.dataset import write_table
+from observer_rt.fleet.groups import Group
+from observer_rt.fleet.inquiry import Ended
+from observer_rt.fleet.job import Failed
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
+
+FOLDER, TABLE = "discovered", "discovered.parquet"
+_GROUP = "group.json"
+_FILES = {"report": REPORT, "amended": AMENDED}
+_FLOOR = "line_pressure_noise_floor_MPa"
+_GAPS = {"line_pressure": "MPa", "injection_rate": "mm3_per_ms", "injected_mass": "mg"}
+_WORDS = ("verdict", "effects", "sizes", "parameter", "unit", "caveats", "rivals")
+_NUMBERS = (
+    "size",
+    "size_low",
+    "size_high",
+    "confidence",
+    *(f"{name}_{when}_{unit}" for name, unit in _GAPS.items() for when in ("before", "after")),
+    _FLOOR,
+)
+SCHEMA = pa.schema(
+    [
+        ("injector", pa.string()),
+        ("recordings", pa.int64()),
+        ("judged", pa.int64()),
+        ("left_out", pa.int64()),
+        *((name, pa.string()) for name in _WORDS),
+        *((name, pa.float64()) for name in _NUMBERS),
+        ("report", pa.string()),
+        ("amended", pa.string()),
+        ("problem", pa.string()),
+    ]
+)
+"""recordings: there are; judged: of these, the latest; left_out: could not be taken. parameter, size, unit: of the
+first effect, `_low`, `_high` its 95 % interval; sizes: of all, in words. report, amended: files below the folder."""
+
+
+class _LeftOut(BaseModel):
+    model_config = ConfigDict(frozen=True)
+    file: str
+    sha256: str
+    problem: str
+
+
+class _Note(BaseModel):
+    """Kept of a group beside its answer; key: of the group; problem: why there is no answer, if there is none."""
+
+    model_config = ConfigDict(frozen=True)
+    injector: str
+    key: str
+    recordings: int
+    left_out: tuple[_LeftOut, ...] = ()
+    problem: str = ""
+
+
+class Answers:
+    """Answers by injector; what is there when the power fails is whole, and is not looked for again."""
+
+    def __init__(self, folder: Path) -> None:
+        """folder: of the batch."""
+        self._folder = folder
+        self.place = folder / FOLDER
+        with file_errors(self.place):
+            self.place.mkdir(exist_ok=True)
+
+    def left_out(self, group: Group, key: str) -> tuple[Failed, ...] | None:
+        """The recordings that could not be taken, where the group's answer is there; None: it is not."""
+        note = _read(self.place / group.folder)
+        if note is None or note.problem or note.key != key:
+            return None
+        return tuple(Failed(Path(one.file), one.sha256, one.problem, group.injector) for one in note.left_out)
+
+    def take(self, group: Group, key: str, ended: Ended) -> None:
+        """The answer is written, or there is none."""
+        lines = [
+            _LeftOut(file=str(one.path), sha256=one.sha256, problem=one.problem) for one in ended.left_out
+        ]
+        note = _Note(
+            injector=group.injector,
+            key=key,
+            recordings=group.recordings,
+            left_out=tuple(lines),
+            problem=ended.problem,
+        )
+        place = self.place / group.folder
+        with file_errors(place):
+            place.mkdir(exist_ok=True)
+            with replacing(place / _GROUP) as part:
+                part.write_text(note.model_dump_json(indent=2), encoding="utf-8")
+
+    def table(self) -> pa.Table:
+        """All there are, written as a table: a row an injector, the most affected first."""
+        rows = sorted(self._rows(), key=_affected, reverse=True)
+        table = pa.Table.from_pylist(rows, SCHEMA)
+        write_table(self._folder / TABLE, table)
+        return table
+
+    def _rows(self) -> Iterator[dict[str, Any]]:
+        for place in sorted(self.place.iterdir()):
+            if (note := _read(place)) is not None:
+                yield self._row(place, note)
+
+    def _row(self, place: Path, note: _Note) -> dict[str, Any]:
+        row: dict[str, Any] = {
+            "injector": note.injector,
+            "recordings": note.recordings,
+            "left_out": len(note.left_out),
+        }
+        if note.problem:
+            return row | {"problem": note.problem}
+        try:
+            document = Run.read(place).document
+        except UserError as error:
+            return row | {"problem": str(error)}
+        files: dict[str, str | None] = {
+            name: str((place / file).relative_to(self._folder)) for name, file in _FILES.items()
+        }
+        if not (place / AMENDED).exists():
+            files["amended"] = None
+        return row | said_of(document) | files
+
+
+def _read(place: Path) -> _Note | None:
+    try:
+        return _Note.model_validate_json((place / _GROUP).read_bytes())
+    except (OSError, ValidationError):
+        return None
+
+
+def said_of(document: Document) -> dict[str, Any]:
+    """The findings of a run in one row, by column."""
+    named = [(each.id, name, size) for each in document.effects for name, size in each.parameters.items()]
+    row: dict[str, Any] = {
+        "judged": len(document.recordings),
+        "verdict": document.verdict,
+        "effects": " + ".join(each.id for each in document.effects),
+        "sizes": "; ".join(f"{name} = {size_text(size)}" for _, name, size in named),
+        "confidence": document.confidence,
+        "caveats": "; ".join(each.words for each in document.caveats),
+        "rivals": ", ".join(" + ".join(ids) for ids in document.rivals),
+    }
+    if named:
+        _, name, size = named[0]
+        low, high = size.ci95
+        row |= {"parameter": name, "size": size.value, "size_low": low, "size_high": high, "unit": size.unit}
+    for signal, unit in _GAPS.items():
+        gap = document.gap.get(signal) or {}
+        row |= {f"{signal}_{when}_{unit}": gap.get(f"{when}_{unit}") for when in ("before", "after")}
+    row[_FLOOR] = (document.gap.get("line_pressure") or {}).get("noise_floor_MPa")
+    return row
+
+
+def _affected(row: dict[str, Any]) -> float:
+    """How far the line pressure is from the model beyond its noise [MPa]: whatever is missing shows there."""
+    off, floor = row.get("line_pressure_before_MPa"), row.get(_FLOOR)
+    if off is None:
+        return math.inf if "verdict" in row else -1.0
+    return math.sqrt(max(0.0, off**2 - (floor or 0.0) ** 2))

@@ -1,0 +1,145 @@
+"""`observer-rt batch --discover`: what is missing in the model, injector by injector."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+from rich.table import Table
+
+from observer_rt.config.bench import Bench
+from observer_rt.discovery.folder import REPORT
+from observer_rt.fleet.answer_table import answer_table
+from observer_rt.fleet.cluster import Broken, Jobs
+from observer_rt.fleet.dataset import Dataset, read_injections
+from observer_rt.fleet.discovered import FOLDER, SCHEMA, Answers
+from observer_rt.fleet.groups import NEEDED, Group, Kind, groups_of, kinds_of
+from observer_rt.fleet.inquiry import Ended, Inquiry, discovered
+from observer_rt.fleet.job import Failed
+from observer_rt.fleet.vocabulary import OwnEffects
+from observer_rt.fleet.work import Work
+from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.file_hash import file_hash
+from observer_rt.terminal.console import progress_bar
+
+_WAITING = 2  # groups at a worker, so that it need not wait for the next
+
+
+@dataclass(frozen=True)
+class Discovering:
+    """What is asked of every injector. healthy: recordings the model is judged against, by path, with SHA-256."""
+
+    kinds: tuple[Kind, ...]
+    healthy: Mapping[Path, str]
+    effects: OwnEffects
+
+    @classmethod
+    def of(
+        cls, bench: Bench, pattern: str | None, healthy: Sequence[Path], effects: OwnEffects
+    ) -> "Discovering":
+        """Raises `UserError` for files with which discovery could not begin."""
+        hashes = {}
+        for path in healthy:
+            with file_errors(path):
+                hashes[path.absolute()] = file_hash(path)
+        return cls(kinds_of(bench, pattern), hashes, effects)
+
+    def of_groups(self, work: Work, files: Mapping[str, Path], dataset: Dataset) -> "Found":
+        """Have the workers look for what is missing in every injector. files: those of this run by SHA-256.
+
+        Raises `RunError` when it is interrupted.
+        """
+        answers, found = Answers(dataset.folder), Found(SCHEMA.empty_table())
+        groups = groups_of(read_injections(dataset.folder, NEEDED), files, self.kinds)
+        keys = {group.injector: group.key(tuple(self.healthy.values())) for group in groups}
+        waiting: list[Group] = []
+        for group in groups:
+            left_out = answers.left_out(group, keys[group.injector])
+            if left_out is None:
+                waiting.append(group)
+            else:
+                found.skipped += 1
+                _note(dataset, left_out)
+        with progress_bar(work.console, "looking for what is missing", len(waiting)) as progress:
+            for group, ended in _outcomes(work, self, answers.place, waiting):
+                answers.take(group, keys[group.injector], ended)
+                _note(dataset, ended.left_out)
+                if ended.problem:
+                    _note(dataset, [_failed(group, ended)])
+                found.failed += bool(ended.problem)
+                found.done += not ended.problem
+                progress(found.done + found.failed)
+        found.answers = answers.table()
+        if work.stop.is_set():
+            raise RunError(
+                f"interrupted; {found.done + found.skipped} of {len(groups)} injectors are done\n"
+                "  remedy: give the same command again to go on"
+            )
+        return found
+
+
+@dataclass
+class Found:
+    """How many injectors have an answer, from this run or an earlier one, or none; answers: all there are."""
+
+    answers: pa.Table
+    done: int = 0
+    skipped: int = 0
+    failed: int = 0
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs."""
+        counts = {"done": self.done, "skipped": self.skipped, "failed": self.failed}
+        return {**counts, "injectors": self.answers.to_pylist()}
+
+    def table(self) -> Table:
+        """For the screen."""
+        return answer_table(self.answers)
+
+    @property
+    def reports(self) -> str:
+        """Where they are in the folder of the batch."""
+        return f"{FOLDER}/INJECTOR/{REPORT}"
+
+    @property
+    def words(self) -> str:
+        """In a line."""
+        text = f"{self.done} injectors"
+        if self.skipped:
+            text += f"; {self.skipped} were done before"
+        if self.failed:
+            text += f"; {self.failed} have no answer"
+        return text
+
+
+def _outcomes(
+    work: Work, asked: Discovering, place: Path, groups: Sequence[Group]
+) -> Iterator[tuple[Group, Ended]]:
+    """What becomes of each group, as it becomes known."""
+    jobs: Jobs[Group] = Jobs(work.cluster.client)
+    threads = jobs.places // max(1, len(groups)) if work.cluster.local else 1
+    inquiry = Inquiry(Path.cwd(), place.absolute(), tuple(asked.healthy), asked.effects, max(1, threads))
+    remaining = iter(groups)
+    while not work.stop.is_set():
+        for group in islice(remaining, max(0, _WAITING * jobs.places - len(jobs))):
+            jobs.begin(group, discovered, inquiry, group)
+        if not jobs:
+            return
+        for group, result in jobs.ended():
+            if isinstance(result, Broken):
+                yield group, Ended(problem=f"{result.problem}\n  remedy: {result.remedy}")
+            else:
+                yield group, result
+    jobs.cancel()
+
+
+def _failed(group: Group, ended: Ended) -> Failed:
+    return Failed(None, "", f"injector {group.injector}: {ended.problem}", group.injector)
+
+
+def _note(dataset: Dataset, left_out: Sequence[Failed]) -> None:
+    for failed in left_out:
+        dataset.take_failure(failed)

@@ -1,0 +1,92 @@
+"""Which recordings discovery takes together, and when an answer is still that of its group."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench
+from observer_rt.config.own_effects import use_effects
+from observer_rt.fleet.groups import MOST_RECORDINGS, NEEDED, Group, groups_of, kinds_of
+from observer_rt.foundation.errors import UserError
+from tests.engine import write_bench
+from tests.fleet.rows import rows
+from tests.pages import Page
+
+
+def grouped(*tables: pa.Table, files: dict[str, Path] | None = None) -> list[Group]:
+    table = pa.concat_tables(tables).select(NEEDED)
+    known = {name: Path(f"{name}.csv") for name in table["sha256"].to_pylist()}
+    return groups_of(table, known if files is None else files, kinds_of(load_bench(), "named_by_rows"))
+
+
+def test_an_injector_is_a_group_its_latest_recording_first() -> None:
+    two, one = grouped(
+        rows("aa", "worn", [0.1, 0.2], day=3),
+        rows("bb", "worn", [0.1], day=7),
+        rows("cc", "new", [0.1]),
+    )[::-1]
+    assert (one.injector, two.injector) == ("new", "worn")
+    assert two.files == ((Path("bb.csv"), "bb"), (Path("aa.csv"), "aa"))
+    assert two.recordings == 2
+
+
+def test_only_recordings_of_this_run_count() -> None:
+    """Others may be anywhere by now."""
+    (group,) = grouped(rows("aa", "one", [0.1]), rows("bb", "two", [0.1]), files={"aa": Path("moved/aa.csv")})
+    assert group.files == ((Path("moved/aa.csv"), "aa"),)
+
+
+def test_of_many_recordings_the_latest_are_taken() -> None:
+    (group,) = grouped(*(rows(f"{day:03}", "one", [0.1], day=day) for day in range(40)))
+    assert [sha256 for _, sha256 in group.files] == [
+        f"{day:03}" for day in range(39, 39 - MOST_RECORDINGS, -1)
+    ]
+    assert group.recordings == 40
+
+
+def test_an_answer_is_that_of_its_recordings_model_healthy_ones_and_vocabulary(tmp_path: Path) -> None:
+    (group,) = grouped(rows("aa", "one", [0.1]), rows("bb", "one", [0.1], day=1))
+    key = group.key(("hh",))
+    assert replace(group, files=group.files[::-1]).key(("hh",)) == key
+    assert replace(group, files=group.files[:1]).key(("hh",)) != key
+    assert group.key(()) != key
+    model = tmp_path / "injector.toml"
+    model.write_text(NOMINAL_INJECTOR.read_text() + "# by drawing\n")
+    (other,) = kinds_of(load_bench(model=model), None)
+    assert replace(group, kind=other).key(("hh",)) != key
+    own = tmp_path / "my_effects.py"
+    own.write_text(Page("docs/effects.md").fenced("python")[0])
+    try:
+        use_effects([own])
+        assert group.key(("hh",)) != key
+    finally:
+        use_effects([])
+    assert group.key(("hh",)) == key
+
+
+@pytest.mark.parametrize("name", ["a/b", "..", ".", "é 7", "C:x"])
+def test_any_name_of_an_injector_has_a_folder_below(name: str, tmp_path: Path) -> None:
+    (group,) = grouped(rows("aa", name, [0.1]))
+    place = tmp_path / group.folder
+    assert place.resolve().parent == tmp_path.resolve()
+    place.mkdir()
+
+
+def test_injectors_of_a_bench_are_groups_of_their_own_models(tmp_path: Path) -> None:
+    write_bench(tmp_path)
+    bench = load_bench(tmp_path / "engine.toml")
+    table = pa.concat_tables([rows("aa", "left", [0.1]), rows("aa", "right", [0.1])]).select(NEEDED)
+    found = groups_of(table, {"aa": Path("aa.log")}, kinds_of(bench, None))
+    assert [(each.injector, each.kind.alone.injector.name) for each in found] == [
+        ("left", "left"),
+        ("right", "right"),
+    ]
+    assert found[1].kind.file.name == "right.toml"
+
+
+def test_a_pattern_cannot_name_several_injectors(tmp_path: Path) -> None:
+    write_bench(tmp_path)
+    with pytest.raises(UserError, match="--injector left"):
+        kinds_of(load_bench(tmp_path / "engine.toml"), r"run_(\d+)")

@@ -35,7 +35,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # units in brackets are not markup
     help="Estimates the injection rate of a common-rail injector in real time, from CAN back onto CAN.",
-    epilog=f"Every command explains itself with -h. Results go to stdout, progress and errors to stderr.\n\n{EXIT_CODES}",
+    epilog="Every command explains itself with -h. Results go to stdout, progress and errors to stderr.\n\n"
+    + EXIT_CODES,
 )
 messages = Console(stderr=True)
 

@@ -52,7 +52,7 @@ def decoded(messages: Iterator[can.Message], name: str) -> list[dict[str, float]
     assert isinstance(database, Database)
     wanted = database.get_message_by_name(name)
     return [
-        wanted.decode(message.data, decode_choices=False)  # type: ignore[misc]
+        wanted.decode(message.data, decode_choices=False)
         for message in messages
         if message.arbitration_id == wanted.frame_id
     ]

@@ -32,6 +32,10 @@ NOT_RUN = {  # with the reason, and what looks after it instead
     "sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up": (
         "below: it is what `check` tells; the tests on a bus have one"
     ),
+    "tools/vcan bash -c 'observer-rt run --bench bench.toml --json & sleep 60; observer-rt replay worn.csv "
+    "--bench bench.toml --speed 0.1; sleep 2; kill %1; wait'": (
+        "test_on_vcan_pages.py types its two commands inside one such line"
+    ),
     "sudo prlimit --pid $$ --rtprio=99 --memlock=unlimited": (
         "it changes the shell; test_checkup.py sees that `check` tells it"
     ),
@@ -109,6 +113,15 @@ def test_the_commands_on_recordings(command: Command, desk: Path) -> None:
     mine, worn = read_recording(Path("mine.mf4")), read_recording(Path("worn.csv"))
     np.testing.assert_allclose(mine.needle_lift, worn.needle_lift, atol=1e-8)
     np.testing.assert_allclose(mine.rail_pressure, worn.rail_pressure, rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_the_commands_for_other_tools(command: Command, desk: Path) -> None:
+    assert command("simulate", "--injections", 4, *WORN, "--output", "worn.csv").code == 0
+    assert command("convert", "worn.csv", "made.log", "--bench", "bench.toml").code == 0
+    assert command("convert", "made.log", "bus.blf").code == 0
+    run_all(command, without_bus(Page("docs/measurement-tools.md")))
+    assert {"bus.asc", "bus.mf4", "signals.mf4", "trace.mf4"} <= {path.name for path in desk.iterdir()}
 
 
 def write_mine(page: Page, like: Path) -> None:

@@ -39,7 +39,7 @@ def connected(address: str | None, workers: int | None) -> Iterator[Any]:
             n_workers=workers,
             threads_per_worker=1,
             host="127.0.0.1",
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",  # None is not none, but port 8787
             memory_limit=0,  # a file takes what it takes, whatever its length; compiling takes more for once
             silence_logs=logging.ERROR,
         ) as local,

@@ -1,7 +1,9 @@
 """The figures of a run beside the bars they are judged by."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+
+from rich.table import Table
 
 from tools.benchmarks.speed.evaluated import ARRAYS, CAN_LOG, MDF4, PARQUET
 from tools.benchmarks.speed.injectors import NUMBERS
@@ -12,6 +14,7 @@ from tools.benchmarks.speed.traffic import SAMPLES
 
 EVALUATE_BARS = {ARRAYS: 0.8, PARQUET: 0.5, MDF4: 0.5, CAN_LOG: 0.5}
 """Of the core's speed, by what is evaluated."""
+_NOT_MEASURED = "-"
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,17 @@ class Figure:
         if self.at_most is not None:
             return f"<= {self.at_most:g}"
         return f">= {self.at_least:g}" if self.at_least is not None else ""
+
+
+def figures_table(figures: Sequence[Figure], what: str, load: tuple[float, float]) -> Table:
+    """Figures with their verdicts; load: of the machine, before and after."""
+    title = f"{what} (load {load[0]:.1f} before, {load[1]:.1f} after)"
+    table = Table("figure", "value", "bar", "", "against", title=title, title_justify="left")
+    for each in figures:
+        value = _NOT_MEASURED if each.value is None else f"{each.value:.4g}"
+        verdict = {None: "", True: "met", False: "MISSED"}[each.is_met]
+        table.add_row(each.name, value, each.bar, verdict, each.peer)
+    return table
 
 
 def figures(speed: Speed) -> list[Figure]:

@@ -1,46 +1,25 @@
 """How fast recordings run through `evaluate`, beside the compiled core alone on the same frames."""
 
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
-from unittest.mock import patch
 
-import numpy as np
 from rich.console import Console
 
-from observer_rt.bus.frame_block import FrameBlock
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import Bench, load_injector
+from observer_rt.config.bench import Bench
 from observer_rt.evaluation.convert import convert
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.streamed import evaluate_stream
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND
-from observer_rt.model.effects import sized
 from observer_rt.recording.formats import open_recording
-from observer_rt.recording.replay.device import Device
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream
-from observer_rt.service.core.core import Core
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import Event, Schedule, Shot
-from observer_rt.simulation.simulate import simulate
 from tools.benchmarks.scoring import bench_at
+from tools.benchmarks.speed.core_alone import Cost, Watch, core_alone, frames_of, repeated_injections
 from tools.benchmarks.speed.traffic import SAMPLE_RATE
 
 ARRAYS, PARQUET, MDF4, CAN_LOG = "arrays", "parquet", "mf4", "mf4 CAN log"
-INJECTIONS, PERIOD, ENERGIZING = 50, 40 * MILLISECOND, 1.2 * MILLISECOND  # 25 a second, of three pressures
 REPEATED = 15  # times: 30 s
 PASSES = 3
-
-
-class Cost(NamedTuple):
-    """Microseconds a sample: by the clock, and of processors, this process alone (MDF4 is read by another)."""
-
-    wall: float
-    processor: float
 
 
 @dataclass(frozen=True)
@@ -67,15 +46,13 @@ class EvaluateTimes:
 
 def measure_evaluate(folder: Path) -> EvaluateTimes:
     """Time the core and every source in turn, several times."""
-    bench, recording = bench_at(SAMPLE_RATE), _recording()
+    bench, recording = bench_at(SAMPLE_RATE), repeated_injections(REPEATED)
     sources = _sources(folder, bench, recording)
-    device, held = Device(map_bus(bench)), HeldSignals(recording)
-    device.begin(SAMPLE_RATE)
-    blocks = [block for chunk in device.chunks(held.chunks()) for block in device.blocks(chunk)]
-    core, verdicts = _Watch(), _Watch()
-    whole = {name: _Watch() for name in sources}
+    blocks = frames_of(bench, recording)
+    core, verdicts = Watch(), Watch()
+    whole = {name: Watch() for name in sources}
     for _ in range(1 + PASSES):
-        _core_alone(bench, blocks, core, verdicts)
+        core_alone(bench, blocks, core, verdicts)
         for name, opened in sources.items():
             with whole[name].runs():
                 evaluate_stream(bench, [opened()], learning=False)
@@ -83,47 +60,6 @@ def measure_evaluate(folder: Path) -> EvaluateTimes:
     samples = recording.samples
     found = {name: watch.least(samples) for name, watch in whole.items()}
     return EvaluateTimes(samples / SAMPLE_RATE, core.least(samples), verdicts.least(samples), found)
-
-
-class _Watch:
-    """Adds up what runs while it does, pass by pass."""
-
-    def __init__(self) -> None:
-        self._passes = [Cost(0.0, 0.0)]  # s; the last one is under way
-
-    @contextmanager
-    def runs(self) -> Iterator[None]:
-        wall, processor = time.perf_counter(), time.process_time()
-        yield
-        before = self._passes[-1]
-        self._passes[-1] = Cost(
-            before.wall + time.perf_counter() - wall, before.processor + time.process_time() - processor
-        )
-
-    def leave_out(self, other: "_Watch") -> None:
-        """What ran within."""
-        mine, theirs = self._passes[-1], other._passes[-1]
-        self._passes[-1] = Cost(mine.wall - theirs.wall, mine.processor - theirs.processor)
-
-    def end_pass(self) -> None:
-        self._passes.append(Cost(0.0, 0.0))
-
-    def least(self, samples: int) -> Cost:
-        """Of all but the first pass, which compiles; a sample."""
-        return Cost(*(min(times) / samples / MICROSECOND for times in zip(*self._passes[1:-1], strict=True)))
-
-
-def _recording() -> Recording:
-    """Injections of a worn injector, again and again."""
-    events = tuple(
-        Event((n + 0.5) * PERIOD, (60e6, 100e6, 140e6)[n * 3 // INJECTIONS], (Shot(ENERGIZING),))
-        for n in range(INJECTIONS)
-    )
-    schedule = Schedule(events, INJECTIONS * PERIOD - 1.0 / SAMPLE_RATE)
-    worn = (sized("orifice_area", v_H=0.2),)
-    once = simulate(load_injector(), schedule, SAMPLE_RATE, worn, NoiseLevels(), seed=1).recording
-    rail, lift, line = (np.tile(values, REPEATED) for values in once.signals.values())
-    return Recording(np.arange(rail.size) / SAMPLE_RATE, rail, lift, line)
 
 
 def _sources(folder: Path, bench: Bench, recording: Recording) -> dict[str, Callable[[], SignalStream]]:
@@ -143,28 +79,3 @@ def _sources(folder: Path, bench: Bench, recording: Recording) -> dict[str, Call
         MDF4: lambda: open_recording(mdf4, bench.injector),
         CAN_LOG: lambda: LoggedSignals(bench, log),
     }
-
-
-def _core_alone(bench: Bench, blocks: Sequence[FrameBlock], compiled: _Watch, beside: _Watch) -> None:
-    """One pass over the frames: compiled code by one watch, what is done beside it by the other."""
-    core = Core(bench.injector, map_bus(bench), learning=False)
-
-    def timed(call: Callable[..., Any]) -> Callable[..., Any]:
-        def run(*arguments: Any) -> Any:
-            with compiled.runs():
-                return call(*arguments)
-
-        return run
-
-    pipeline = core.compiled
-    with (
-        patch.object(pipeline, "take_many", timed(pipeline.take_many)),
-        patch.object(pipeline, "proceed", timed(pipeline.proceed)),
-        beside.runs(),
-    ):
-        for block in blocks:
-            core.handle_many(block)
-        core.finish()
-    beside.leave_out(compiled)
-    compiled.end_pass()
-    beside.end_pass()

@@ -7,19 +7,17 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from tools.benchmarks.speed.bars import figures
+from tools.benchmarks.speed.bars import figures, figures_table
 from tools.benchmarks.speed.evaluated import EvaluateTimes
 from tools.benchmarks.speed.injectors import InjectorsRow
 from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.roundtrip import ECHO, RoundTrips
 from tools.benchmarks.speed.training import USUAL, TrainingTimes
 
-_NOT_MEASURED = "-"
-
 
 def print_speed(speed: Speed, console: Console) -> None:
     """Every table there is something for."""
-    console.print(_figures_table(speed))
+    console.print(figures_table(figures(speed), "speed", speed.load))
     if speed.roundtrips:
         console.print(_round_trip_table(speed.roundtrips))
         for party, text in speed.roundtrips.said.items():
@@ -81,16 +79,6 @@ def speed_document(speed: Speed) -> dict[str, Any]:
 def link_of(speed: Speed) -> str | None:
     """Where the round trip was measured."""
     return speed.roundtrips.link if speed.roundtrips else None
-
-
-def _figures_table(speed: Speed) -> Table:
-    load = f"load {speed.load[0]:.1f} before, {speed.load[1]:.1f} after"
-    table = Table("figure", "value", "bar", "", "against", title=f"speed ({load})", title_justify="left")
-    for each in figures(speed):
-        value = _NOT_MEASURED if each.value is None else f"{each.value:.4g}"
-        verdict = {None: "", True: "met", False: "MISSED"}[each.is_met]
-        table.add_row(each.name, value, each.bar, verdict, each.peer)
-    return table
 
 
 def _round_trip_table(found: RoundTrips) -> Table:

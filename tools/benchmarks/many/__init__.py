@@ -1,0 +1,1 @@
+"""`tools/bench batch`: what many recordings cost, beside the compiled core alone."""

@@ -32,10 +32,11 @@ NOT_RUN = {  # with the reason, and what looks after it instead
     "sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up": (
         "below: it is what `check` tells; the tests on a bus have one"
     ),
-    "tools/vcan bash -c 'observer-rt run --bench bench.toml --json & sleep 60; observer-rt replay worn.csv "
-    "--bench bench.toml --speed 0.1; sleep 2; kill %1; wait'": (
-        "test_on_vcan_pages.py types its two commands inside one such line"
-    ),
+    (
+        "tools/vcan bash -c 'observer-rt run --bench bench.toml --json 2> run.log & "
+        'until grep -qs "start: ready\\|error" run.log; do sleep 1; done; '
+        "observer-rt replay worn.csv --bench bench.toml --speed 0.1; sleep 2; kill %1; wait'"
+    ): "test_on_vcan_pages.py types its two commands on such an interface",
     "sudo prlimit --pid $$ --rtprio=99 --memlock=unlimited": (
         "it changes the shell; test_checkup.py sees that `check` tells it"
     ),

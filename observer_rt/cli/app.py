@@ -1,8 +1,4 @@
-"""The command line: which commands there are, errors as messages and exit codes.
-
-Exit codes: 0 there is a result, 1 failed at run time or `check` found an error, 2 the command line or a file the
-user supplied must change, 130 it was interrupted.
-"""
+"""The command line: which commands there are, errors as messages and exit codes."""
 
 import os
 import sys
@@ -17,7 +13,7 @@ from observer_rt.cli.discover import discover
 from observer_rt.cli.effects import effects
 from observer_rt.cli.fit import fit
 from observer_rt.cli.fleet import batch, trend
-from observer_rt.cli.help import WordedCommand, first_sentence
+from observer_rt.cli.help import GroupedCommands, WordedCommand, first_sentence
 from observer_rt.cli.journal import journal
 from observer_rt.cli.live import check, demo, run
 from observer_rt.cli.logs import convert, record, replay
@@ -28,12 +24,19 @@ from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.terminal.console import say
 
+EXIT_CODES = (
+    "Exit code: 0 there is a result; 1 it failed at run time, or `check` found an error; "
+    "2 the command line or a file of yours must change; 130 it was interrupted."
+)
 app = typer.Typer(
+    cls=GroupedCommands,
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # units in brackets are not markup
     help="Estimates the injection rate of a common-rail injector in real time, from CAN back onto CAN.",
+    epilog="Every command explains itself with -h. Results go to stdout, progress and errors to stderr.\n\n"
+    + EXIT_CODES,
 )
 messages = Console(stderr=True)
 
@@ -90,31 +93,44 @@ def _root(
     pass
 
 
-for _command, _example in (
-    (demo, "--wear 0.3 --figure demo.png"),
-    (run, "--bench bench.toml --state learned.json --journal injections.sqlite --view"),
-    (
-        simulate,
-        "--rail-pressure 60,100,140 --energizing-time 0.6,1.9 --injections 12 --effect orifice_area:v_H=0.3 "
-        "--output worn.csv",
+for _heading, _commands in {
+    "Live": (
+        (demo, "--wear 0.3 --figure demo.png"),
+        (run, "--bench bench.toml --state learned.json --journal injections.sqlite --view"),
+        (check, "--bench bench.toml --recording mine.csv"),
+        (monitor, "--bench bench.toml"),
+        (record, "--bench bench.toml --out bus.blf --rotate-size 500"),
+        (replay, "recording.csv --bench bench.toml --speed 0.1"),
+        (journal, "injections.sqlite --csv > injections.csv"),
     ),
-    (evaluate, "worn.csv --output trace.csv --plot worn.png"),
-    (batch, r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)' --discover"),
-    (trend, "results --plot wear.png"),
-    (check, "--bench bench.toml --recording mine.csv"),
-    (replay, "recording.csv --bench bench.toml --speed 0.1"),
-    (monitor, "--bench bench.toml"),
-    (journal, "injections.sqlite --csv > injections.csv"),
-    (record, "--bench bench.toml --out bus.blf --rotate-size 500"),
-    (convert, "bus.blf recording.csv --bench bench.toml"),
-    (fit, "healthy_*.csv --model injector.toml --output fitted.toml --plot fit.png"),
-    (discover, "--model injector.toml --out found worn_1.csv worn_2.csv"),
-    (compare, "found_spring found_autumn"),
-    (effects, "channel_skew seat_area"),
-    (reproduce, "--out reproduced"),
-):
-    app.command(
-        cls=WordedCommand,
-        short_help=first_sentence(_command),
-        epilog=f"Example: observer-rt {_command.__name__} {_example}",
-    )(_command)
+    "Offline": (
+        (
+            simulate,
+            "--rail-pressure 60,100,140 --energizing-time 0.6,1.9 --injections 12 "
+            "--effect orifice_area:v_H=0.3 --output worn.csv",
+        ),
+        (evaluate, "worn.csv --output trace.csv --plot worn.png"),
+        (convert, "bus.blf recording.csv --bench bench.toml"),
+        (fit, "healthy_*.csv --model injector.toml --output fitted.toml --plot fit.png"),
+        (reproduce, "--out reproduced"),
+    ),
+    "Discovery": (
+        (discover, "--model injector.toml --out found worn_1.csv worn_2.csv"),
+        (compare, "found_spring found_autumn"),
+        (effects, "channel_skew seat_area"),
+    ),
+    "Many recordings": (
+        (
+            batch,
+            r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)' --discover",
+        ),
+        (trend, "results --plot wear.png"),
+    ),
+}.items():
+    for _command, _example in _commands:
+        app.command(
+            cls=WordedCommand,
+            short_help=first_sentence(_command),
+            epilog=f"Example: observer-rt {_command.__name__} {_example}\n\n{EXIT_CODES}",
+            rich_help_panel=_heading,
+        )(_command)

@@ -15,7 +15,6 @@ from observer_rt.cli.options import (
     JsonOption,
     LenientOption,
     ModelOption,
-    StateOption,
     file_option,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
@@ -43,7 +42,9 @@ def demo(
 
 
 def run(
-    bench: Annotated[Path | None, file_option("--bench", "Bench file.")] = None,
+    bench: Annotated[
+        Path | None, file_option("--bench", "Bench file; needed, unless an example is printed.")
+    ] = None,
     state: Annotated[
         Path | None,
         file_option(
@@ -93,7 +94,7 @@ def run(
 def check(
     bench: BenchOption = EXAMPLE_BENCH,
     model: ModelOption = None,
-    state: StateOption = None,
+    state: Annotated[Path | None, file_option("--state", "Learned state: what would become of it.")] = None,
     log: Annotated[Path | None, file_option("--log", "CAN log of the bench: losses, jitter, noise.")] = None,
     from_channel: FromChannelOption = None,
     recording: Annotated[

@@ -29,14 +29,17 @@ messages = Console(stderr=True)
 def simulate(
     output: Annotated[Path, file_option("--output", f"Recording to write ({SIGNALS}).")],
     rail_pressure: Annotated[
-        str, typer.Option("--rail-pressure", help="MPa, comma separated; event i takes number i mod n.")
+        str,
+        typer.Option("--rail-pressure", help="Rail pressures [MPa] by commas, taken in turn by the events."),
     ] = "100",
     energizing_time: Annotated[
-        str, typer.Option("--energizing-time", help="ms, comma separated; event i takes number i mod m.")
+        str, typer.Option("--energizing-time", help="Energizing times [ms] by commas, taken in turn as well.")
     ] = "1.9",
     injections: Annotated[int, typer.Option("--injections", help="Number of events.", min=1)] = 10,
     period: Annotated[float, typer.Option("--period", help="From event to event [ms].", min=1.0)] = 60.0,
-    sample_rate: Annotated[float, typer.Option("--sample-rate", help="Hz.", min=1.0)] = 100e3,
+    sample_rate: Annotated[
+        float, typer.Option("--sample-rate", help="Samples a second [Hz].", min=1.0)
+    ] = 100e3,
     shots: Annotated[
         str | None,
         typer.Option("--shots", help="Shots of every event as duration@offset [ms], e.g. 0.3@-1.5,1.0@0."),
@@ -51,7 +54,7 @@ def simulate(
         ),
     ] = None,
     noise: Annotated[
-        str, typer.Option("--noise", help="on: noise and 16-bit quantisation; off: none.")
+        str, typer.Option("--noise", help="on: noise and 16-bit quantisation; off: none.", metavar="on|off")
     ] = "on",
     measured_rate: Annotated[
         bool, typer.Option("--measured-rate", help="Add a measured injection rate with its errors.")
@@ -95,7 +98,7 @@ def evaluate(
     state: StateOption = None,
     save_state: Annotated[Path | None, file_option("--save-state", "Where to save what was learned.")] = None,
     no_learning: Annotated[
-        bool, typer.Option("--no-learning", help="Keep phi as it is at the start.")
+        bool, typer.Option("--no-learning", help="Keep the model as it is at the start.")
     ] = False,
     chain: Annotated[
         bool, typer.Option("--chain", help="The recordings are one history: learning goes on.")

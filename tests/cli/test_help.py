@@ -3,14 +3,19 @@
 import re
 import subprocess
 import sys
+from functools import cache
 
 import pytest
 
-from observer_rt.cli.app import app
+from observer_rt.cli.app import EXIT_CODES, app
+from tests.pages import Page
 
-COMMANDS = [command.callback.__name__ for command in app.registered_commands if command.callback]
+REGISTERED = [command for command in app.registered_commands if command.callback]
+COMMANDS = [command.callback.__name__ for command in REGISTERED if command.callback]
+HEADINGS = list(dict.fromkeys(str(command.rich_help_panel) for command in REGISTERED))
 
 
+@cache
 def said(*arguments: str) -> str:
     """What the program prints to these arguments, on a narrow terminal."""
     done = subprocess.run(
@@ -20,10 +25,35 @@ def said(*arguments: str) -> str:
 
 
 def test_the_list_of_commands_cuts_no_sentence() -> None:
-    listed = said("-h").split("\nCommands:\n")[1]
+    listed = said("-h").split(f"\n{HEADINGS[0]}:\n")[1].split("\n\n  Every command")[0]
     assert re.findall(r"^  (\w+)", listed, re.MULTILINE) == COMMANDS
-    sentences = re.split(r"^  \w+ +", listed, flags=re.MULTILINE)[1:]
+    assert re.findall(r"^(\w[\w ]*):$", listed, re.MULTILINE) == HEADINGS[1:]
+    sentences = re.split(r"^  \w+ +", re.sub(r"\n\n.*:\n", "\n", listed), flags=re.MULTILINE)[1:]
     assert all(sentence.rstrip().endswith(".") and "..." not in sentence for sentence in sentences)
+
+
+def test_the_page_of_commands_lists_every_one_as_the_program_does() -> None:
+    text = Page("docs/commands.md").text
+    rows = re.findall(r"^## (.*)$|^\| `observer-rt (\w+)` \| (.*) \|$", text, re.MULTILINE)
+    heading, listed = "", []
+    for title, name, sentence in rows:
+        heading = title or heading
+        if name:
+            listed.append((heading, name, sentence))
+    assert listed == [
+        (command.rich_help_panel, command.callback.__name__, command.short_help)
+        for command in REGISTERED
+        if command.callback
+    ]
+
+
+def test_the_page_of_commands_names_options_that_several_have() -> None:
+    """As the help of a command that has the option does, without its name."""
+    listed = re.findall(r"^\| `(--[\w-]+)`", Page("docs/commands.md").text, re.MULTILINE)
+    helps = [said(command, "-h") for command in COMMANDS]
+    assert len(listed) > 5
+    for option in listed:
+        assert sum(f"{option} " in text for text in helps) > 1, option
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -32,6 +62,7 @@ def test_help_names_no_types_and_has_an_example(command: str) -> None:
     assert text == said(command, "--help")
     assert not re.search(r"<\w+(\[\w+\])?( range)?>", text)
     assert f"Example: observer-rt {command}" in text
+    assert EXIT_CODES in " ".join(text.split())
 
 
 def test_completion_can_be_installed() -> None:

@@ -4,7 +4,6 @@ Those that need one run in tests/service/test_on_vcan_pages.py. A command that i
 """
 
 import re
-import shutil
 import tomllib
 from pathlib import Path
 
@@ -26,12 +25,18 @@ NOT_RUN = {  # with the reason, and what looks after it instead
     "tools/demo": "it is `observer-rt demo`, which test_demo.py runs, in a virtual environment of its own",
     "tools/test": "it runs these tests",
     "source .venv/bin/activate": "these tests run in that environment",
+    "pip install -e '.[batch,monitor]'": "below: the package has these extras",
     "sudo ip link set can0 up type can bitrate 500000 dbitrate 5000000 fd on restart-ms 100": (
         "it needs a controller; below: it is what `check` tells for the example bench file"
     ),
     "sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up": (
         "below: it is what `check` tells; the tests on a bus have one"
     ),
+    (
+        "tools/vcan bash -c 'observer-rt run --bench bench.toml --json 2> run.log & "
+        'until grep -qs "start: ready\\|error" run.log; do sleep 1; done; '
+        "observer-rt replay worn.csv --bench bench.toml --speed 0.1; sleep 2; kill %1; wait'"
+    ): "test_on_vcan_pages.py types its two commands on such an interface",
     "sudo prlimit --pid $$ --rtprio=99 --memlock=unlimited": (
         "it changes the shell; test_checkup.py sees that `check` tells it"
     ),
@@ -77,11 +82,11 @@ def without_bus(page: Page) -> list[str]:
 
 @pytest.mark.slow
 def test_the_commands_of_the_readme(command: Command, desk: Path) -> None:
-    for name, effect in (("new", ()), ("worn_1", WORN), ("worn_2", WORN)):
-        assert command("simulate", *SEVERAL_POINTS, *effect, "--output", f"{name}.csv").code == 0
-    copied_as(desk / "measured" / "injector_a.csv", Path("worn_1.csv"))
+    measured = desk / "measured"
+    measured.mkdir()
+    assert command("simulate", *SEVERAL_POINTS, *WORN, "--output", measured / "injector_a.csv").code == 0
     run_all(command, without_bus(Page("README.md")))
-    made = {"worn.png", "some.png", "figures", "found", "bench.toml", "results"}
+    made = {"worn.png", "figures", "found", "bench.toml", "results"}
     assert made <= {path.name for path in desk.iterdir()}
     assert (desk / "results" / "trend.html").exists()
 
@@ -98,11 +103,6 @@ def test_the_commands_on_many_recordings(command: Command, desk: Path) -> None:
     assert (desk / "wear.png").exists()
 
 
-def copied_as(path: Path, recording: Path) -> None:
-    path.parent.mkdir(parents=True)
-    shutil.copy(recording, path)
-
-
 @pytest.mark.slow
 def test_the_commands_on_recordings(command: Command, desk: Path) -> None:
     page = Page("docs/recordings.md")
@@ -114,6 +114,15 @@ def test_the_commands_on_recordings(command: Command, desk: Path) -> None:
     mine, worn = read_recording(Path("mine.mf4")), read_recording(Path("worn.csv"))
     np.testing.assert_allclose(mine.needle_lift, worn.needle_lift, atol=1e-8)
     np.testing.assert_allclose(mine.rail_pressure, worn.rail_pressure, rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_the_commands_for_other_tools(command: Command, desk: Path) -> None:
+    assert command("simulate", "--injections", 4, *WORN, "--output", "worn.csv").code == 0
+    assert command("convert", "worn.csv", "made.log", "--bench", "bench.toml").code == 0
+    assert command("convert", "made.log", "bus.blf").code == 0
+    run_all(command, without_bus(Page("docs/measurement-tools.md")))
+    assert {"bus.asc", "bus.mf4", "signals.mf4", "trace.mf4"} <= {path.name for path in desk.iterdir()}
 
 
 def write_mine(page: Page, like: Path) -> None:
@@ -175,6 +184,21 @@ def test_the_description_of_the_package_has_no_link_into_the_repository() -> Non
         text = re.sub(each["pattern"], each["replacement"], text)
     assert re.findall(r"\]\((?!https?:)", text) == []
     assert "`docs/operating.md` of the sources" in text
+
+
+def test_the_extras_that_are_installed_are_there() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    named = {
+        name
+        for page in PAGES
+        for extras in re.findall(r"pip install .*\[([\w,]+)\]", page.text)
+        for name in extras.split(",")
+    }
+    assert {"batch", "monitor"} <= named <= set(project["optional-dependencies"])
+
+
+def test_the_readme_is_two_screens() -> None:
+    assert len(Page("README.md").text.splitlines()) <= 120
 
 
 def test_the_benchmarks_that_are_named_are_there() -> None:

@@ -9,8 +9,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Error, Page, Request, sync_playwright
+from playwright.sync_api import Browser, Error, Page, Playwright, Request, sync_playwright
 
+_OBTAIN = f"{sys.executable} -m playwright install --with-deps chromium-headless-shell"
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # nothing of its own goes out
 _QUIET = (
@@ -30,14 +31,21 @@ Serve = Callable[..., str]
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     """The system's Chromium, else Playwright's own: tools/test obtains one where it may."""
-    path = next(filter(None, map(shutil.which, _BROWSERS)), None)
     with sync_playwright() as playwright:
-        try:
-            started = playwright.chromium.launch(executable_path=path, args=list(_QUIET))
-        except Error as error:
-            pytest.fail(f"no Chromium here: sudo apt-get install -y chromium\n{error}", pytrace=False)
+        started = _launched(playwright)
         yield started
         started.close()
+
+
+def _launched(playwright: Playwright) -> Browser:
+    """The first that starts: Ubuntu's `chromium-browser` is there and only asks for a snap."""
+    failures = []
+    for path in (*filter(None, map(shutil.which, _BROWSERS)), None):
+        try:
+            return playwright.chromium.launch(executable_path=path, args=list(_QUIET))
+        except Error as error:
+            failures.append(f"{path or 'of Playwright'}: {error}")
+    pytest.fail(f"no Chromium here; this would mend it: {_OBTAIN}\n" + "\n".join(failures), pytrace=False)
 
 
 @pytest.fixture

@@ -117,12 +117,16 @@ ensure_venv() { # extras ("" or "[dev]"); several at once take turns
     export PATH="$venv/bin:$PATH"
 }
 
-ensure_browser() { # for the tests of the live page; they say what is missing where it cannot be installed
+# Works on Debian and Ubuntu, whose own `chromium` is a snap.
+obtain_browser="$venv/bin/playwright install --with-deps chromium-headless-shell"
+
+ensure_browser() { # for the tests of the live page, which fail without one and say the same
     local name
     for name in chromium chromium-browser google-chrome google-chrome-stable; do
-        if command -v "$name" >/dev/null; then return; fi
+        if "$name" --version >/dev/null 2>&1; then return; fi # Ubuntu's chromium-browser only asks for a snap
     done
-    if may_install && install_packages chromium && command -v chromium >/dev/null; then return; fi
-    say "no Chromium among this system's packages: fetching one for the tests"
-    "$venv/bin/playwright" install chromium-headless-shell >&2 || true
+    if may_install && install_packages chromium; then return; fi
+    say "no Chromium among this system's packages: fetching one for the tests of the live page"
+    "$venv/bin/playwright" install chromium-headless-shell >&2 ||
+        say "the tests of the live page will fail without a browser; this would mend it: $obtain_browser"
 }

@@ -22,7 +22,7 @@ COLUMNS = {  # in SI units, so that every double comes back as it was
     "injection_rate_m3_per_s": "injection_rate",
 }
 OPTIONAL = "injection_rate_m3_per_s"
-INSTALL = "pip install observer-rt[parquet]"
+INSTALL = "pip install 'observer-rt[parquet]'"
 READABLE = "give a complete Parquet file"
 
 
@@ -100,9 +100,7 @@ def opened_parquet(path: Path) -> Iterator[Any]:
             import pyarrow
             import pyarrow.parquet
         except ImportError:
-            raise UserError(
-                str(path), "is read by pyarrow, which is missing", "pip install observer-rt[parquet]"
-            ) from None
+            raise UserError(str(path), "is read by pyarrow, which is missing", INSTALL) from None
         try:
             with pyarrow.parquet.ParquetFile(handle, pre_buffer=False) as file:
                 yield file

@@ -121,7 +121,7 @@ class ParquetWriter(TableWriter):
             import pyarrow.parquet
         except ImportError:
             raise UserError(
-                str(path), "is written by pyarrow, which is missing", "pip install observer-rt[parquet]"
+                str(path), "is written by pyarrow, which is missing", "pip install 'observer-rt[parquet]'"
             ) from None
         self._arrow = pyarrow
         self._writer: Any = None

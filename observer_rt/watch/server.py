@@ -97,5 +97,5 @@ def _origins(address: str, port: int) -> list[str]:
 
 def _source(bench: Bench, options: MonitorOptions) -> Source:
     if options.log is None:
-        return LiveSource(bench.config.buses)
+        return LiveSource(bench)
     return LogSource(options.log, bench.config.buses, options.from_channels, options.speed)

@@ -46,6 +46,7 @@ class RatePanel:
                 line_width=4,
                 line_dash=dash,
                 legend_label=label,
+                name=column,
             )
         with_legend(self.figure)
 

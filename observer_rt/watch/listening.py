@@ -7,7 +7,6 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from observer_rt.bus.links.enduring import EnduringReading
-from observer_rt.bus.links.idle import IdleLink
 from observer_rt.bus.links.link import BusFrame, Link, LinkDownError
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
@@ -30,7 +29,7 @@ class LiveSource:
 
     def __init__(self, bench: Bench) -> None:
         self._links = bench.config.buses
-        self._used = used_buses(bench)
+        self._buses = sorted(used_buses(bench))
         self._reading: EnduringReading | None = None  # until it runs
         self._awaited: Mapping[int, str] = {}
 
@@ -42,14 +41,16 @@ class LiveSource:
     @property
     def down(self) -> Mapping[int, str]:
         """Buses that are down, with why."""
-        return self._awaited if self._reading is None else self._reading.down
+        if self._reading is None:
+            return self._awaited
+        return {self._buses[place]: why for place, why in self._reading.down.items()}
 
     def run(self, take: Taker, stop: threading.Event) -> None:
         """Listen until told to stop. Raises `RunError` when a link cannot be opened, or fails for good."""
         with ExitStack() as stack:
             links: list[Link] = []
-            for number in range(len(self._links)):
-                link = self._opened(number, stop)
+            for bus in self._buses:
+                link = self._opened(bus, stop)
                 if link is None:
                     return
                 links.append(stack.enter_context(link))
@@ -58,18 +59,16 @@ class LiveSource:
             while not stop.is_set():
                 came = self._reading.receive(_WAIT)
                 if came is not None:
-                    take(came, time.time_ns())
+                    take(BusFrame(self._buses[came.bus], came.frame), time.time_ns())
 
-    def _opened(self, number: int, stop: threading.Event) -> Link | None:
+    def _opened(self, bus: int, stop: threading.Event) -> Link | None:
         """The link of a bus, once its interface is there; None: told to stop."""
-        if number not in self._used:
-            return IdleLink()
-        config = self._links[number].config
+        config = self._links[bus].config
         while not stop.is_set():
             try:
                 return open_link(config.interface, config.channel, config.fd, computer_time=True)
             except LinkDownError as error:
-                self._awaited = {number: str(error)}
+                self._awaited = {bus: str(error)}
                 stop.wait(RETRY)
         return None
 

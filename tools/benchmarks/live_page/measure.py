@@ -69,7 +69,7 @@ def measure_page(folder: Path, seconds: float, injectors: int) -> LivePage:
         ours = stack.enter_context(observer([*RUN, bench], [each.fileno() for each in daemon_ends]))
         until_all_ready(ours, injectors)
         listener_ends = [bus.listener for bus in buses]
-        command = [*_MONITOR, socket_bench(folder / "monitor", listener_ends)]
+        command: list[str | Path] = [*_MONITOR, socket_bench(folder / "monitor", listener_ends)]
         browser = launch(stack.enter_context(sync_playwright()))
         stack.callback(browser.close)
         with served(command, folder, [each.fileno() for each in listener_ends]) as page:

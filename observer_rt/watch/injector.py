@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from observer_rt.watch.results import Rates, ResultReader
 from observer_rt.watch.samples import InputSamples, PublishedRates
 
 KEPT = 1000  # injections
+Key: TypeAlias = tuple[int, int, bool]
+"""Of a frame: its bus, its identifier, whether that is extended."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,12 @@ class WatchedInjector:
         self._status: StatusValues | None = None
         self._injections: deque[SeenInjection] = deque(maxlen=KEPT)
 
+    @property
+    def keys(self) -> frozenset[Key]:
+        """Of the frames that are to be taken."""
+        layouts = (*self.bus.received, *self.bus.sent)
+        return frozenset((each.bus, each.frame_id, each.is_extended) for each in layouts)
+
     def prepare(self) -> None:
         """Compile, or load, what frames will need, before they come."""
         self._samples.prepare()
@@ -67,7 +76,8 @@ class WatchedInjector:
         """A frame of any bus, that came at a time [ns since 1970]."""
         frame = came.frame
         self._arrivals.note(came.bus, frame.frame_id, frame.is_extended, now)
-        self._samples.take(came)
+        if self._samples.take(came):
+            return
         result = self._results.read(came)
         if isinstance(result, Rates):
             self._rates.take(result)

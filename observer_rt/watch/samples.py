@@ -26,12 +26,13 @@ class InputSamples:
         """Compile, or load, what frames will need: an empty one is passed over."""
         self._compiled.listen(min(self._keys), np.empty(0, np.uint8), 0)
 
-    def take(self, came: BusFrame) -> None:
-        """A frame; one that brings no samples is passed over."""
+    def take(self, came: BusFrame) -> bool:
+        """A frame; one that brings no samples is passed over: False."""
         key = frame_key(came.frame.frame_id, came.frame.is_extended, came.bus)
-        if key in self._keys:
-            payload = np.frombuffer(came.frame.payload, np.uint8)
-            self._compiled.listen(key, payload, came.frame.stamp_ns)
+        if key not in self._keys:
+            return False
+        self._compiled.listen(key, np.frombuffer(came.frame.payload, np.uint8), came.frame.stamp_ns)
+        return True
 
     @property
     def received(self) -> int:

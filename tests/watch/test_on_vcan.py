@@ -2,14 +2,16 @@
 
 import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from bokeh.client import pull_session
-from bokeh.document import Document
 
 from observer_rt.recording.formats import write_recording
+from observer_rt.watch.page.drawing import Message
 from tests.service.end_to_end import START_TIMEOUT, command
 from tests.service.participants import bench_file, until, worn_recording
 from tools.benchmarks.live_page.browser import served
@@ -36,18 +38,26 @@ def daemon_of(bench: Path) -> Iterator[None]:
             daemon.terminate()
 
 
-@contextmanager
-def opened(url: str) -> Iterator[Document]:
-    """The page as a browser has it."""
-    session = pull_session(url=url)
-    try:
-        yield session.document
-    finally:
-        session.close()
+class Opened:
+    """The page as a browser gets it; one that never draws, and so is told of all anew every second."""
 
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._session = pull_session(url=url)  # which lasts as long as somebody listens to it
 
-def banner(document: Document) -> str:
-    return str(document.get_model_by_name("banner_0").text)
+    def parts(self) -> dict[str, Any]:
+        """What is to be drawn now."""
+        with closing(pull_session(session_id=self._session.id, url=self._url)) as looking:
+            message = looking.document.select_one({"type": Message})
+        assert isinstance(message, Message)
+        content: Any = message.content
+        return dict(content["parts"])
+
+    def banner(self) -> str:
+        return str(self.parts().get("banner_0", ""))
+
+    def close(self) -> None:
+        self._session.close()
 
 
 @pytest.mark.slow
@@ -57,14 +67,16 @@ def test_a_page_beside_a_daemon(bench: Path, tmp_path: Path) -> None:
     replay = command("replay", tmp_path / "worn.csv", "--bench", bench, "--speed", SPEED)
     with (
         served(command("monitor", "--port", "0", "--bench", bench)) as page,
-        opened(page.url) as document,
+        closing(Opened(page.url)) as browser,
     ):
         with daemon_of(bench):
             subprocess.run(replay, check=True, timeout=START_TIMEOUT)
-            until(lambda: f"<td>{INJECTIONS} " in banner(document))
-            assert "class='state good'" in banner(document)
-            assert "class='fault'" not in banner(document)
-            rate = document.get_model_by_name("rate_0").select_one({"name": "rate"})
-            assert rate.data_source.data["rate"].max() > 20.0
-        until(lambda: "ObserverStatus" in banner(document) and "observer-rt run" in banner(document))
+            until(lambda: f"<td>{INJECTIONS} " in browser.banner())
+            parts = browser.parts()
+            assert "class='state good'" in parts["banner_0"]
+            assert "class='fault'" not in parts["banner_0"]
+            assert np.nanmax(parts["rate_0_shown"]["rate"]) > 20.0
+            assert np.nanmax(parts["details_shown"]["needle_lift"]) > 100.0
+            assert parts["history"]["mass"].size == INJECTIONS
+        until(lambda: "ObserverStatus" in browser.banner() and "observer-rt run" in browser.banner())
         assert page.process.poll() is None

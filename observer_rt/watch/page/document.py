@@ -1,5 +1,7 @@
 """The page of one browser: what is watched, drawn some times a second."""
 
+import time
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from observer_rt.watch.page.traces import DetailPanels, RatePanel
 from observer_rt.watch.watching import Watching
 
 DRAW_EVERY = 33  # ms, if the browser is through with the last drawing
-_HISTORY_EVERY = 30  # drawings
+_HISTORY_EVERY = 1.0  # s
 _NARROWEST = 380  # px of a panel before it goes below its neighbour
 
 
@@ -34,7 +36,6 @@ class Page:
         self._rates = [RatePanel(f"rate_{number}", name) for number, name in enumerate(names)]
         self._details = DetailPanels()
         self._history = History()
-        self._turn = 0
         self._begin_anew()
         self._lay_out(document)
         targets: dict[str, Div | ColumnDataSource] = {
@@ -60,6 +61,8 @@ class Page:
         self._said: dict[str, str] = {}
         self._drawn: list[SeenInjection | None] = [None] * len(self._banners)
         self._detailed: SeenInjection | None = None
+        self._remembered: SeenInjection | None = None
+        self._history_at = 0.0
 
     def _parts(self) -> Parts:
         live, chosen = self._watching.injectors(), self._controls.chosen
@@ -77,10 +80,15 @@ class Page:
         if lasts[chosen] is not self._detailed:
             parts |= self._details.parts(shown[chosen])
         self._detailed = lasts[chosen]
-        if self._turn % _HISTORY_EVERY == 0 and not self._controls.is_held:
-            parts |= self._history.parts(live[chosen].injections)
-        self._turn += 1
-        return parts
+        return parts | self._history_parts(live[chosen].injections)
+
+    def _history_parts(self, injections: Sequence[SeenInjection]) -> Parts:
+        """All that is kept, now and then: it is much."""
+        last, now = injections[-1] if injections else None, time.monotonic()
+        if last is self._remembered or now < self._history_at or self._controls.is_held:
+            return {}
+        self._remembered, self._history_at = last, now + _HISTORY_EVERY
+        return self._history.parts(injections)
 
     def _lay_out(self, document: Document) -> None:
         """Every root under the name by which page.html places it."""

@@ -25,7 +25,9 @@ def main(period_ms: int) -> None:
     def make(document: Document) -> None:
         random = np.random.default_rng(1)
         source = ColumnDataSource({"x": np.arange(float(_POINTS)), "y": shape})
-        drawn = figure(name=NAME, height=360, sizing_mode="stretch_width", y_range=Range1d(start=-1.0, end=2.0))
+        drawn = figure(
+            name=NAME, height=360, sizing_mode="stretch_width", y_range=Range1d(start=-1.0, end=2.0)
+        )
         drawn.line("x", "y", source=source)
         document.add_root(drawn)
 

@@ -1,4 +1,5 @@
-/* A bus in user space: a frame that comes from one socket goes to all others of its group.
+/* A bus in user space: a frame that comes from one socket goes to all others of its group, once a millisecond, as
+ * adapters hand over what came meanwhile.
  *
  * usage: hub GROUP...
  *
@@ -11,7 +12,7 @@
 
 #include <poll.h>
 
-enum { MOST = 64, ROOM = 20000, AT_ONCE = 64 };
+enum { MOST = 64, ROOM = 20000, AT_ONCE = 256, PAUSE_US = 1000 };
 
 struct end {
     int s, group;
@@ -89,5 +90,6 @@ int main(int argc, char **argv)
         }
         if (wanted[count].revents && !ask(ends, count))
             return 0;
+        usleep(PAUSE_US);
     }
 }

@@ -6,14 +6,14 @@ from importlib.resources import files
 from pathlib import Path
 
 from bokeh.document import Document
-from bokeh.models import ColumnDataSource, InlineStyleSheet
+from bokeh.models import InlineStyleSheet
 from bokeh.models.widgets import Div
 from jinja2 import Template
 
 from observer_rt.watch.injection import SeenInjection
 from observer_rt.watch.page.banner import injector_html, top_html
 from observer_rt.watch.page.controls import Controls
-from observer_rt.watch.page.drawing import TOP, Drawing, Parts
+from observer_rt.watch.page.drawing import TOP, Drawing, Parts, Target
 from observer_rt.watch.page.history import History
 from observer_rt.watch.page.traces import DetailPanels, RatePanel
 from observer_rt.watch.watching import Watching
@@ -38,9 +38,7 @@ class Page:
         self._history = History()
         self._begin_anew()
         self._lay_out(document)
-        targets: dict[str, Div | ColumnDataSource] = {
-            str(each.name): each for each in (self._top, *self._banners)
-        }
+        targets: dict[str, Target] = {str(each.name): each for each in (self._top, *self._banners)}
         for panels in self._rates:
             targets |= panels.targets
         targets |= self._details.targets | self._history.targets

@@ -13,13 +13,15 @@ import numpy as np
 from bokeh.core.properties import Any, Dict, Int, String
 from bokeh.document import Document
 from bokeh.model import DataModel
-from bokeh.models import ColumnDataSource, CustomJS
+from bokeh.models import ColumnDataSource, CustomJS, Range1d
 from bokeh.models.widgets import Div
 from numpy.typing import NDArray
 
 Columns: TypeAlias = Mapping[str, NDArray[np.generic]]
-Parts: TypeAlias = dict[str, str | Columns]
-"""By the name of what they belong to: the text of a `Div`, or the columns of a source."""
+Limits: TypeAlias = tuple[float, float]
+Parts: TypeAlias = dict[str, str | Columns | Limits]
+"""By the name of what they belong to: the text of a `Div`, the columns of a source, both ends of a range."""
+Target: TypeAlias = Div | ColumnDataSource | Range1d
 TOP = "top"
 """The target that every page has."""
 PATIENCE = 1.0  # s for a browser to draw: one that sleeps is told of all anew, now and then
@@ -35,7 +37,7 @@ class Message(DataModel):
 class Drawing:
     """Brings parts to the browser that has a document open."""
 
-    def __init__(self, document: Document, targets: Mapping[str, Div | ColumnDataSource]) -> None:
+    def __init__(self, document: Document, targets: Mapping[str, Target]) -> None:
         """targets: what the parts belong to, by name."""
         self._number = 0
         self._message = Message(name="drawing", content={"number": 0, "parts": {}})

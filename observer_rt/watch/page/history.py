@@ -6,7 +6,7 @@ import numpy as np
 from bokeh.models import ColumnDataSource
 
 from observer_rt.watch.injection import SeenInjection
-from observer_rt.watch.page.drawing import Parts
+from observer_rt.watch.page.drawing import Parts, Target
 from observer_rt.watch.page.look import NOMINAL, NOT_VALID, OBSERVER, SECOND, panel, with_legend
 
 _NAME = "history"
@@ -39,7 +39,7 @@ class History:
             with_legend(made)
 
     @property
-    def targets(self) -> dict[str, ColumnDataSource]:
+    def targets(self) -> dict[str, Target]:
         """What its parts belong to."""
         return {_NAME: self._source}
 

@@ -1,15 +1,15 @@
 """The last injections over each other: pressures, lift, rate with its band, phi."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from bokeh.models import ColumnDataSource
-from bokeh.models.ranges import DataRange1d
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from observer_rt.watch.injection import SeenInjection, Signal
-from observer_rt.watch.page.drawing import Parts
+from observer_rt.watch.page.drawing import Limits, Parts, Target
+from observer_rt.watch.page.limits import Axis
 from observer_rt.watch.page.look import BAND, NOMINAL, OBSERVER, PAST, SECOND, THIRD, panel, with_legend
 
 _OVERLAID = 8  # injections, the one shown included
@@ -32,8 +32,10 @@ class RatePanel:
     def __init__(self, name: str, injector: str) -> None:
         """name: of its parts; injector: its name, empty for the only one."""
         self.figure = panel(f"Injection rate {injector}".strip(), _TIME, "mm³/ms", 340)
-        self._overlay = _Overlay(name, ("rate",), ("rate", "nominal", "low", "high"))
+        drawn = ("rate", "nominal", "low", "high")
+        self._overlay = _Overlay(name, ("rate",), drawn, {"rate": Axis(drawn, 10.0)})
         past, shown = self._overlay.past, self._overlay.shown
+        self._overlay.scale(self.figure, "rate")
         _before(self.figure, "rate", past)
         self.figure.varea("time", "low", "high", source=shown, color=BAND, alpha=0.6, legend_label="95 %")
         for column, colour, dash, label in (
@@ -52,7 +54,7 @@ class RatePanel:
         with_legend(self.figure)
 
     @property
-    def targets(self) -> dict[str, ColumnDataSource]:
+    def targets(self) -> dict[str, Target]:
         """What its parts belong to."""
         return self._overlay.targets
 
@@ -65,14 +67,16 @@ class DetailPanels:
     """What lies behind the rate: pressures, lift, the three rows of phi."""
 
     def __init__(self) -> None:
-        self._overlay = _Overlay("details", _NAMES, (*_NAMES, *_PHI))
+        axes = {name: Axis((name,), span) for name, _, _, span in _DETAILS} | {"phi": Axis(_PHI, 10.0)}
+        self._overlay = _Overlay("details", _NAMES, (*_NAMES, *_PHI), axes)
         self.figures: dict[str, figure] = {}
-        for name, title, unit, span in _DETAILS:
+        for name, title, unit, _ in _DETAILS:
             made = self.figures[name] = panel(title, _TIME, unit)
-            made.y_range = DataRange1d(min_interval=span)
+            self._overlay.scale(made, name)
             _before(made, name, self._overlay.past)
             made.line("time", name, source=self._overlay.shown, color=OBSERVER, line_width=3)
         phi = self.figures["phi"] = panel("Correction phi", _TIME, "1/s")
+        self._overlay.scale(phi, "phi")
         for name, colour in zip(_PHI, (OBSERVER, SECOND, THIRD), strict=True):
             phi.line(
                 "time",
@@ -85,7 +89,7 @@ class DetailPanels:
         with_legend(phi)
 
     @property
-    def targets(self) -> dict[str, ColumnDataSource]:
+    def targets(self) -> dict[str, Target]:
         """What its parts belong to."""
         return self._overlay.targets
 
@@ -97,15 +101,24 @@ class DetailPanels:
 class _Overlay:
     """The injection that counts, and those before it as one line with gaps: a part is sent and drawn at once."""
 
-    def __init__(self, name: str, before: Sequence[str], counting: Sequence[str]) -> None:
+    def __init__(
+        self, name: str, before: Sequence[str], counting: Sequence[str], axes: Mapping[str, Axis]
+    ) -> None:
+        """before, counting: columns of those before and of the one that counts; axes: by what stands on them."""
         self._name = name
+        self._axes = {"time": Axis(("time",), 1.0, margin=0.0), **axes}
         self._before = ("time", *before)
         self.past = ColumnDataSource({column: [] for column in self._before})
         self.shown = ColumnDataSource({column: [] for column in ("time", *counting)})
 
     @property
-    def targets(self) -> dict[str, ColumnDataSource]:
-        return {f"{self._name}_past": self.past, f"{self._name}_shown": self.shown}
+    def targets(self) -> dict[str, Target]:
+        ranges = {f"{self._name}_{what}": axis.range for what, axis in self._axes.items()}
+        return {f"{self._name}_past": self.past, f"{self._name}_shown": self.shown, **ranges}
+
+    def scale(self, made: figure, what: str) -> None:
+        """Give a figure its axes."""
+        made.x_range, made.y_range = self._axes["time"].range, self._axes[what].range
 
     def parts(
         self, injections: Sequence[SeenInjection], columns: Callable[[SeenInjection], Signals]
@@ -116,7 +129,10 @@ class _Overlay:
         *before, last = drawn
         past = {name: _in_one([getattr(each.curves, name) for each in before]) for name in self._before}
         shown = {name: _thinned(each) for name, each in columns(last).items()}
-        return {f"{self._name}_past": past, f"{self._name}_shown": shown}
+        limits: dict[str, Limits] = {
+            f"{self._name}_{what}": axis.limits(past, shown) for what, axis in self._axes.items()
+        }
+        return {f"{self._name}_past": past, f"{self._name}_shown": shown, **limits}
 
 
 def _rates(seen: SeenInjection) -> Signals:

@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ from tools.benchmarks.live_page.socket_bus import SocketBus, socket_buses
 from tools.benchmarks.live_page.watched import Gaps, Watched, watch
 from tools.benchmarks.speed.injectors import in_windows, socket_bench, until_all_ready
 from tools.benchmarks.speed.observers import RUN, observer
-from tools.benchmarks.speed.pace import Pacer
+from tools.benchmarks.speed.pace import Pacer, Passage
 from tools.benchmarks.speed.traffic import SAMPLE_RATE, SAMPLES, Ids, Traffic, make_traffic
 
 PER_SECOND = 30  # injections
@@ -24,7 +24,7 @@ LONGEST = 100.0  # ms between frames with something new, at the most
 RATE_PANEL = "rate_0"
 _EVENTS = 27  # 0.9 s, a whole number of frames
 _SETTLING = 5.0  # s: the daemon learns, the browser compiles what it runs often
-_CLOSING = 2.0  # s that frames still come when the page is closed
+_CLOSING = 5.0  # s that frames still come when the page is closed
 _FRAME = SAMPLES / SAMPLE_RATE  # s
 _MONITOR = (sys.executable, "-m", "observer_rt", "monitor", "--port", "0", "--bench")
 
@@ -100,9 +100,13 @@ class _Traffic:
     def while_watched(self, browser: Browser, page: Served, seconds: float) -> Watched:
         """Send, and watch a page meanwhile."""
         count = round((_SETTLING + seconds + _CLOSING) / _FRAME)
+        sending: list[Future[Passage]] = []
         with ThreadPoolExecutor(len(self._pacers)) as together:
-            sending = [together.submit(pacer.send, count, _FRAME) for pacer in self._pacers]
-            found = watch(browser, page, _SETTLING, seconds)
+
+            def begin() -> None:
+                sending.extend(together.submit(pacer.send, count, _FRAME) for pacer in self._pacers)
+
+            found = watch(browser, page, begin, _SETTLING, seconds)
             for each in sending:
                 each.result()
         return found

@@ -1,6 +1,7 @@
 """A page in a real browser, watched for a while: when frames were made, and when something new was drawn."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,13 +53,16 @@ class Watched:
     browser_cpu: float
 
 
-def watch(browser: Browser, served: Served, settling: float, seconds: float) -> Watched:
-    """Open the page; once it has settled [s], watch it for so long [s]."""
+def watch(
+    browser: Browser, served: Served, begun: Callable[[], None], settling: float, seconds: float
+) -> Watched:
+    """Open the page; begin with what it shows; once that has settled [s], watch it for so long [s]."""
     page = browser.new_page(viewport={"width": 1920, "height": 1080})
     try:
         page.add_init_script(_FRAMES)
         page.goto(served.url)
         page.wait_for_function("window.Bokeh?.documents?.length > 0", timeout=_PATIENCE)
+        begun()
         page.wait_for_timeout(1e3 * settling)
         begin, first, busy = _now(page), _numbers(page), _cpu_times(served)
         page.wait_for_timeout(1e3 * seconds)

@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from observer_rt.bus.mapping.output_messages import StatusValues, SummaryValues
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.service.watch.arrivals import Arrivals
+from observer_rt.watch.counted import CountShift, best_place
 from observer_rt.watch.faults import Fault, FaultWatch
 from observer_rt.watch.injection import Curves, SeenInjection
 from observer_rt.watch.modelled import InjectionModel
@@ -19,6 +21,8 @@ from observer_rt.watch.results import Rates, ResultReader
 from observer_rt.watch.samples import InputSamples, PublishedRates
 
 KEPT = 1000  # injections
+Key: TypeAlias = tuple[int, int, bool]
+"""Of a frame: its bus, its identifier, whether that is extended."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +49,19 @@ class WatchedInjector:
         self._results = ResultReader(self.bus)
         self._samples = InputSamples(fitted, self.bus)
         self._rates = PublishedRates()
+        self._are_counted = self._samples.are_counted
+        self._count_shift = CountShift(self._samples.lookahead, self.rate_hz)
         self._model = InjectionModel(fitted)
         self._arrivals = Arrivals(self.bus)
         self._faults = FaultWatch(self.bus, self._arrivals)
         self._status: StatusValues | None = None
         self._injections: deque[SeenInjection] = deque(maxlen=KEPT)
+
+    @property
+    def keys(self) -> frozenset[Key]:
+        """Of the frames that are to be taken."""
+        layouts = (*self.bus.received, *self.bus.sent)
+        return frozenset((each.bus, each.frame_id, each.is_extended) for each in layouts)
 
     def prepare(self) -> None:
         """Compile, or load, what frames will need, before they come."""
@@ -64,10 +76,13 @@ class WatchedInjector:
         """A frame of any bus, that came at a time [ns since 1970]."""
         frame = came.frame
         self._arrivals.note(came.bus, frame.frame_id, frame.is_extended, now)
-        self._samples.take(came)
+        if self._samples.take(came):
+            return
         result = self._results.read(came)
         if isinstance(result, Rates):
             self._rates.take(result)
+            if self._are_counted:
+                self._count_shift.note(result.index + result.rates.size - 1, self._samples.newest)
         elif isinstance(result, SummaryValues):
             if not self._injections or result != self._injections[-1].summary:
                 self._injections.append(self._seen(result, now))
@@ -87,12 +102,16 @@ class WatchedInjector:
         )
 
     def _seen(self, summary: SummaryValues, now: int) -> SeenInjection:
-        rows = self._samples.between(int(summary.sample_index), int(summary.end_index))
+        without_curves = SeenInjection(summary, now, _no_curves(), np.nan)
+        ahead = self._ahead(summary)
+        if ahead is None:
+            return without_curves
+        rows = self._samples.between(int(summary.sample_index) - ahead, int(summary.end_index) - ahead)
         if not len(rows):
-            return SeenInjection(summary, now, _no_curves(), np.nan)
+            return without_curves
         rail, lift = rows["rail_pressure"].copy(), rows["needle_lift"].copy()
         nominal = self._model(rail, lift)
-        worn = self._model(rail, lift, *np.nan_to_num([summary.nozzle_wear, summary.seat_wear]))
+        worn = self._model(rail, lift, *_wear(summary))
         c = self._model.coefficients
         place = (rows["index"] - rows["index"][0]).astype(np.float64)
 
@@ -104,12 +123,34 @@ class WatchedInjector:
             rail_pressure=in_mpa(rail),
             needle_lift=(lift / MICROMETRE).astype(np.float32),
             line_pressure=in_mpa(rows["line_pressure"]),
-            rate=self._rates.at(rows["index"]).astype(np.float32),
+            rate=self._rates.at(rows["index"] + ahead).astype(np.float32),
             nominal=nominal.rate.astype(np.float32),
             phi=worn.phi.astype(np.float32),
         )
         volume = float(np.trapezoid(nominal.rate * MM3_PER_MS)) / self.rate_hz
         return SeenInjection(summary, now, curves, volume * c.density / MILLIGRAM)
+
+    def _ahead(self, summary: SummaryValues) -> int | None:
+        """By how many samples the observer's count is ahead of ours; None: it cannot be told of this injection."""
+        if not self._are_counted:
+            return 0
+        candidates = self._count_shift.candidates
+        if not candidates:
+            return None
+        start, end = int(summary.sample_index), int(summary.end_index)
+        published = self._rates.at(np.arange(start, end + 1))
+        rows = self._samples.between(start - candidates[-1], end - candidates[0])
+        if len(rows) != published.size + len(candidates) - 1:
+            return None
+        modelled = self._model(rows["rail_pressure"].copy(), rows["needle_lift"].copy(), *_wear(summary))
+        place = best_place(published, modelled.rate)
+        return None if place is None else candidates[-1] - place
+
+
+def _wear(summary: SummaryValues) -> tuple[float, float]:
+    """Of nozzle and seat; none where it is not known."""
+    nozzle, seat = np.nan_to_num([summary.nozzle_wear, summary.seat_wear]).tolist()
+    return nozzle, seat
 
 
 def _no_curves() -> Curves:

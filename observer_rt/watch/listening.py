@@ -7,12 +7,15 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from observer_rt.bus.links.enduring import EnduringReading
-from observer_rt.bus.links.link import BusFrame
+from observer_rt.bus.links.link import BusFrame, Link, LinkDownError
 from observer_rt.bus.links.open import open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import Bench
 from observer_rt.config.links import NamedLink
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.channels import chosen_channels
 from observer_rt.recording.formats import open_log
+from observer_rt.service.opening import RETRY, buses_of
 
 Taker = Callable[[BusFrame, int], None]
 """Takes a frame that came at a time [ns since 1970]."""
@@ -20,13 +23,15 @@ _WAIT = 0.05  # s that the listener is deaf to its end
 
 
 class LiveSource:
-    """All buses of a bench, unfiltered."""
+    """The buses of a bench that its injectors use, unfiltered."""
 
     is_live = True
 
-    def __init__(self, links: Sequence[NamedLink]) -> None:
-        self._links = links
+    def __init__(self, bench: Bench) -> None:
+        self._links = bench.config.buses
+        self._buses = sorted(used_buses(bench))
         self._reading: EnduringReading | None = None  # until it runs
+        self._awaited: Mapping[int, str] = {}
 
     @property
     def dropped(self) -> int:
@@ -36,23 +41,41 @@ class LiveSource:
     @property
     def down(self) -> Mapping[int, str]:
         """Buses that are down, with why."""
-        return {} if self._reading is None else self._reading.down
+        if self._reading is None:
+            return self._awaited
+        return {self._buses[place]: why for place, why in self._reading.down.items()}
 
     def run(self, take: Taker, stop: threading.Event) -> None:
         """Listen until told to stop. Raises `RunError` when a link cannot be opened, or fails for good."""
         with ExitStack() as stack:
-            links = [
-                stack.enter_context(
-                    open_link(link.config.interface, link.config.channel, link.config.fd, computer_time=True)
-                )
-                for link in self._links
-            ]
+            links: list[Link] = []
+            for bus in self._buses:
+                link = self._opened(bus, stop)
+                if link is None:
+                    return
+                links.append(stack.enter_context(link))
             self._reading = EnduringReading(links)
             stack.callback(self._reading.close)
             while not stop.is_set():
                 came = self._reading.receive(_WAIT)
                 if came is not None:
-                    take(came, time.time_ns())
+                    take(BusFrame(self._buses[came.bus], came.frame), time.time_ns())
+
+    def _opened(self, bus: int, stop: threading.Event) -> Link | None:
+        """The link of a bus, once its interface is there; None: told to stop."""
+        config = self._links[bus].config
+        while not stop.is_set():
+            try:
+                return open_link(config.interface, config.channel, config.fd, computer_time=True)
+            except LinkDownError as error:
+                self._awaited = {bus: str(error)}
+                stop.wait(RETRY)
+        return None
+
+
+def used_buses(bench: Bench) -> frozenset[int]:
+    """Numbers of the buses that any injector reads from or sends to."""
+    return frozenset[int]().union(*(buses_of(map_bus(alone)) for alone in bench.each))
 
 
 class LogSource:

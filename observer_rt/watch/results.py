@@ -40,6 +40,10 @@ class ResultReader:
         self.refused = 0
         """Frames of wrong length or checksum."""
         self._rate = bus.rate
+        names = () if bus.rate is None else bus.rate.page.names
+        index, valid = HEADER_SIGNALS[:2]
+        self._index_at = names.index(index) if index in names else None
+        self._valid_at = names.index(valid) if valid in names else None
         self._summary = _Collected(bus.summary, len(SummaryValues._fields))
         self._status = _Collected(bus.status, len(StatusValues._fields))
 
@@ -69,12 +73,10 @@ class ResultReader:
     def _rates(self, page: OutputPage, payload: NDArray[np.uint8]) -> Rates | None:
         values = np.empty(page.table.size)
         decode(payload, page.table, values)
-        known = len(page.table) - (self._rate.samples if self._rate else 0)
-        header = dict(zip(page.names[:known], values, strict=False))
-        index = header.get(HEADER_SIGNALS[0], np.nan)
-        if np.isnan(index):
+        if self._rate is None or self._index_at is None or np.isnan(values[self._index_at]):
             return None
-        return Rates(int(index), bool(header.get("Valid", 0.0) == 1.0), values[known:])
+        valid = self._valid_at is not None and values[self._valid_at] == 1.0
+        return Rates(int(values[self._index_at]), bool(valid), values[-self._rate.samples :])
 
 
 class _Collected:

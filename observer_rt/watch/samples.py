@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import BenchInjector
 from observer_rt.observer.stream.state import RING
 from observer_rt.service.core.core import Core
@@ -25,17 +26,34 @@ class InputSamples:
         """Compile, or load, what frames will need: an empty one is passed over."""
         self._compiled.listen(min(self._keys), np.empty(0, np.uint8), 0)
 
-    def take(self, came: BusFrame) -> None:
-        """A frame; one that brings no samples is passed over."""
+    def take(self, came: BusFrame) -> bool:
+        """A frame; one that brings no samples is passed over: False."""
         key = frame_key(came.frame.frame_id, came.frame.is_extended, came.bus)
-        if key in self._keys:
-            payload = np.frombuffer(came.frame.payload, np.uint8)
-            self._compiled.listen(key, payload, came.frame.stamp_ns)
+        if key not in self._keys:
+            return False
+        self._compiled.listen(key, np.frombuffer(came.frame.payload, np.uint8), came.frame.stamp_ns)
+        return True
 
     @property
     def received(self) -> int:
         """Samples so far."""
         return int(self._compiled.observer.memory["received"][0])
+
+    @property
+    def newest(self) -> int:
+        """Index of the last one."""
+        return int(self._compiled.observer.ring["index"][(self.received - 1) % RING])
+
+    @property
+    def lookahead(self) -> int:
+        """Samples that an observer must know beyond one."""
+        return int(self._compiled.observer.constants.timing.lookahead)
+
+    @property
+    def are_counted(self) -> bool:
+        """Whether their index is not sent, but counted since the first one came."""
+        keeping = self._compiled.pipeline.keeping
+        return bool(keeping.timing[keeping.memory[0]["leading"]]["numbering"] != Numbering.INDEX)
 
     def between(self, start: int, end: int) -> NDArray[np.void]:
         """Those with an index as sent in [start, end], dtype `sample_dtype`; only the newest are remembered."""

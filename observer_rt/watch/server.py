@@ -1,5 +1,6 @@
 """`observer-rt monitor`: the page served until Ctrl-C."""
 
+import gc
 import socket
 from dataclasses import dataclass
 from ipaddress import ip_address
@@ -77,6 +78,7 @@ def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
                 server.io_loop.stop()
 
         PeriodicCallback(look, _STOP_EVERY).start()
+        gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
         try:
             server.run_until_shutdown()
         finally:
@@ -97,5 +99,5 @@ def _origins(address: str, port: int) -> list[str]:
 
 def _source(bench: Bench, options: MonitorOptions) -> Source:
     if options.log is None:
-        return LiveSource(bench.config.buses)
+        return LiveSource(bench)
     return LogSource(options.log, bench.config.buses, options.from_channels, options.speed)

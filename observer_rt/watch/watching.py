@@ -8,8 +8,8 @@ from typing import Protocol
 
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.config.bench import Bench
-from observer_rt.watch.injector import Seen, WatchedInjector
-from observer_rt.watch.listening import Taker
+from observer_rt.watch.injector import Key, Seen, WatchedInjector
+from observer_rt.watch.listening import Taker, used_buses
 from observer_rt.watch.load import BusLoad
 
 
@@ -46,9 +46,14 @@ class Watching:
 
     def __init__(self, bench: Bench, source: Source) -> None:
         self._source = source
-        self._labels = [link.label for link in bench.config.buses]
+        used = used_buses(bench)
+        self._labels = {bus: link.label for bus, link in enumerate(bench.config.buses) if bus in used}
         self._loads = [BusLoad(link.config) for link in bench.config.buses]
         self._injectors = [WatchedInjector(alone) for alone in bench.each]
+        self._takers = {
+            key: [each for each in self._injectors if key in each.keys]
+            for key in frozenset[Key]().union(*(each.keys for each in self._injectors))
+        }
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._now = 0  # of the last frame
@@ -86,14 +91,13 @@ class Watching:
             self._thread.join()
 
     def buses(self) -> tuple[BusSeen, ...]:
-        """Every bus as it is now."""
+        """Every bus that is used as it is now."""
         with self._lock:
             now, down = self.now, self._source.down
-            loads = [load.share(now) for load in self._loads]
-        return tuple(
-            BusSeen(label, load, down.get(bus, ""))
-            for bus, (label, load) in enumerate(zip(self._labels, loads, strict=True))
-        )
+            return tuple(
+                BusSeen(label, self._loads[bus].share(now), down.get(bus, ""))
+                for bus, label in self._labels.items()
+            )
 
     def injectors(self) -> tuple[Seen, ...]:
         """Every injector as it is now."""
@@ -117,5 +121,6 @@ class Watching:
                 self._begin(now)
             self._now = now
             self._loads[came.bus].note(came.frame, now)
-            for injector in self._injectors:
+            frame = came.frame
+            for injector in self._takers.get((came.bus, frame.frame_id, frame.is_extended), ()):
                 injector.take(came, now)

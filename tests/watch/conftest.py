@@ -1,51 +1,29 @@
 """A real browser, without a screen; and a monitor that serves its page to it."""
 
-import re
-import shutil
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Error, Page, Playwright, Request, sync_playwright
+from playwright.sync_api import Browser, Page, Request, sync_playwright
 
-_OBTAIN = f"{sys.executable} -m playwright install --with-deps chromium-headless-shell"
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-# nothing of its own goes out
-_QUIET = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
-_URL = re.compile(r"http://127\.0\.0\.1:\d+/")
+from observer_rt.foundation.errors import UserError
+from tools.benchmarks.live_page.browser import launch, served
 
 Serve = Callable[..., str]
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """The system's Chromium, else Playwright's own: tools/test obtains one where it may."""
+    """Tests cannot do without one."""
     with sync_playwright() as playwright:
-        started = _launched(playwright)
+        try:
+            started = launch(playwright)
+        except UserError as error:
+            pytest.fail(str(error), pytrace=False)
         yield started
         started.close()
-
-
-def _launched(playwright: Playwright) -> Browser:
-    """The first that starts: Ubuntu's `chromium-browser` is there and only asks for a snap."""
-    failures = []
-    for path in (*filter(None, map(shutil.which, _BROWSERS)), None):
-        try:
-            return playwright.chromium.launch(executable_path=path, args=list(_QUIET))
-        except Error as error:
-            failures.append(f"{path or 'of Playwright'}: {error}")
-    pytest.fail(f"no Chromium here; this would mend it: {_OBTAIN}\n" + "\n".join(failures), pytrace=False)
 
 
 @pytest.fixture
@@ -71,17 +49,7 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
     with ExitStack() as stack:
 
         def started(*arguments: str | Path) -> str:
-            words = [sys.executable, "-m", "observer_rt", "monitor", "--port", "0", *map(str, arguments)]
-            process = stack.enter_context(
-                subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
-            )
-            stack.callback(process.terminate)
-            assert process.stderr is not None
-            told = []
-            for line in process.stderr:
-                told.append(line)
-                if (found := _URL.search(line)) is not None:
-                    return found[0]
-            raise AssertionError("".join(told))
+            command = [sys.executable, "-m", "observer_rt", "monitor", "--port", "0", *arguments]
+            return stack.enter_context(served(command, tmp_path)).url
 
         yield started

@@ -1,6 +1,7 @@
 """An injector as it is seen on the bus: the injections its observer reported, with the samples they were made of."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.watch.injection import SeenInjection
 from observer_rt.watch.injector import Seen, WatchedInjector
 from tests.service.participants import SAMPLE_RATE, bench_file, worn_recording
@@ -55,6 +57,15 @@ def watched(bench: Bench) -> Watched:
     return Watched(bench, worn_recording(6, WEAR))
 
 
+def assert_recorded(seen: SeenInjection, recording: Recording, report: InjectionReport) -> None:
+    """Its samples are those of the recording."""
+    window, curves = slice(report.start_index, report.end_index + 1), seen.curves
+    assert curves.rail_pressure == pytest.approx(recording.rail_pressure[window] / MEGAPASCAL, abs=0.004)
+    assert curves.line_pressure == pytest.approx(recording.line_pressure[window] / MEGAPASCAL, abs=0.004)
+    assert curves.needle_lift * 1e-3 == pytest.approx(recording.needle_lift[window] / MILLIMETRE, abs=1e-5)
+    assert curves.time[-1] == pytest.approx(1e3 * (curves.time.size - 1) / SAMPLE_RATE, rel=1e-6)
+
+
 def test_every_reported_injection_is_seen(watched: Watched) -> None:
     assert len(watched.reports) >= 5
     assert [each.summary.injection_number for each in watched.seen.injections] == [
@@ -67,14 +78,7 @@ def test_every_reported_injection_is_seen(watched: Watched) -> None:
 
 def test_its_samples_are_those_of_the_recording(watched: Watched) -> None:
     for seen, report in zip(watched.seen.injections, watched.reports, strict=True):
-        window = slice(report.start_index, report.end_index + 1)
-        recording, curves = watched.recording, seen.curves
-        assert curves.rail_pressure == pytest.approx(recording.rail_pressure[window] / MEGAPASCAL, abs=0.004)
-        assert curves.line_pressure == pytest.approx(recording.line_pressure[window] / MEGAPASCAL, abs=0.004)
-        assert curves.needle_lift * 1e-3 == pytest.approx(
-            recording.needle_lift[window] / MILLIMETRE, abs=1e-5
-        )
-        assert curves.time[-1] == pytest.approx(1e3 * (curves.time.size - 1) / SAMPLE_RATE, rel=1e-6)
+        assert_recorded(seen, watched.recording, report)
 
 
 def test_its_rate_is_the_published_one_and_has_its_mass(watched: Watched) -> None:
@@ -100,3 +104,21 @@ def test_an_injection_whose_samples_nobody_heard_has_no_curves(bench: Bench, wat
     seen = seen_after(bench, [each for each in watched.came if each.frame.frame_id not in inputs])
     assert len(seen.injections) == len(watched.reports)
     assert all(each.curves.time.size == 0 and np.isnan(each.nominal_mass) for each in seen.injections)
+
+
+@pytest.mark.parametrize("missed", [0, 701])
+def test_samples_without_an_index_are_placed_by_the_published_rate(tmp_path: Path, missed: int) -> None:
+    """Whether the page listened from the first frame on, or began later: then it counts otherwise."""
+    path = bench_file(tmp_path, "counted")
+    line = 'pattern = "LinePressure_{:02d}"\n'
+    path.write_text(path.read_text().replace(line, f'{line}index = ""\n'))
+    bench = load_bench(path)
+    watched = Watched(bench, worn_recording(6, WEAR))
+    seen = seen_after(bench, watched.came[missed:])
+    reports = {report.number: report for report in watched.reports}
+    drawn = [each for each in seen.injections if each.curves.time.size]
+    assert len(drawn) >= 3
+    for each in drawn:
+        assert_recorded(each, watched.recording, reports[int(each.summary.injection_number)])
+        volume = float(np.trapezoid(each.curves.rate, each.curves.time))
+        assert volume == pytest.approx(each.summary.volume, rel=0.01)

@@ -73,10 +73,10 @@ def test_traces_move_are_held_stepped_back_to_and_saved(
     one: tuple[Path, Path], serve: Serve, page: Page, tmp_path: Path
 ) -> None:
     bench, log = one
-    page.goto(serve("--bench", bench, "--log", log, "--speed", "0.05", "--out", tmp_path / "kept"))
+    page.goto(serve("--bench", bench, "--log", log, "--speed", "0.02", "--out", tmp_path / "kept"))
     number = page.locator("tr", has_text="injection").locator("td")
     expect(number).to_have_text(re.compile("[2-9] "), timeout=PATIENCE)
-    first, before = number.inner_text(), page.locator(".side").first.screenshot()
+    before, first = page.locator(".side").first.screenshot(), number.inner_text()
     expect(number).not_to_have_text(first, timeout=PATIENCE)
     assert page.locator(".side").first.screenshot() != before
 

@@ -33,6 +33,7 @@ from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
 from tools.benchmarks.kills.campaign import Plan as KillPlan
 from tools.benchmarks.kills.campaign import run_campaign
 from tools.benchmarks.kills.tables import kills_document, kills_table
+from tools.benchmarks.live_page import command as page_command
 from tools.benchmarks.many import command as many_command
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.realism import command as realism_command
@@ -51,6 +52,7 @@ app.command(epilog=realism_command.EXAMPLE)(realism_command.realism)
 app.command(epilog=speed_command.EXAMPLE)(speed_command.speed)
 app.command(epilog=speed_command.SOAK_EXAMPLE)(speed_command.soak)
 app.command(epilog=many_command.EXAMPLE)(many_command.batch)
+app.command(epilog=page_command.EXAMPLE)(page_command.monitor)
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
 WorkersOption = Annotated[int, typer.Option(min=1, help="Processes.")]
 OutOption = Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")]

@@ -1,5 +1,7 @@
 """The page of one browser: what is watched, drawn some times a second."""
 
+import time
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
@@ -11,12 +13,13 @@ from jinja2 import Template
 from observer_rt.watch.injection import SeenInjection
 from observer_rt.watch.page.banner import injector_html, top_html
 from observer_rt.watch.page.controls import Controls
+from observer_rt.watch.page.drawing import TOP, Drawing, Parts, Target
 from observer_rt.watch.page.history import History
 from observer_rt.watch.page.traces import DetailPanels, RatePanel
 from observer_rt.watch.watching import Watching
 
-DRAW_EVERY = 60  # ms: of 30 injections a second two are drawn at a time
-_HISTORY_EVERY = 16  # drawings
+DRAW_EVERY = 33  # ms, if the browser is through with the last drawing
+_HISTORY_EVERY = 1.0  # s
 _NARROWEST = 380  # px of a panel before it goes below its neighbour
 
 
@@ -28,35 +31,62 @@ class Page:
         names = [each.name for each in watching.injectors()]
         self._watching = watching
         self._controls = Controls(names, folder, watching.injectors)
-        self._top = _letters("top")
+        self._top = _letters(TOP)
         self._banners = [_letters(f"banner_{number}") for number in range(len(names))]
-        self._rates = [RatePanel(name) for name in names]
+        self._rates = [RatePanel(f"rate_{number}", name) for number, name in enumerate(names)]
         self._details = DetailPanels()
         self._history = History()
-        self._drawn: list[SeenInjection | None] = [None] * len(names)
-        self._detailed: SeenInjection | None = None
-        self._turn = 0
+        self._begin_anew()
         self._lay_out(document)
+        targets: dict[str, Target] = {str(each.name): each for each in (self._top, *self._banners)}
+        for panels in self._rates:
+            targets |= panels.targets
+        targets |= self._details.targets | self._history.targets
+        self._drawing = Drawing(document, targets)
         document.add_periodic_callback(self.draw, DRAW_EVERY)
-        self.draw()
 
     def draw(self) -> None:
-        """What is new since the last drawing."""
+        """What is new since the last drawing, if the browser is through with that."""
+        if self._drawing.is_lost:
+            self._begin_anew()
+        elif self._drawing.is_behind:
+            return
+        if parts := self._parts():
+            self._drawing.send(parts)
+
+    def _begin_anew(self) -> None:
+        """Nothing is on the screen."""
+        self._said: dict[str, str] = {}
+        self._drawn: list[SeenInjection | None] = [None] * len(self._banners)
+        self._detailed: SeenInjection | None = None
+        self._remembered: SeenInjection | None = None
+        self._history_at = 0.0
+
+    def _parts(self) -> Parts:
         live, chosen = self._watching.injectors(), self._controls.chosen
         shown = self._controls.shown(live)
-        _say(self._top, top_html(self._watching))
-        for number, injections in enumerate(shown):
-            last = injections[-1] if injections else None
-            _say(self._banners[number], injector_html(live[number], last))
-            if last is not None and last is not self._drawn[number]:
-                self._drawn[number] = last
-                self._rates[number].show(injections)
-        if self._drawn[chosen] is not None and self._drawn[chosen] is not self._detailed:
-            self._detailed = self._drawn[chosen]
-            self._details.show(shown[chosen])
-        if self._turn % _HISTORY_EVERY == 0 and not self._controls.is_held:
-            self._history.show(live[chosen].injections)
-        self._turn += 1
+        lasts = [injections[-1] if injections else None for injections in shown]
+        said = {TOP: top_html(self._watching)}
+        for number, last in enumerate(lasts):
+            said[f"banner_{number}"] = injector_html(live[number], last)
+        parts: Parts = {name: html for name, html in said.items() if self._said.get(name) != html}
+        self._said = said
+        for number, last in enumerate(lasts):
+            if last is not self._drawn[number]:
+                parts |= self._rates[number].parts(shown[number])
+        self._drawn = lasts
+        if lasts[chosen] is not self._detailed:
+            parts |= self._details.parts(shown[chosen])
+        self._detailed = lasts[chosen]
+        return parts | self._history_parts(live[chosen].injections)
+
+    def _history_parts(self, injections: Sequence[SeenInjection]) -> Parts:
+        """All that is kept, now and then: it is much."""
+        last, now = injections[-1] if injections else None, time.monotonic()
+        if last is self._remembered or now < self._history_at or self._controls.is_held:
+            return {}
+        self._remembered, self._history_at = last, now + _HISTORY_EVERY
+        return self._history.parts(injections)
 
     def _lay_out(self, document: Document) -> None:
         """Every root under the name by which page.html places it."""
@@ -75,12 +105,6 @@ def _letters(name: str) -> Div:
     return Div(
         name=name, sizing_mode="stretch_width", stylesheets=[InlineStyleSheet(css=_text("letters.css"))]
     )
-
-
-def _say(place: Div, html: str) -> None:
-    """Only what changed is sent."""
-    if place.text != html:
-        place.text = html
 
 
 def _text(name: str) -> str:

@@ -6,8 +6,10 @@ import numpy as np
 from bokeh.models import ColumnDataSource
 
 from observer_rt.watch.injection import SeenInjection
+from observer_rt.watch.page.drawing import Parts, Target
 from observer_rt.watch.page.look import NOMINAL, NOT_VALID, OBSERVER, SECOND, panel, with_legend
 
+_NAME = "history"
 _SURE = 1.96  # standard deviations of a 95 % interval
 _WEAR = (("nozzle", OBSERVER), ("seat", SECOND))
 
@@ -36,9 +38,14 @@ class History:
         for made in self.figures.values():
             with_legend(made)
 
-    def show(self, injections: Sequence[SeenInjection]) -> None:
-        """Draw all injections that are kept."""
-        self._source.data = _columns(injections)
+    @property
+    def targets(self) -> dict[str, Target]:
+        """What its parts belong to."""
+        return {_NAME: self._source}
+
+    def parts(self, injections: Sequence[SeenInjection]) -> Parts:
+        """All injections that are kept."""
+        return {_NAME: _columns(injections)}
 
 
 def _columns(injections: Sequence[SeenInjection]) -> dict[str, np.ndarray]:

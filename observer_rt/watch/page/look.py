@@ -9,7 +9,7 @@ NOT_VALID = "#b3261e"
 _TEXT = "17px"
 
 
-def panel(title: str, x_label: str, y_label: str, height: int = 300) -> figure:
+def panel(title: str, x_label: str, y_label: str, height: int = 260) -> figure:
     """An empty figure as wide as its place, without tools: a bench monitor has no mouse."""
     made = figure(
         title=Title(text=title, text_font_size="20px"),

@@ -93,10 +93,10 @@ def _marked(starts: NDArray[np.int64], length: int) -> NDArray[np.bool_]:
 def _row(folder: Path, traffic: Traffic, number: int, seconds: float) -> InjectorsRow:
     with ExitStack() as stack:
         pairs = [socket_pair(stack) for _ in range(number)]
-        bench = _bench(folder / f"injectors_{number}", [pair.receiver for pair in pairs])
+        bench = socket_bench(folder / f"injectors_{number}", [pair.receiver for pair in pairs])
         descriptors = [pair.receiver.fileno() for pair in pairs]
         ours = stack.enter_context(observer([*RUN, bench, "--json"], descriptors))
-        _until_ready(ours, number)
+        until_all_ready(ours, number)
         pacers = [
             Pacer(folder, traffic, f"fd:{each.fileno()}", Ids(), [each.fileno()], _turn(place, number))
             for place, each in enumerate(pair.sender for pair in pairs)
@@ -132,7 +132,7 @@ def _turn(place: int, number: int) -> int:
     return round(place * PERIOD / number / _FRAME)
 
 
-def _bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:
+def socket_bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:
     """The example bench for injectors whose links are these sockets; [link] itself is none of theirs."""
     folder.mkdir(parents=True, exist_ok=True)
     text = EXAMPLE_BENCH.read_text("utf-8")
@@ -151,7 +151,8 @@ def _bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:
     return path
 
 
-def _until_ready(ours: Observer, number: int) -> None:
+def until_all_ready(ours: Observer, number: int) -> None:
+    """Wait until so many injectors of a daemon have said so. Raises RunError."""
     end = time.monotonic() + START_TIMEOUT
     while sum(bool(READY.search(line)) for line in list(ours.said)) < number:
         if time.monotonic() > end:

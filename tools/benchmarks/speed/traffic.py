@@ -79,12 +79,13 @@ class Ids:
         return RATE_ID + self.shift
 
 
-def make_traffic(folder: Path) -> Traffic:
-    """Write a loop of injections of a worn injector."""
+def make_traffic(folder: Path, period: float = PERIOD, count: int = _EVENTS) -> Traffic:
+    """Write a loop of `count` injections of a worn injector, which take a whole number of frames."""
     events = tuple(
-        Event(_FIRST + n * PERIOD, _PRESSURES[n // 3], (Shot(_ENERGIZING),)) for n in range(_EVENTS)
+        Event(_FIRST + n * period, _PRESSURES[n * len(_PRESSURES) // count], (Shot(_ENERGIZING),))
+        for n in range(count)
     )
-    schedule = Schedule(events, _EVENTS * PERIOD - 1.0 / SAMPLE_RATE)
+    schedule = Schedule(events, count * period - 1.0 / SAMPLE_RATE)
     worn = (sized("orifice_area", v_H=_WEAR),)
     recording = simulate(load_injector(), schedule, SAMPLE_RATE, worn, NoiseLevels(), seed=1).recording
     bus = map_bus(bench_at(SAMPLE_RATE))

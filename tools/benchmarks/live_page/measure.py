@@ -1,0 +1,112 @@
+"""The live page with a daemon at work, and a bare page beside it in the same run."""
+
+import os
+import sys
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from playwright.sync_api import Browser, sync_playwright
+
+from tools.benchmarks.live_page import bare_page
+from tools.benchmarks.live_page.browser import Served, launch, served
+from tools.benchmarks.live_page.socket_bus import SocketBus, socket_buses
+from tools.benchmarks.live_page.watched import Gaps, Watched, watch
+from tools.benchmarks.speed.injectors import in_windows, socket_bench, until_all_ready
+from tools.benchmarks.speed.observers import RUN, observer
+from tools.benchmarks.speed.pace import Pacer, Passage
+from tools.benchmarks.speed.traffic import SAMPLE_RATE, SAMPLES, Ids, Traffic, make_traffic
+
+PER_SECOND = 30  # injections
+LONGEST = 100.0  # ms between frames with something new, at the most
+RATE_PANEL = "rate_0"
+_EVENTS = 27  # 0.9 s, a whole number of frames
+_SETTLING = 5.0  # s: the daemon learns, the browser compiles what it runs often
+_CLOSING = 5.0  # s that frames still come when the page is closed
+_FRAME = SAMPLES / SAMPLE_RATE  # s
+_MONITOR = (sys.executable, "-m", "observer_rt", "monitor", "--port", "0", "--bench")
+
+
+@dataclass(frozen=True)
+class LivePage:
+    """Both pages. lost_frames: that came too fast for the listener; load: of the machine before."""
+
+    injectors: int
+    ours: Watched
+    bare: Watched
+    lost_frames: int
+    load: float
+
+    @property
+    def drawn(self) -> Gaps:
+        """Of the panel with the injection rate."""
+        return self.ours.drawn[RATE_PANEL]
+
+    @property
+    def bare_drawn(self) -> Gaps:
+        """Of the line of the bare page."""
+        return self.bare.drawn[bare_page.NAME]
+
+    @property
+    def seen_share(self) -> float:
+        """Injections the page went through, of those that were sent."""
+        return min(self.ours.numbers, default=0) / (self.ours.seconds * PER_SECOND)
+
+
+def measure_page(folder: Path, seconds: float, injectors: int) -> LivePage:
+    """Watch both pages for so long [s] each; the daemon goes on meanwhile. Raises RunError, UserError."""
+    load = os.getloadavg()[0]
+    traffic = make_traffic(folder, 1.0 / PER_SECOND, _EVENTS)
+    if injectors > 1:  # no bus carries several at 100 kHz
+        traffic = in_windows(traffic)
+    with ExitStack() as stack:
+        buses, hub = stack.enter_context(socket_buses(folder, injectors))
+        on_air = _Traffic(folder, traffic, buses)
+        daemon_ends = [bus.daemon for bus in buses]
+        bench = socket_bench(folder / "daemon", daemon_ends)
+        ours = stack.enter_context(observer([*RUN, bench], [each.fileno() for each in daemon_ends]))
+        until_all_ready(ours, injectors)
+        listener_ends = [bus.listener for bus in buses]
+        command: list[str | Path] = [*_MONITOR, socket_bench(folder / "monitor", listener_ends)]
+        browser = launch(stack.enter_context(sync_playwright()))
+        stack.callback(browser.close)
+        with served(command, folder, [each.fileno() for each in listener_ends]) as page:
+            found = on_air.while_watched(browser, page, seconds)
+            lost = hub.lost_to_listeners()
+        bare = [sys.executable, "-m", bare_page.__name__, str(round(1e3 / PER_SECOND))]
+        with served(bare) as page:
+            beside = on_air.while_watched(browser, page, seconds)
+    return LivePage(injectors, found, beside, lost, load)
+
+
+class _Traffic:
+    """What devices send, to all injectors in turn."""
+
+    def __init__(self, folder: Path, traffic: Traffic, buses: Sequence[SocketBus]) -> None:
+        self._pacers = [
+            Pacer(
+                folder,
+                traffic,
+                f"fd:{bus.devices.fileno()}",
+                Ids(),
+                [bus.devices.fileno()],
+                round(place / len(buses) / PER_SECOND / _FRAME),
+            )
+            for place, bus in enumerate(buses)
+        ]
+
+    def while_watched(self, browser: Browser, page: Served, seconds: float) -> Watched:
+        """Send, and watch a page meanwhile."""
+        count = round((_SETTLING + seconds + _CLOSING) / _FRAME)
+        sending: list[Future[Passage]] = []
+        with ThreadPoolExecutor(len(self._pacers)) as together:
+
+            def begin() -> None:
+                sending.extend(together.submit(pacer.send, count, _FRAME) for pacer in self._pacers)
+
+            found = watch(browser, page, begin, _SETTLING, seconds)
+            for each in sending:
+                each.result()
+        return found

@@ -26,7 +26,8 @@ def taken(
 ) -> Taken:
     seconds = START + A_FILE * files * repeats / REPEATS * slower
     clock = START + (seconds - START) / workers
-    return Taken(Work(Files(source, files, repeats), workers), clock, seconds, peak_mib)
+    a_file = A_FILE * repeats / REPEATS * slower / workers
+    return Taken(Work(Files(source, files, repeats), workers), clock, seconds, peak_mib, a_file)
 
 
 def many(of_two: float = 1.0) -> Many:

@@ -58,7 +58,7 @@ def test_gaps_count_from_begin_to_end() -> None:
 @pytest.mark.slow
 def test_both_pages_are_watched() -> None:
     """In a process of its own, as its user has it. Whether it is smooth is not told beside other tests."""
-    command = [sys.executable, "-m", "tools.benchmarks", "monitor", "--seconds", "5", "--json"]
+    command = [sys.executable, "-m", "tools.benchmarks", "monitor", "--seconds", "2", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode in (0, 1), done.stderr
     found = json.loads(done.stdout[done.stdout.index("{") :])

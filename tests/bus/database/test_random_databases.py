@@ -20,7 +20,7 @@ from tests.bus.database.random_databases import (
     with_bits,
 )
 
-EXAMPLES = 1000  # of each test
+EXAMPLES = 300  # of each test
 FLOAT_FORMAT = {32: "f", 64: "d"}
 many = settings(
     max_examples=EXAMPLES,

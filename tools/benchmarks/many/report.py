@@ -49,7 +49,12 @@ def _figures(many: Many) -> Iterator[Figure]:
     yield Figure("floor_share_parquet", many.per_core(parquet) / many.core_per_s, _FLOOR)
     yield Figure("floor_share_mdf4", many.per_core(mdf4) / many.core_per_s, _FLOOR)
     yield Figure("floor_share_mdf4_can_log", many.per_core(log) / many.core_per_s, _FLOOR)
-    yield Figure("efficiency_2_workers", many.efficiency, "one worker, twice; beyond the start", at_least=0.9)
+    yield Figure(
+        "efficiency_2_workers",
+        many.efficiency,
+        "one worker, twice; from file to file, once all work",
+        at_least=0.9,
+    )
     yield Figure("efficiency_2_workers_with_start", many.efficiency_with_start, "the same, whole command")
     off = "a straight line through all"
     yield Figure("off_linear_files", many.by_number(clock, many.numbers).farthest, off, 0.05)

@@ -19,7 +19,8 @@ from observer_rt.watch.page.traces import DetailPanels, RatePanel
 from observer_rt.watch.watching import Watching
 
 DRAW_EVERY = 33  # ms, if the browser is through with the last drawing
-_HISTORY_EVERY = 1.0  # s
+# what nobody follows injection by injection, so that the rate keeps pace where a processor draws
+_LETTERS_EVERY, _DETAILS_EVERY, _HISTORY_EVERY = 0.2, 0.5, 1.0  # s
 _NARROWEST = 380  # px of a panel before it goes below its neighbour
 
 
@@ -60,28 +61,37 @@ class Page:
         self._drawn: list[SeenInjection | None] = [None] * len(self._banners)
         self._detailed: SeenInjection | None = None
         self._remembered: SeenInjection | None = None
-        self._history_at = 0.0
+        self._letters_at = self._details_at = self._history_at = 0.0  # not before
 
     def _parts(self) -> Parts:
         live, chosen = self._watching.injectors(), self._controls.chosen
         shown = self._controls.shown(live)
         lasts = [injections[-1] if injections else None for injections in shown]
-        said = {TOP: top_html(self._watching)}
-        for number, last in enumerate(lasts):
-            said[f"banner_{number}"] = injector_html(live[number], last)
-        parts: Parts = {name: html for name, html in said.items() if self._said.get(name) != html}
-        self._said = said
+        parts = self._letters_parts(lasts)
         for number, last in enumerate(lasts):
             if last is not self._drawn[number]:
                 parts |= self._rates[number].parts(shown[number])
         self._drawn = lasts
-        if lasts[chosen] is not self._detailed:
+        now = time.monotonic()
+        if lasts[chosen] is not self._detailed and (now >= self._details_at or self._controls.is_held):
             parts |= self._details.parts(shown[chosen])
-        self._detailed = lasts[chosen]
+            self._detailed, self._details_at = lasts[chosen], now + _DETAILS_EVERY
         return parts | self._history_parts(live[chosen].injections)
 
+    def _letters_parts(self, lasts: Sequence[SeenInjection | None]) -> Parts:
+        """States, faults and numbers that changed."""
+        now = time.monotonic()
+        if now < self._letters_at and not self._controls.is_held:
+            return {}
+        said = {TOP: top_html(self._watching)}
+        for number, (injector, last) in enumerate(zip(self._watching.injectors(), lasts, strict=True)):
+            said[f"banner_{number}"] = injector_html(injector, last)
+        changed: Parts = {name: html for name, html in said.items() if self._said.get(name) != html}
+        self._said, self._letters_at = said, now + _LETTERS_EVERY
+        return changed
+
     def _history_parts(self, injections: Sequence[SeenInjection]) -> Parts:
-        """All that is kept, now and then: it is much."""
+        """All that is kept: it is much."""
         last, now = injections[-1] if injections else None, time.monotonic()
         if last is self._remembered or now < self._history_at or self._controls.is_held:
             return {}

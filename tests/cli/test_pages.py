@@ -35,7 +35,7 @@ NOT_RUN = {  # with the reason, and what looks after it instead
     (
         "tools/vcan bash -c 'observer-rt run --bench bench.toml --json 2> run.log & "
         'until grep -qs "start: ready\\|error" run.log; do sleep 1; done; '
-        "observer-rt replay worn.csv --bench bench.toml --speed 0.1; sleep 2; kill %1; wait'"
+        "observer-rt replay worn.csv --bench bench.toml --speed 0.02; sleep 2; kill %1; wait'"
     ): "test_on_vcan_pages.py types its two commands on such an interface",
     "sudo prlimit --pid $$ --rtprio=99 --memlock=unlimited": (
         "it changes the shell; test_checkup.py sees that `check` tells it"

@@ -129,7 +129,8 @@ def test_simulated_evaluated_and_discovered(tmp_path: Path) -> None:
                 injector,
                 *map(str, arguments),
             ],
-            env=os.environ | {"NUMBA_CACHE_DIR": str(own_cache()), "PYTHONPATH": str(ROOT)},
+            # what is compiled for this test alone need not be fast
+            env=os.environ | {"NUMBA_CACHE_DIR": str(own_cache()), "NUMBA_OPT": "1", "PYTHONPATH": str(ROOT)},
             cwd=ROOT,
             capture_output=True,
             text=True,

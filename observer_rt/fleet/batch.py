@@ -20,7 +20,6 @@ from observer_rt.fleet.names import InjectorNames, recordings_in
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.fleet.work import Work
 from observer_rt.foundation.compilation import is_complete, note_complete
-from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.file_hash import file_hash
 from observer_rt.model.effects import BUILT_IN
 from observer_rt.observer.learning.knowledge import Knowledge
@@ -103,11 +102,7 @@ def _evaluate(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -
         for path, sha256, rows in _outcomes(work, task, paths, dataset):
             _take(dataset, counts, path, sha256, rows)
             progress(counts.well + counts.failed)
-    if work.stop.is_set():
-        raise RunError(
-            f"interrupted; {counts.well} of {len(paths)} files are done\n"
-            "  remedy: give the same command again to go on"
-        )
+    work.refuse_interrupted(counts.well, len(paths), "files")
     return counts
 
 
@@ -133,8 +128,7 @@ def _outcomes(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -
                 begun.add(result)
                 jobs.begin((path, result), evaluated, task, path, result)
             elif isinstance(result, Broken):
-                problem = f"{path}: {result.problem}\n  remedy: {result.remedy}"
-                yield path, sha256, Failed(path, sha256, problem)
+                yield path, sha256, Failed(path, sha256, f"{path}: {result}")
             else:
                 if not compiled and isinstance(result, pa.Table) and result.num_rows:
                     note_complete(_COMPILED)

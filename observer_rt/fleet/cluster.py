@@ -28,6 +28,9 @@ class Broken:
     problem: str
     remedy: str
 
+    def __str__(self) -> str:
+        return f"{self.problem}\n  remedy: {self.remedy}"
+
 
 class Jobs(Generic[_Name]):
     """Jobs at the workers, each with a name for whoever began it; begun again where a worker dies."""

@@ -20,7 +20,6 @@ from observer_rt.fleet.inquiry import Ended, Inquiry, discovered
 from observer_rt.fleet.job import Failed
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.fleet.work import Work
-from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.file_hash import file_hash
 from observer_rt.terminal.console import progress_bar
@@ -73,11 +72,7 @@ class Discovering:
                 found.done += not ended.problem
                 progress(found.done + found.failed)
         found.answers = answers.table()
-        if work.stop.is_set():
-            raise RunError(
-                f"interrupted; {found.done + found.skipped} of {len(groups)} injectors are done\n"
-                "  remedy: give the same command again to go on"
-            )
+        work.refuse_interrupted(found.done + found.skipped, len(groups), "injectors")
         return found
 
 
@@ -130,7 +125,7 @@ def _outcomes(
             return
         for group, result in jobs.ended():
             if isinstance(result, Broken):
-                yield group, Ended(problem=f"{result.problem}\n  remedy: {result.remedy}")
+                yield group, Ended(problem=str(result))
             else:
                 yield group, result
     jobs.cancel()

@@ -18,7 +18,7 @@ from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.plausible import refuse_rates_missing, refuse_sample_rates
 from observer_rt.evidence.reading import hashes, read_measured
 from observer_rt.fleet.groups import Group
-from observer_rt.fleet.job import Failed
+from observer_rt.fleet.job import NO_MEMORY, Failed
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.foundation.errors import ObserverError, UserError
 
@@ -59,7 +59,7 @@ def discovered(inquiry: Inquiry, group: Group) -> Ended:
     except ObserverError as error:
         problem = str(error)
     except MemoryError:
-        problem = "not enough memory\n  remedy: fewer --workers"
+        problem = NO_MEMORY
     return Ended(tuple(discovery.left_out), problem)
 
 

@@ -24,6 +24,7 @@ from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.formats import is_log, open_log
 from observer_rt.recording.signals.stream import SignalStream
 
+NO_MEMORY = "not enough memory\n  remedy: fewer --workers"
 _MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since 1970]
 
 
@@ -71,7 +72,7 @@ def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | Failed:
     except ObserverError as error:
         return Failed(path, sha256, str(error))
     except MemoryError:
-        return Failed(path, sha256, "not enough memory\n  remedy: fewer --workers")
+        return Failed(path, sha256, NO_MEMORY)
     return pa.Table.from_pylist(rows, SCHEMA)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from rich.console import Console
 
 from observer_rt.fleet.cluster import Cluster
+from observer_rt.foundation.errors import RunError
 
 
 @dataclass(frozen=True)
@@ -15,3 +16,10 @@ class Work:
     cluster: Cluster
     stop: threading.Event
     console: Console
+
+    def refuse_interrupted(self, done: int, of: int, what: str) -> None:
+        """Raise `RunError` where the user wants no more; done, of: how many of what."""
+        if self.stop.is_set():
+            raise RunError(
+                f"interrupted; {done} of {of} {what} are done\n  remedy: give the same command again to go on"
+            )

@@ -38,6 +38,7 @@ from tools.benchmarks.many import command as many_command
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.realism import command as realism_command
 from tools.benchmarks.runs import Plan
+from tools.benchmarks.screen import screen
 from tools.benchmarks.speed import command as speed_command
 from tools.benchmarks.surgery import findings_table, operate, surgeries
 from tools.benchmarks.tables import json_document
@@ -151,7 +152,7 @@ def discovery(
     if as_json:
         print(json.dumps(discovery_tables.json_document(found.results, found.crashes), indent=2))
     else:
-        print_discovery(found, _console())
+        print_discovery(found, screen(TABLE_WIDTH))
 
 
 @app.command(epilog="Example: tools/bench formats --frames 100000")
@@ -164,7 +165,7 @@ def formats(
     if as_json:
         print(json.dumps(formats_document(found), indent=2))
     else:
-        _console().print(formats_table(found))
+        screen(TABLE_WIDTH).print(formats_table(found))
 
 
 @app.command(epilog="Example: tools/bench damage --files 5000 --seed 1")
@@ -179,7 +180,7 @@ def damage(
     if as_json:
         print(json.dumps(damage_document(campaign), indent=2))
     else:
-        _console().print(damage_table(campaign))
+        screen(TABLE_WIDTH).print(damage_table(campaign))
     for fault in campaign.faults:
         messages.print(f"{fault.task}: {fault.said}", markup=False, highlight=False, soft_wrap=True)
     if campaign.faults:
@@ -205,7 +206,7 @@ def surgery() -> None:
         for number, each in enumerate(todo, 1):
             found.append(operate(each))
             advance(number)
-    _console().print(findings_table(found))
+    screen(TABLE_WIDTH).print(findings_table(found))
 
 
 @app.command(
@@ -234,7 +235,7 @@ def kills(
     if as_json:
         print(json.dumps(kills_document(found, plan), indent=2))
     else:
-        _console().print(kills_table(found, plan))
+        screen(TABLE_WIDTH).print(kills_table(found, plan))
     problems = [problem for kill in found for problem in kill.problems]
     for problem in problems:
         messages.print(problem, highlight=False, markup=False)
@@ -262,7 +263,7 @@ def _show(found: Results, plan: Plan, as_json: bool) -> None:
         crashes = [str(crash) for crash in found.crashes]
         print(json.dumps(json_document(found.scores, crashes, found.sample_time, found.missed), indent=2))
     else:
-        print_results(found, _console())
+        print_results(found, screen(TABLE_WIDTH))
 
 
 def _ablation(plan: Plan, as_json: bool) -> None:
@@ -270,16 +271,11 @@ def _ablation(plan: Plan, as_json: bool) -> None:
     if as_json:
         print(json.dumps(ablation_document(scores, [str(crash) for crash in crashes]), indent=2))
         return
-    console = _console()
+    console = screen(TABLE_WIDTH)
     for table in ablation_tables(scores):
         console.print(table)
     for crash in crashes:
         console.print(f"crash: {crash.task}: {crash.message}", highlight=False, markup=False)
-
-
-def _console() -> Console:
-    console = Console()
-    return console if console.is_terminal else Console(width=TABLE_WIDTH)
 
 
 def _chosen(text: str, option: str, known: Collection[str], default: Collection[str]) -> tuple[str, ...]:

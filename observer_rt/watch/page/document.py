@@ -11,6 +11,7 @@ from bokeh.models.widgets import Div
 from jinja2 import Template
 
 from observer_rt.watch.injection import SeenInjection
+from observer_rt.watch.injector import Seen
 from observer_rt.watch.page.banner import injector_html, top_html
 from observer_rt.watch.page.controls import Controls
 from observer_rt.watch.page.drawing import TOP, Drawing, Parts, Target
@@ -67,7 +68,7 @@ class Page:
         live, chosen = self._watching.injectors(), self._controls.chosen
         shown = self._controls.shown(live)
         lasts = [injections[-1] if injections else None for injections in shown]
-        parts = self._letters_parts(lasts)
+        parts = self._letters_parts(live, lasts)
         for number, last in enumerate(lasts):
             if last is not self._drawn[number]:
                 parts |= self._rates[number].parts(shown[number])
@@ -78,13 +79,13 @@ class Page:
             self._detailed, self._details_at = lasts[chosen], now + _DETAILS_EVERY
         return parts | self._history_parts(live[chosen].injections)
 
-    def _letters_parts(self, lasts: Sequence[SeenInjection | None]) -> Parts:
+    def _letters_parts(self, live: Sequence[Seen], lasts: Sequence[SeenInjection | None]) -> Parts:
         """States, faults and numbers that changed."""
         now = time.monotonic()
         if now < self._letters_at and not self._controls.is_held:
             return {}
         said = {TOP: top_html(self._watching)}
-        for number, (injector, last) in enumerate(zip(self._watching.injectors(), lasts, strict=True)):
+        for number, (injector, last) in enumerate(zip(live, lasts, strict=True)):
             said[f"banner_{number}"] = injector_html(injector, last)
         changed: Parts = {name: html for name, html in said.items() if self._said.get(name) != html}
         self._said, self._letters_at = said, now + _LETTERS_EVERY

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from tools.benchmarks.live_page.measure import LONGEST, measure_page
+from tools.benchmarks.live_page.measure import measure_page
 from tools.benchmarks.live_page.report import page_document, page_table
+from tools.benchmarks.screen import screen
 
 EXAMPLE = "Examples: tools/bench monitor; tools/bench monitor --injectors 3 --seconds 20"
 TABLE_WIDTH = 120  # where stdout is no terminal
@@ -26,7 +26,6 @@ def monitor(
     if as_json:
         print(json.dumps(page_document(found), indent=2))
     else:
-        console = Console()
-        (console if console.is_terminal else Console(width=TABLE_WIDTH)).print(page_table(found))
-    if found.drawn.longest > LONGEST:
+        screen(TABLE_WIDTH).print(page_table(found))
+    if not found.is_met:
         raise typer.Exit(1)

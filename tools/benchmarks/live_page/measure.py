@@ -45,6 +45,11 @@ class LivePage:
         return self.ours.drawn[RATE_PANEL]
 
     @property
+    def is_met(self) -> bool:
+        """Whether that is smooth enough."""
+        return self.drawn.longest <= LONGEST
+
+    @property
     def bare_drawn(self) -> Gaps:
         """Of the line of the bare page."""
         return self.bare.drawn[bare_page.NAME]

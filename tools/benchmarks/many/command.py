@@ -8,6 +8,7 @@ from rich.console import Console
 
 from tools.benchmarks.many.measure import FULL, QUICK, measure_many
 from tools.benchmarks.many.report import many_document, print_many
+from tools.benchmarks.screen import screen
 from tools.benchmarks.speed.document import finite
 
 EXAMPLE = "Examples: tools/bench batch; tools/bench batch --quick --json"
@@ -26,5 +27,4 @@ def batch(
     if as_json:
         print(json.dumps(finite(many_document(found)), indent=2))
     else:
-        console = Console()
-        print_many(found, console if console.is_terminal else Console(width=TABLE_WIDTH))
+        print_many(found, screen(TABLE_WIDTH))

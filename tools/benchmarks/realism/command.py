@@ -13,6 +13,7 @@ from tools.benchmarks.realism.catalogue import DISTURBANCES, Selection, entries,
 from tools.benchmarks.realism.run import run_realism
 from tools.benchmarks.realism.tables import print_realism, realism_document
 from tools.benchmarks.runs import Plan
+from tools.benchmarks.screen import screen
 from tools.benchmarks.tier import Tier
 
 EXAMPLE = "Examples: tools/bench realism --set table; tools/bench realism --only hum_50_hz_line,frozen_line --cases 1"
@@ -63,5 +64,4 @@ def realism(
     if as_json:
         print(json.dumps(realism_document(results), indent=2))
     else:
-        console = Console()
-        print_realism(results, console if console.is_terminal else Console(width=TABLE_WIDTH))
+        print_realism(results, screen(TABLE_WIDTH))

@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from observer_rt.foundation.errors import UserError
+from tools.benchmarks.screen import screen
 from tools.benchmarks.speed.document import finite
 from tools.benchmarks.speed.histogram import save_histograms
 from tools.benchmarks.speed.measure import Part, SpeedPlan, measure_speed
@@ -49,8 +50,7 @@ def speed(
     if as_json:
         print(json.dumps(finite(speed_document(found)), indent=2))
     else:
-        console = Console()
-        print_speed(found, console if console.is_terminal else Console(width=TABLE_WIDTH))
+        print_speed(found, screen(TABLE_WIDTH))
 
 
 def soak(
@@ -63,8 +63,7 @@ def soak(
     if as_json:
         print(json.dumps(finite(found.document()), indent=2))
     else:
-        console = Console()
-        (console if console.is_terminal else Console(width=TABLE_WIDTH)).print(soak_table(found))
+        screen(TABLE_WIDTH).print(soak_table(found))
         messages.print(found.farewell, highlight=False, markup=False)
     if found.lost or found.repeated:
         raise typer.Exit(1)

@@ -1,5 +1,6 @@
 """A virtual CAN interface of a test's own, to be taken down, away and back."""
 
+import json
 import subprocess
 
 import pytest
@@ -37,11 +38,19 @@ class OwnInterface:
         shape = f"tbf rate {8 * bytes_per_s}bit burst {2 * FRAME_BYTES} limit {queue_bytes}"
         _run("tc", "qdisc", "replace", "dev", self.name, "root", *shape.split())
 
+    @property
+    def refused(self) -> int:
+        """Frames that a slow interface's queue had no room for, whoever sent them."""
+        (queue,) = json.loads(_run("tc", "-s", "-j", "qdisc", "show", "dev", self.name))
+        return int(queue["drops"])
+
     def _ip(self, *arguments: str) -> None:
         _run("ip", *arguments)
 
 
-def _run(*command: str) -> None:
+def _run(*command: str) -> str:
+    """What it says; fails the test where it fails."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         pytest.fail(f"{' '.join(command)}: {done.stderr}; run as the superuser", pytrace=False)
+    return done.stdout

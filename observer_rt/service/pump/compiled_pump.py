@@ -5,7 +5,7 @@ import select
 import socket
 import struct
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from numba import njit, typeof, types
@@ -19,9 +19,9 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.service.compiled.asking import Need
 from observer_rt.service.core.core import Core
-from observer_rt.service.core.messages import OutputFrame
+from observer_rt.service.core.messages import OutputFrame, output_frame
 from observer_rt.service.pump import libc, loop
-from observer_rt.service.pump.memory import BATCH, BUS, ERRORS, Pump, make_pump
+from observer_rt.service.pump.memory import BATCH, BUS, ERRORS, WAITING, Pump, make_pump
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.rights import hurry
 from observer_rt.service.watch.arrivals import Arrivals
@@ -77,7 +77,8 @@ class CompiledPump(FramePump):
         self._on_unsent = on_unsent
         self._processor = processor
         self._layouts = (*bus.received, *bus.sent)
-        self._pump = make_pump(len(links), self._layouts, core.asking, bus.rate.layout if bus.rate else None)
+        self._rate = bus.rate.layout if bus.rate else None
+        self._pump = make_pump(len(links), self._layouts, core.asking, self._rate)
         self._compiled = compile_pump(core, self._pump)
         self._errors_read = [0] * len(links)
         self._unsent = 0
@@ -137,7 +138,7 @@ class CompiledPump(FramePump):
     def finish(self) -> Sequence[OutputFrame]:
         self._stop()
         self._note_what_came()
-        return self._core.finish()
+        return [*self._waiting_rates(), *self._core.finish()]
 
     def close(self) -> None:
         self._stop()
@@ -174,6 +175,15 @@ class CompiledPump(FramePump):
         self._may_go_on.set()
         if self._thread.is_alive():
             self._thread.join()
+
+    def _waiting_rates(self) -> Iterator[OutputFrame]:
+        """Those for which there was no room yet: they are the caller's now."""
+        memory, waiting = self._pump.memory[0], self._pump.waiting.reshape(-1, FD_MTU)
+        while memory["first_waiting"] < memory["end_waiting"]:
+            assert self._rate is not None
+            frame = waiting[int(memory["first_waiting"]) % WAITING]
+            memory["first_waiting"] += 1
+            yield output_frame(self._rate, frame[HEADER_BYTES : HEADER_BYTES + int(frame[4])].tobytes())
 
     def _note_what_came(self) -> None:
         """Arrivals, error frames, lost frames and results given up, as the loop has counted them."""

@@ -30,6 +30,7 @@ from tests.service.participants import bench_file, serving, until, worn_recordin
 from tests.service.slow_frames import bed, inserted, slow_bench
 
 FD_FRAME = struct.Struct("=IBB2x64s")
+LITTLE_ROOM = 1 << 14  # bytes of a socket's queue, some twenty frames
 
 
 class Device:
@@ -39,10 +40,11 @@ class Device:
         self._end = end
         self.received: dict[int, list[bytes]] = {}
 
-    def send(self, frames: Iterable[TimedFrame | Frame]) -> None:
+    def send(self, frames: Iterable[TimedFrame | Frame], listening: bool = True) -> None:
         for frame in frames:
             self._end.send(FD_FRAME.pack(frame.frame_id, len(frame.payload), 1, frame.payload))
-            self.read()
+            if listening:
+                self.read()
 
     def has_room(self) -> bool:
         """Whether a frame can be sent now."""
@@ -182,6 +184,37 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
         assert (memory["events"]["taken"][: int(memory["events_taken"])] == Taken.NOTHING).all()
     _, count = published_rates(device.received[RATE.frame_id], worn.samples)
     assert (count[: core.processed - RATES] == 1).all()
+
+
+def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
+    """A device that reads nothing until the loop has ended: what found no room is the caller's to send."""
+    path = bench_file(tmp_path, "0")
+    worn = worn_recording(2)
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, LITTLE_ROOM)
+    with ours, theirs, DescriptorLink(str(ours.fileno()), True, bus.received_on(0)) as link:
+        device = Device(theirs)
+        core, arrivals = Core(bench.injector, bus), Arrivals(bus)
+        unsent: list[int] = []
+        pump = CompiledPump([link], core, bus, arrivals, unsent.append)
+        handed = []
+        try:
+            for frame in Framer(bus).frames(worn, whole(worn)):
+                while not device.has_room():
+                    handed += pump.serve(1e-3)
+                device.send([frame], listening=False)
+            until(lambda: not handed.extend(pump.serve(1e-3)) and core.processed > worn.samples - RATES)
+            handed += pump.finish()
+        finally:
+            pump.close()
+        device.read()
+    rates = [frame.payload for frame in evaluate(bench, [worn]).frames if frame.frame_id == RATE.frame_id]
+    late = [frame.payload for frame in handed if frame.frame_id == RATE.frame_id]
+    assert 0 < len(device.received[RATE.frame_id]) < len(rates) - 1
+    assert device.received[RATE.frame_id] + late == rates
+    assert not unsent
 
 
 def test_a_device_that_goes_away_is_said(tmp_path: Path) -> None:

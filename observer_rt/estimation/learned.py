@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.scalars import SCALARS, Scalars
@@ -13,7 +14,15 @@ from observer_rt.model.network import HIDDEN, Network, constant_network, zero_ne
 from observer_rt.model.right_hand_side import ByTheta
 from observer_rt.model.sensor import LAG_UNIT
 
-_BACK_PRESSURE = int(Parameter.BACK_PRESSURE)
+_NOZZLE, _WEIGHTS, _SEAT, _BACK_PRESSURE = (
+    int(each)
+    for each in (
+        Parameter.NOZZLE_BIAS,
+        Parameter.NOZZLE_WEIGHT,
+        Parameter.SEAT_BIAS,
+        Parameter.BACK_PRESSURE,
+    )
+)
 _TINY = 1e-100  # step of a complex derivative, which loses nothing by being small
 
 
@@ -40,9 +49,16 @@ def learned_of(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = S
 
 def network_of(theta: NDArray[np.float64]) -> Network:
     """The network in a parameter vector (m,)."""
-    network = zero_network()._replace(back_pressure=theta[_BACK_PRESSURE : _BACK_PRESSURE + 2].copy())
-    network.output[0, :] = theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN]
-    network.bias[:] = theta[[Parameter.NOZZLE_BIAS, Parameter.SEAT_BIAS]]
+    network: Network = _taken(theta, zero_network())
+    return network
+
+
+@njit(cache=True, nogil=True)
+def _taken(theta: NDArray[np.float64], network: Network) -> Network:
+    """The network with all that theta has of it."""
+    network.output[0, :] = theta[_WEIGHTS : _WEIGHTS + HIDDEN]
+    network.bias[0], network.bias[1] = theta[_NOZZLE], theta[_SEAT]
+    network.back_pressure[:] = theta[_BACK_PRESSURE : _BACK_PRESSURE + 2]
     return network
 
 

@@ -13,6 +13,7 @@ from observer_rt.estimation.predictor import Window
 EDGE = 0.3e-3  # s after the needle leaves its seat, and before it is back on it
 AFTERGLOW = 0.05e-3  # s after it is shut that still count as closing
 BLOCKS = (8, 20)  # samples in a block; the means of blocks show what single samples hide
+_BLOCKS = np.array(BLOCKS)
 
 
 class Phase(IntEnum):
@@ -104,21 +105,29 @@ class PhaseStatistics:
 
     def variance(self, phase: Phase) -> float:
         """Mean square of the normalised innovations, 1 without samples."""
-        return _quotient(self.squares[phase], self.samples[phase])
+        return float(_quotient(self.squares[phase], self.samples[phase]))
 
     def colour(self, phase: Phase) -> float:
         """Largest mean square of scaled block means over the block lengths, 1 without blocks."""
-        return max(_quotient(self.block_squares[phase, i], self.blocks[phase, i]) for i in range(len(BLOCKS)))
+        quotients = (
+            _quotient(squares, count)
+            for squares, count in zip(self.block_squares[phase], self.blocks[phase], strict=True)
+        )
+        return float(max(quotients))
+
+    def excess_beyond(self, colour: float, variance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """`excess` (PHASES,) where the colour is above a limit or the variance above one (PHASES,); 0 elsewhere."""
+        sums = self.squares, self.samples, self.block_squares, self.blocks
+        return np.asarray(_excess_beyond(*sums, colour, variance), np.float64)
 
     def excess(self, phase: Phase) -> float:
         """How improbable the largest of variance and colours is for white noise, in standard deviations.
 
         0 without samples. The sums of few blocks have a long tail, which a normal distribution would ignore.
         """
-        return max(
-            deviate(self.squares[phase], self.samples[phase]),
-            *(deviate(self.block_squares[phase, i], self.blocks[phase, i]) for i in range(len(BLOCKS))),
-        )
+        of_blocks = zip(self.block_squares[phase], self.blocks[phase], strict=True)
+        deviates = (deviate(squares, count) for squares, count in of_blocks)
+        return float(max(deviate(self.squares[phase], self.samples[phase]), *deviates))
 
 
 def no_statistics() -> PhaseStatistics:
@@ -129,14 +138,27 @@ def no_statistics() -> PhaseStatistics:
 
 
 def phase_statistics(
-    innovations: NDArray[np.float64], sigma: float, phases: NDArray[np.int8], first: int
+    innovations: NDArray[np.float64],
+    sigma: float,
+    phases: NDArray[np.int8],
+    first: int,
+    left_out: NDArray[np.bool_] | None = None,
+    limit: float = math.inf,
 ) -> PhaseStatistics:
-    """Statistics of innovations (n,) with standard deviation `sigma`, from sample `first` on."""
+    """Statistics of innovations (n,) with standard deviation `sigma`, from sample `first` on.
+
+    left_out: samples that are passed over; limit: on the size of an innovation, in units of sigma.
+    """
     result = no_statistics()
+    if left_out is None:
+        left_out = np.zeros(len(phases), np.bool_)
     _gather(
-        innovations[first:] / sigma,
+        innovations[first:],
+        sigma,
+        limit,
         phases[first:],
-        np.array(BLOCKS),
+        left_out[first:],
+        _BLOCKS,
         result.squares,
         result.samples,
         result.block_squares,
@@ -147,33 +169,67 @@ def phase_statistics(
 
 @njit(cache=True, nogil=True)
 def _gather(
-    z: NDArray[np.float64],
+    innovations: NDArray[np.float64],
+    sigma: float,
+    limit: float,
     phases: NDArray[np.int8],
+    left_out: NDArray[np.bool_],
     lengths: NDArray[np.int64],
     squares: NDArray[np.float64],
     samples: NDArray[np.float64],
     block_squares: NDArray[np.float64],
     blocks: NDArray[np.float64],
 ) -> None:
-    for k in range(z.shape[0]):
-        squares[phases[k]] += z[k] * z[k]
-        samples[phases[k]] += 1.0
-    for i in range(lengths.shape[0]):
-        total = 0.0
-        count = 0
-        for k in range(z.shape[0]):
-            if k > 0 and phases[k] != phases[k - 1]:
-                total, count = 0.0, 0
-            total += z[k]
-            count += 1
-            if count == lengths[i]:
-                block_squares[phases[k], i] += total * total / count
-                blocks[phases[k], i] += 1.0
-                total, count = 0.0, 0
+    totals, counts = np.zeros(lengths.size), np.zeros(lengths.size, np.int64)
+    before = -1  # phase of the sample before, of those that count
+    for k in range(innovations.shape[0]):
+        if left_out[k]:
+            continue
+        phase = phases[k]
+        value = innovations[k]
+        if value > limit * sigma:
+            value = limit * sigma
+        elif value < -limit * sigma:
+            value = -limit * sigma
+        z = value / sigma
+        squares[phase] += z * z
+        samples[phase] += 1.0
+        for i in range(lengths.size):
+            if phase != before:
+                totals[i], counts[i] = 0.0, 0
+            totals[i] += z
+            counts[i] += 1
+            if counts[i] == lengths[i]:
+                block_squares[phase, i] += totals[i] * totals[i] / counts[i]
+                blocks[phase, i] += 1.0
+                totals[i], counts[i] = 0.0, 0
+        before = phase
 
 
+@njit(cache=True, nogil=True)
+def _excess_beyond(
+    squares: NDArray[np.float64],
+    samples: NDArray[np.float64],
+    block_squares: NDArray[np.float64],
+    blocks: NDArray[np.float64],
+    colour: float,
+    variance: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    result = np.zeros(PHASES)
+    for phase in range(PHASES):
+        largest = deviate(squares[phase], samples[phase])
+        is_beyond = _quotient(squares[phase], samples[phase]) > variance[phase]
+        for i in range(blocks.shape[1]):
+            is_beyond |= _quotient(block_squares[phase, i], blocks[phase, i]) > colour
+            largest = max(largest, deviate(block_squares[phase, i], blocks[phase, i]))
+        if is_beyond:
+            result[phase] = largest
+    return result
+
+
+@njit(cache=True, nogil=True)
 def _quotient(total: float, count: float) -> float:
-    return float(total / count) if count > 0 else 1.0
+    return total / count if count > 0 else 1.0
 
 
 def _sum_at(deviate: float, count: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -182,6 +238,7 @@ def _sum_at(deviate: float, count: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(count * (1.0 - variance + deviate * np.sqrt(variance)) ** 3, np.float64)
 
 
+@njit(cache=True, nogil=True)
 def deviate(total: float, count: float) -> float:
     """Normal deviate as improbable as a sum `total` of `count` squares of standard normal numbers.
 
@@ -190,4 +247,5 @@ def deviate(total: float, count: float) -> float:
     if not count > 0:
         return 0.0
     variance = 2.0 / (9.0 * count)
-    return float((math.cbrt(total / count) - (1.0 - variance)) / math.sqrt(variance))
+    found: float = (np.cbrt(total / count) - (1.0 - variance)) / math.sqrt(variance)
+    return found

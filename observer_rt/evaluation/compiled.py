@@ -1,5 +1,7 @@
 """What is done at every sample that is evaluated, beside the observer. Compiled."""
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -61,17 +63,29 @@ def nominal_rates(
 
 
 @njit(cache=True, nogil=True)
-def begin_samples(held: NDArray[np.void], time: NDArray[np.float64]) -> None:
-    """Samples of which nothing is said yet; held: `passage.HELD`, (n,); time [s]: (n,)."""
+def copy_indices(ring: NDArray[np.void], position: int, last: int, index: NDArray[np.int64]) -> bool:
+    """Indices (n,) of samples from a position on; whether they rise, from `last` on, the one before them."""
+    rises = True
+    for number in range(index.size):
+        index[number] = ring[(position + number) & _MASK].index
+        rises &= index[number] > last
+        last = index[number]
+    return rises
+
+
+@njit(cache=True, nogil=True)
+def begin_samples(held: NDArray[np.void], states: NDArray[np.void], time: NDArray[np.float64]) -> None:
+    """Samples of which nothing is said yet, at times [s] (n,); held, states: as of `note_samples`."""
     for number in range(held.size):
         row = held[number]
         row.time = time[number]
         row.line_pressure = row.measured_rate = row.injection_rate = row.nominal_rate = np.nan
         row.injection_rate_sigma = np.nan
-        row.x[:] = np.nan
-        row.phi[:] = np.nan
         row.valid = False
         row.state = _STARTING
+    for number in range(states.size):
+        states[number].x[:] = np.nan
+        states[number].phi[:] = np.nan
 
 
 @njit(cache=True, nogil=True)
@@ -81,10 +95,12 @@ def note_samples(
     first_index: int,
     nominal: NDArray[np.float64],
     held: NDArray[np.void],
+    states: NDArray[np.void],
 ) -> None:
     """What the observer said of as many samples as `nominal` has, from a position of its ring on.
 
     held: `passage.HELD`, the first of them that of a sample index; samples of other indices are left out.
+    states: `passage.STATES` of the same samples, none where they are not wanted.
     """
     for number in range(nominal.size):
         row = ring[(position + number) & _MASK]
@@ -97,6 +113,38 @@ def note_samples(
         here.nominal_rate = nominal[number]
         here.valid = row.valid
         here.state = row.state
-        if not np.isnan(row.injection_rate):
-            here.x[:] = row.x_hat[:3]
-            here.phi[:] = row.phi
+        if states.size and not np.isnan(row.injection_rate):
+            states[place].x[:] = row.x_hat[:3]
+            states[place].phi[:] = row.phi
+
+
+@njit(cache=True, nogil=True)
+def area(values: NDArray[np.float64]) -> float:
+    """Under evenly spaced values (n,), by trapezoids a unit wide."""
+    if values.size == 0:
+        return 0.0
+    total: float = -0.5 * (values[0] + values[-1])
+    for value in values:
+        total += value
+    return total
+
+
+@njit(cache=True, nogil=True)
+def rms_difference(values: NDArray[np.float64], others: NDArray[np.float64]) -> float:
+    """Root of the mean square of their differences; (n,), nan without any."""
+    total = 0.0
+    for number in range(values.size):
+        total += (values[number] - others[number]) ** 2
+    return math.sqrt(total / values.size) if values.size else math.nan
+
+
+@njit(cache=True, nogil=True)
+def mean_flowing(values: NDArray[np.float64], rate: NDArray[np.float64]) -> float:
+    """Mean of values (n,) where a rate (n,) is not 0; nan if it is everywhere."""
+    total = 0.0
+    count = 0
+    for number in range(values.size):
+        if rate[number] != 0.0:
+            total += values[number]
+            count += 1
+    return total / count if count else math.nan

@@ -150,6 +150,11 @@ class _Heard:
         self._reports: list[InjectionReport] = []
         self._measured: list[MeasuredMass] = []
 
+    @property
+    def wants_states(self) -> bool:
+        """Of the trace."""
+        return True
+
     def take_report(self, passage: Passage, report: InjectionReport) -> None:
         self._reports.append(report)
 

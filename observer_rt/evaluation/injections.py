@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.evaluation.compiled import area, mean_flowing, rms_difference
 from observer_rt.evaluation.trace import Signal, Trace
 from observer_rt.service.reports.injection_report import InjectionReport
 
@@ -45,13 +46,12 @@ def injection_result(
     measured = measured_rate[window] if measured_rate is not None else None
     nominal = trace.nominal_rate[window]
     rate = trace.injection_rate[window]
-    sigma = trace.injection_rate_sigma[window][rate != 0.0]
 
     def mass(rate: NDArray[np.float64]) -> float:
-        return float(np.trapezoid(rate)) * interval * report.density
+        return float(area(rate)) * interval * report.density
 
     def rmse(rate: NDArray[np.float64]) -> float:
-        return math.nan if measured is None else float(np.sqrt(np.mean((rate - measured) ** 2)))
+        return math.nan if measured is None else float(rms_difference(rate, measured))
 
     unmeasured = math.nan if online_mass is None else online_mass
     return InjectionResult(
@@ -62,5 +62,5 @@ def injection_result(
         measured_mass=unmeasured if measured is None else mass(measured),
         rate_rmse=rmse(rate),
         nominal_rate_rmse=rmse(nominal),
-        rate_ci95_halfwidth=1.96 * float(np.mean(sigma)) if sigma.size else math.nan,
+        rate_ci95_halfwidth=1.96 * mean_flowing(trace.injection_rate_sigma[window], rate),
     )

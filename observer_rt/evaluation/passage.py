@@ -21,18 +21,23 @@ HELD = np.dtype(
         ("injection_rate", np.float64),
         ("injection_rate_sigma", np.float64),
         ("nominal_rate", np.float64),
-        ("x", np.float64, (3,)),
-        ("phi", np.float64, (3,)),
         ("valid", np.bool_),
         ("state", np.int8),
     ],
     align=True,
 )
 """What is remembered of a sample."""
+STATES = np.dtype([("x", np.float64, (3,)), ("phi", np.float64, (3,))], align=True)
+"""And this, for whoever wants it: as much again."""
+_UNKNOWN = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
 
 
 class Hearer(Protocol):
     """Whoever is told what becomes of a recording, in the order it becomes known."""
+
+    @property
+    def wants_states(self) -> bool:
+        """Whether traces are to have x and phi; else these are nan."""
 
     def take_report(self, passage: "Passage", report: InjectionReport) -> None:
         """An injection, of which the passage still knows the samples."""
@@ -48,7 +53,10 @@ class Passage:
     """One stretch of a recording or a log on its way through the observer."""
 
     def __init__(self, hearer: Hearer, first_index: int, samples: int, rate: float, offset: int = 0) -> None:
-        """first_index: that its first sample is sent with; rate [Hz]; offset: its number where nobody gives times."""
+        """first_index: that its first sample is sent with; samples: at least, more are those it is given.
+
+        rate [Hz]; offset: number of its first sample where nobody gives times.
+        """
         self.hearer = hearer
         self.first_index = first_index
         self.samples = samples
@@ -59,6 +67,7 @@ class Passage:
         self.first = 0
         """Number of the first sample that is remembered."""
         self._rows = np.empty(0, HELD)
+        self._states = np.empty(0, STATES)  # of the same, or none at all
         self._begin = self._end = 0  # of those remembered, among the rows
         self._is_measured = False
         self._rate, self._offset = rate, offset
@@ -74,7 +83,7 @@ class Passage:
     @property
     def trace(self) -> Trace:
         """Of these."""
-        return _trace_of(self._remembered)
+        return self._trace_of(self._begin, self._end)
 
     @property
     def line_pressure(self) -> Signal:
@@ -92,18 +101,22 @@ class Passage:
             self._make_room(time.size)
         end = self._end + time.size
         rows = self._rows[self._end : end]
-        begin_samples(rows, np.ascontiguousarray(time))
+        begin_samples(rows, self._states[self._end : end], np.ascontiguousarray(time))
         if measured_rate is not None:
             self._is_measured = True
             rows["measured_rate"] = measured_rate
         self._end = end
+        self.samples = max(self.samples, self.first + end - self._begin)
 
     def _make_room(self, samples: int) -> None:
         """For so many further ones, and seldom."""
-        kept = self._remembered
+        kept, states = self._remembered, self._states[self._begin : self._end]
         if 2 * (len(kept) + samples) > len(self._rows):
             self._rows = np.empty(3 * (len(kept) + samples), HELD)
+            if self.hearer.wants_states:
+                self._states = np.empty(len(self._rows), STATES)
         self._rows[: len(kept)] = kept
+        self._states[: len(states)] = states
         self._begin, self._end = 0, len(kept)
 
     def pass_on(self, processed: int) -> None:
@@ -127,27 +140,26 @@ class Passage:
     def _hand_over(self, done: int) -> None:
         if not done:
             return
-        passed = self._remembered[:done]
-        self.hearer.take_passed(passed["time"], _trace_of(passed))
+        end = self._begin + done
+        self.hearer.take_passed(self._rows["time"][self._begin : end], self._trace_of(self._begin, end))
         self.first += done
         self._begin += done
 
     def note(self, ring: NDArray[np.void], position: int, index: NDArray[np.int64], nominal: Signal) -> None:
         """What the observer said of some samples, the first of them at a position of its stream.
 
-        ring: of the observer; index (n,) of the samples; nominal [m3/s] (n,): what the nominal model says of them.
+        ring: of the observer; index (n,) of the samples, rising; nominal [m3/s] (n,): what the nominal model says.
         """
         if self.begin is None:
             self.begin = position
         self.end = position + len(index)
-        place = index - self.first_index
-        place = place[(place >= 0) & (place < self.samples)]
-        if place.size:
-            self._reach(int(place.max()) + 1)
-            place = place[place >= self.first]
-        if place.size:
-            self._marks.append((position, int(place[0])))
-        note_samples(ring, position, self.first_index + self.first, nominal, self._remembered)
+        bounds = np.array([self.first, self.samples]) + self.first_index
+        first, end = np.searchsorted(index, bounds).tolist()
+        if first < end:
+            self._reach(int(index[end - 1]) + 1 - self.first_index)
+            self._marks.append((position, int(index[first]) - self.first_index))
+        states = self._states[self._begin : self._end]
+        note_samples(ring, position, self.first_index + self.first, nominal, self._remembered, states)
 
     def note_report(self, report: InjectionReport) -> None:
         """Tell an injection and how sure its rate is."""
@@ -164,6 +176,12 @@ class Passage:
             numbers = np.arange(known, min(self.samples, max(samples, known + SAMPLES_AT_ONCE)))
             self.give((self._offset + numbers) / self._rate, None)
 
-
-def _trace_of(rows: NDArray[np.void]) -> Trace:
-    return Trace(*(rows[each.name] for each in fields(Trace)))
+    def _trace_of(self, begin: int, end: int) -> Trace:
+        """Of these rows."""
+        rows, states = self._rows[begin:end], self._states[begin:end]
+        if self.hearer.wants_states:
+            x, phi = states["x"], states["phi"]
+        else:
+            x = phi = _UNKNOWN[: end - begin]
+        known = {each.name: rows[each.name] for each in fields(Trace) if each.name not in ("x", "phi")}
+        return Trace(x=x, phi=phi, **known)

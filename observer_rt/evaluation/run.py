@@ -11,11 +11,11 @@ from observer_rt.bus.frame_block import FrameBlock, blocks_of
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.evaluation.compiled import copy_indices
 from observer_rt.evaluation.nominal import NominalModel
 from observer_rt.evaluation.passage import Hearer, Passage
 from observer_rt.foundation.ahead import ahead
 from observer_rt.observer.learning.knowledge import Knowledge
-from observer_rt.observer.observer import remembered
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import RING
 from observer_rt.recording.replay.device import Device
@@ -45,11 +45,10 @@ class _Reading:
         """What was processed since the last reading, by passage: position of the first sample, and all indices."""
         processed = self.core.processed
         position = max(self._seen, processed - RING)
-        index = remembered(self.core.compiled.observer.ring["index"], position, processed).copy()
+        index = np.empty(processed - position, np.int64)
+        rises = copy_indices(self.core.compiled.observer.ring, position, self._last_index, index)
         self._seen = processed
-        begins_anew = (
-            np.flatnonzero(np.diff(index, prepend=self._last_index) <= 0).tolist() if len(index) else []
-        )
+        begins_anew = [] if rises else np.flatnonzero(np.diff(index, prepend=self._last_index) <= 0).tolist()
         for first, end in pairwise([0, *(row for row in begins_anew if row), len(index)]):
             if first in begins_anew:
                 self.passage += 1
@@ -86,8 +85,9 @@ class ObserverRun:
         learner_of: LearnerFactory = make_learner,
         fuel_temperature: float | None = None,
         keeps_frames: bool = False,
+        reads_ahead: bool = True,
     ) -> None:
-        """keeps_frames: those that were sent."""
+        """keeps_frames: those that were sent; reads_ahead: recordings, in a thread beside."""
         bus: BusMap = map_bus(bench)
         if not keeps_frames:
             bus = replace(bus, rate=None)
@@ -99,12 +99,14 @@ class ObserverRun:
             listeners=[self._hear],
             learner_of=learner_of,
             fuel_temperature=fuel_temperature,
+            writes_summaries=keeps_frames,
         )
         self._reading = _Reading(self._core)
         self._nominal = NominalModel(bench.injector)
         self._device = Device(bus)
         self._progress = progress or (lambda _: None)
         self._keeps_frames = keeps_frames
+        self._reads_ahead = reads_ahead
         self._passages: list[Passage] = []
         self._finished = 0  # passages
         self._news: list[News] = []
@@ -114,10 +116,10 @@ class ObserverRun:
     def take(self, stream: SignalStream, hearer: Hearer) -> list[Passage]:
         """Observe a recording as the frames of a measuring device; between stretches the sample index jumps."""
         rate, before = stream.sample_rate, len(self._passages)
-        for chunk, begun, blocks in ahead(self._framed(stream)):
+        framed = self._framed(stream)
+        for chunk, begun, blocks in ahead(framed) if self._reads_ahead else framed:
             if begun is not None:
-                samples = stream.stretches[chunk.stretch].samples
-                self._passages.append(Passage(hearer, begun, samples, rate))
+                self._passages.append(Passage(hearer, begun, 0, rate))
             self._passages[-1].give(chunk.time, chunk.injection_rate)
             self._observe(blocks)
         return self._passages[before:]

@@ -17,16 +17,22 @@ from observer_rt.terminal.console import progress_bar, say, say_if_compiling
 
 
 def open_source(
-    path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console
+    path: Path,
+    bench: Bench | None,
+    from_channels: Sequence[str],
+    console: Console,
+    in_one_go: bool = False,
 ) -> SignalStream:
     """Look through a file; what is odd about it is said. from_channels: of a log, as `--from-channel` names them.
+
+    in_one_go: as of `open_recording`; `refuse_implausible` is then for whoever has read it.
 
     Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
     without a bench file.
     """
     if not is_log(path):
         with progress_bar(console, f"looking through {path.name}", None):
-            source = open_recording(path, None if bench is None else bench.injector)
+            source = open_recording(path, None if bench is None else bench.injector, in_one_go)
     elif bench is None:
         raise UserError(
             "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"
@@ -35,7 +41,8 @@ def open_source(
         say_if_compiling(console)
         with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
             source = LoggedSignals(bench, path, from_channels, progress)
-    refuse_implausible(path, source.survey, source.names)
+    if not in_one_go:
+        refuse_implausible(path, source.survey, source.names)
     for note in source.notes:
         say(console, note)
     return source

@@ -26,6 +26,8 @@ from observer_rt.service.core.counters import Counters
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass
 
+_IN_MEMORY = 512  # injections, some KB each
+
 
 class StreamedEvaluation:
     """One file evaluated: its injections, in a temporary file; its samples pass by."""
@@ -33,19 +35,29 @@ class StreamedEvaluation:
     def __init__(self, source: SignalStream, curves_of: Coefficients | None = None) -> None:
         """curves_of: the nominal model, where curves of every injection are to be drawn."""
         self.path = source.path
-        self.samples = source.samples
         self.sample_rate = source.sample_rate
         self.has_rate = source.has_rate
-        self.injections: Spool[InjectionResult] = Spool()
+        self.injections: Spool[InjectionResult] = Spool(_IN_MEMORY)
         self.curves: Spool[RateCurves] = Spool()
         """As many as injections, where they are kept."""
+        self._source = source
         self._curves_of = curves_of
         self._held: InjectionResult | None = None  # until no measured mass can come for it
         self._writer: TableWriter | None = None
 
+    @property
+    def samples(self) -> int:
+        """How many there are."""
+        return self._source.samples
+
     def write_to(self, writer: TableWriter) -> None:
         """Write the trace."""
         self._writer = writer
+
+    @property
+    def wants_states(self) -> bool:
+        """For the trace, and curves of the line."""
+        return self._writer is not None or self._curves_of is not None
 
     def take_report(self, passage: Passage, report: InjectionReport) -> None:
         """An injection, whose samples the passage remembers."""
@@ -59,7 +71,8 @@ class StreamedEvaluation:
             self.sample_rate,
             None,
         )
-        self._held = replace(self._held, report=replace(report, rate_sigma=None))
+        if report.rate_sigma is not None:
+            self._held = replace(self._held, report=replace(report, rate_sigma=None))
         if (c := self._curves_of) is not None:
             line_pressure = passage.line_pressure * c.pressure_scale + c.chamber_pressure
             first_index = passage.first_index + passage.first
@@ -105,16 +118,19 @@ def evaluate_stream(
     learning: bool = True,
     progress: Progress | None = None,
     curves_of: Coefficients | None = None,
+    reads_ahead: bool = True,
 ) -> tuple[list[StreamedEvaluation], Knowledge]:
     """Evaluate files as one history: recordings, or logs whose sample index goes on from one to the next.
 
-    traces: files to be written, of each, or none; curves_of: as of `StreamedEvaluation`. Else as `evaluate` and
-    `evaluate_logs`.
+    traces: files to be written, of each, or none; curves_of: as of `StreamedEvaluation`; reads_ahead: as of
+    `ObserverRun`. Else as `evaluate` and `evaluate_logs`.
     """
     is_logged = any(isinstance(source, LoggedSignals) for source in sources)
     bench = bench if is_logged else bench_for(bench, sources[0])
     fuel_temperature = None if is_logged else bench.injector.parameters.fluid.reference_temperature
-    run = ObserverRun(bench, knowledge, learning, progress, fuel_temperature=fuel_temperature)
+    run = ObserverRun(
+        bench, knowledge, learning, progress, fuel_temperature=fuel_temperature, reads_ahead=reads_ahead
+    )
     evaluations = [StreamedEvaluation(source, curves_of) for source in sources]
     with ExitStack() as stack:
         for path, evaluation in zip(traces, evaluations, strict=False):

@@ -12,10 +12,16 @@ from observer_rt.foundation.errors import RunError, UserError
 CONNECT_TIMEOUT = 10.0  # s
 _RETRIES = 2  # of a job whose worker is gone
 _WAIT = 0.5  # s to a look at Ctrl-C
-_SELDOM = {  # how often Dask looks at its own processes: as often as it would, that takes some percent of each
+_SETTINGS = {
+    # how often Dask looks at its own processes: as often as it would, that takes some percent of each
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
+    "distributed.worker.preload": ["observer_rt.fleet.ready"],
+    # what workers keep of memory they gave back: with the little that Dask leaves them, a chunk of samples after
+    # another is taken from the kernel anew, for a twelfth of all their time
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 25,
+    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 25,
 }
 
 _Name = TypeVar("_Name")
@@ -112,7 +118,7 @@ def connected(address: str | None, workers: int | None) -> Iterator[Cluster]:
             yield Cluster(client, local=False)
         return
     with (
-        dask.config.set(_SELDOM),
+        dask.config.set(_SETTINGS),
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

@@ -41,6 +41,7 @@ SCHEMA = pa.schema(
     ]
 )
 """`_low`, `_high`: 95 % intervals; time: of its begin; indicators have the units of `observer-rt evaluate --json`."""
+_NAMES = tuple(SCHEMA.names)
 
 
 def row_of(result: InjectionResult, has_energizing: bool, c: Coefficients) -> dict[str, Any]:
@@ -57,4 +58,4 @@ def row_of(result: InjectionResult, has_energizing: bool, c: Coefficients) -> di
     for name, estimate in said["indicators"].items():
         bounds = estimate["ci95"] or (None, None)
         row |= {name: estimate["value"], f"{name}_low": bounds[0], f"{name}_high": bounds[1]}
-    return {name: row.get(name) for name in SCHEMA.names}
+    return {name: row.get(name) for name in _NAMES}

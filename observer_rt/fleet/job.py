@@ -4,6 +4,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from rich.console import Console
 
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.sources import open_source
-from observer_rt.evaluation.streamed import evaluate_stream
+from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
 from observer_rt.fleet.columns import SCHEMA, row_of
 from observer_rt.fleet.names import InjectorNames
 from observer_rt.fleet.vocabulary import OwnEffects
@@ -22,9 +23,12 @@ from observer_rt.model.effects import effective_model
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.formats import is_log, open_log
+from observer_rt.recording.signals.checked import OtherRateError
+from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.stream import SignalStream
 
 NO_MEMORY = "not enough memory\n  remedy: fewer --workers"
+_ROWS = 1024
 _MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since 1970]
 
 
@@ -68,21 +72,30 @@ def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | Failed:
     """The file's injections as rows of `SCHEMA`, of every injector of the bench."""
     try:
         task.effects.use()
-        rows = [row for alone in task.bench.each for row in _rows(task, path, sha256, alone)]
+        rows = (row for alone in task.bench.each for row in _rows(task, path, sha256, alone))
+        return _table(rows)
     except ObserverError as error:
         return Failed(path, sha256, str(error))
     except MemoryError:
         return Failed(path, sha256, NO_MEMORY)
-    return pa.Table.from_pylist(rows, SCHEMA)
+
+
+def _table(rows: Iterator[dict[str, Any]]) -> pa.Table:
+    """Some rows at a time: in a table they take a tenth of the memory."""
+    batches = []
+    while some := list(islice(rows, _ROWS)):
+        batches.append(pa.RecordBatch.from_pylist(some, SCHEMA))
+    return pa.Table.from_batches(batches, SCHEMA)
 
 
 def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[str, Any]]:
     """Of one injector."""
     name = InjectorNames(task.pattern).of(path, alone)
     place = task.folder / path
-    source = open_source(place, alone, (), Console(quiet=True))
-    learning = task.learning and alone.injector.config.learning.enabled
-    (evaluation,), _ = evaluate_stream(alone, [source], knowledge=task.knowledge, learning=learning)
+    try:
+        source, evaluation = _evaluation(task, place, alone, in_one_go=True)
+    except OtherRateError:
+        source, evaluation = _evaluation(task, place, alone, in_one_go=False)
     c = effective_model(alone.injector.parameters).coefficients
     zero = _zero(place, source)
     for result in evaluation.injections:
@@ -93,6 +106,20 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
             "injector": name,
             "time": zero + timedelta(seconds=result.start),
         }
+
+
+def _evaluation(
+    task: Task, place: Path, alone: Bench, in_one_go: bool
+) -> tuple[SignalStream, StreamedEvaluation]:
+    """in_one_go: as of `open_recording`: reading takes a good part of all time."""
+    source = open_source(place, alone, (), Console(quiet=True), in_one_go)
+    learning = task.learning and alone.injector.config.learning.enabled
+    # not ahead: other workers have the other processors
+    (evaluation,), _ = evaluate_stream(
+        alone, [source], knowledge=task.knowledge, learning=learning, reads_ahead=False
+    )
+    refuse_implausible(place, source.survey, source.names)
+    return source, evaluation
 
 
 def _zero(path: Path, source: SignalStream) -> datetime:

@@ -114,9 +114,12 @@ def recorded() -> list[LogFormat]:
     return [each for each in log_formats() if each.recorder is not None]
 
 
-def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalStream:
+def open_recording(
+    path: Path, injector: BenchInjector | None = None, in_one_go: bool = False
+) -> SignalStream:
     """Look through a recording, which is then read in parts; one in a layout of the user's own by `[recording]`.
 
+    in_one_go: as of `GridSignals`, where the format can; else it is looked through all the same.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
     found = _of(path, signal_formats())
@@ -127,7 +130,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalS
         if layouts is None:
             stream = HeldSignals(found.reader(path))
         elif injector is None or mapping is None or layouts.is_own(path, mapping):
-            stream = layouts.stream(path)
+            stream = (layouts.in_one_go if in_one_go and layouts.in_one_go else layouts.stream)(path)
         else:
             stream = MappedSignals(layouts.table(path, mapping), injector.config.sampling.rate_hz)
     if injector is not None:

@@ -182,8 +182,9 @@ def _columns(path: Path) -> tuple[Signal, Signal, list[str]]:
     return np.array([float(row[0]) for row in rows]), rates, [row[3] for row in rows]
 
 
-def test_a_spool_is_a_sequence() -> None:
-    spool: Spool[tuple[int, str]] = Spool()
+@pytest.mark.parametrize("in_memory", [1, 2, 5, 6])
+def test_a_spool_is_a_sequence(in_memory: int) -> None:
+    spool: Spool[tuple[int, str]] = Spool(in_memory)
     for number in range(5):
         spool.append((number, str(number)))
         assert spool[0] == (0, "0")

@@ -198,6 +198,24 @@ def encode(values: NDArray[np.float64], table: NDArray[np.void], payload: NDArra
 
 
 @njit(cache=True, nogil=True)
+def encode_column(values, signal, payloads):  # type: ignore[no-untyped-def]
+    """As `encode`, one signal of many frames: values (n,), payloads (n, length); `signal`: one row of a table."""
+    # a field of whole bytes, as most are, is written byte by byte
+    is_whole = signal.shift == 0 and signal.mask == (~np.uint64(0) >> np.uint64(64 - 8 * signal.byte_count))
+    first, step, count = signal.first_byte, signal.step, signal.byte_count
+    for row in range(values.size):
+        bits = _bits(values[row], signal)
+        if not is_whole:
+            put_bits(payloads[row], signal, bits)
+            continue
+        position = first
+        for _ in range(count):
+            payloads[row, position] = bits & np.uint64(0xFF)
+            bits >>= np.uint64(8)
+            position += step
+
+
+@njit(cache=True, nogil=True)
 def field_bits(payload, signal):  # type: ignore[no-untyped-def]
     """The bits of a signal's field as they are; `signal`: one row of a table."""
     bits = np.uint64(payload[signal.first_byte]) >> signal.shift

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from observer_rt.estimation.phases import PhaseStatistics
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import Theta
@@ -64,4 +62,5 @@ def _offset(window: Window, constants: Constants) -> float:
     """Line over rail pressure [Pa] with the needle shut before the event."""
     shut = slice(0, max(window.opening, 1))
     difference = window.output[shut] - window.inputs[shut, 0]
-    return float(np.mean(difference) - constants.sensor.offset) * constants.coefficients.pressure_scale
+    mean = float(difference.sum()) / difference.size
+    return (mean - constants.sensor.offset) * constants.coefficients.pressure_scale

@@ -5,16 +5,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import network_of
 from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT, Scalars
 from observer_rt.estimation.sensitivity import Parameter
-from observer_rt.model.network import HIDDEN, activation, back_pressure_at, flow_changes
+from observer_rt.model.network import HIDDEN, Network, activation, back_pressure_at, flow_changes
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
 # Of v_S: the flanks tell it, where what sensors do within a few samples (resonance, bounce) looks like wear.
 LEAST_SEAT_SIGMA = 0.008
+_NOZZLE, _WEIGHTS = int(Parameter.NOZZLE_BIAS), int(Parameter.NOZZLE_WEIGHT)
+_BACK_PRESSURE = int(Parameter.BACK_PRESSURE)
 
 
 @dataclass(frozen=True)
@@ -70,16 +73,22 @@ def nozzle_change(
 
     (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d together, the equivalent of v_H in (27).
     """
-    network = network_of(theta)
+    slopes = np.zeros(theta.size)
+    return float(_nozzle_change(network_of(theta), x, u, slopes)), slopes
+
+
+@njit(cache=True, nogil=True)
+def _nozzle_change(
+    network: Network, x: tuple[float, float, float], u: tuple[float, float], slopes: NDArray[np.float64]
+) -> float:
     factor = 1.0 + flow_changes(x, u, network)[0]
     x_3 = max(x[2], LEAST_SAC_PRESSURE)
     against_chamber = math.sqrt(max(1.0 - back_pressure_at(u[1], network) / x_3, 0.0))
-    slopes = np.zeros(theta.size)
-    slopes[Parameter.NOZZLE_BIAS] = against_chamber
+    slopes[_NOZZLE] = against_chamber
     for neuron in range(HIDDEN):
-        sigma = activation(x, u, network.hidden, neuron)
-        slopes[Parameter.NOZZLE_WEIGHT + neuron] = against_chamber * sigma
+        slopes[_WEIGHTS + neuron] = against_chamber * activation(x, u, network.hidden, neuron)
     if against_chamber > 0.0:
-        slopes[Parameter.BACK_PRESSURE] = -0.5 * factor / (x_3 * against_chamber)
-        slopes[Parameter.BACK_PRESSURE + 1] = slopes[Parameter.BACK_PRESSURE] * u[1]
-    return factor * against_chamber - 1.0, slopes
+        slopes[_BACK_PRESSURE] = -0.5 * factor / (x_3 * against_chamber)
+        slopes[_BACK_PRESSURE + 1] = slopes[_BACK_PRESSURE] * u[1]
+    change: float = factor * against_chamber - 1.0
+    return change

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.codec import encode
+from observer_rt.bus.database.codec import encode_column
 from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.mapping.bus_map import BusMap
@@ -244,31 +244,46 @@ def _payloads(values, index, inputs, number, counter):  # type: ignore[no-untype
     message = inputs.messages[number]
     kinds = message.kind_count
     blocks = (values.shape[0] + message.samples - 1) // message.samples
-    result = np.zeros((blocks * kinds, message.length), np.uint8)
-    for frame in range(blocks * kinds):
-        payload = result[frame]
-        first = frame // kinds * message.samples
-        payload[:] = inputs.kinds[message.first_kind + frame % kinds].blank[: message.length]
+    result = np.empty((blocks * kinds, message.length), np.uint8)
+    for kind in range(kinds):
+        blank = inputs.kinds[message.first_kind + kind].blank[: message.length]
+        frames = result[kind::kinds]
+        for frame in range(blocks):
+            frames[frame] = blank
         for g in range(message.first_group, message.first_group + message.group_count):
             group = inputs.groups[g]
-            if is_selected(payload, inputs.selection, group.first_condition, group.condition_count):
-                _fill(payload, values, index, first, counter + frame, inputs, group)
-        protect(payload, message.length, message.e2e_profile, message.data_id, counter + frame)
+            if is_selected(blank, inputs.selection, group.first_condition, group.condition_count):
+                _fill(frames, values, (index, message.samples), (counter + kind, kinds), inputs, group)
+    for frame in range(blocks * kinds):
+        protect(result[frame], message.length, message.e2e_profile, message.data_id, counter + frame)
     return result
 
 
 @njit(cache=True, nogil=True)
-def _fill(payload, values, index, first, counter, inputs, group):  # type: ignore[no-untyped-def]
-    """Encode the samples of a group, for the block that begins at row `first`; counter: of the frame."""
-    timing = inputs.timing[group.stream]
-    numbers = np.full(group.signal_count, np.nan)
-    if timing.numbering == _BY_INDEX:
-        numbers[0] = (index + first) & 0xFFFFFFFF
-    elif timing.numbering == _BY_COUNTER:
-        numbers[0] = counter % timing.modulus
+def _fill(frames, values, index, counter, inputs, group):  # type: ignore[no-untyped-def]
+    """Encode a group in all frames that carry it; index, counter: of the first of them, and steps to the next."""
+    column = np.empty(frames.shape[0])
+    for position in range(group.signal_count):
+        _column(column, values, position, index, counter, inputs, group)
+        encode_column(column, inputs.signals[group.first_signal + position], frames)
+
+
+@njit(cache=True, nogil=True)
+def _column(column, values, position, index, counter, inputs, group):  # type: ignore[no-untyped-def]
+    """What one signal of a group says in all frames."""
+    timing, samples = inputs.timing[group.stream], index[1]
     for role in range(MAX_INPUTS):
-        if (inputs.streams[group.stream].roles >> role) & 1:
-            start = first + group.offset
-            for k in range(min(group.samples, values.shape[0] - start)):
-                numbers[group.position[role] + k] = values[start + k, role] / group.factor[role]
-    encode(numbers, inputs.signals[group.first_signal : group.first_signal + group.signal_count], payload)
+        inside = position - group.position[role]
+        if (inputs.streams[group.stream].roles >> role) & 1 and 0 <= inside < group.samples:
+            for frame in range(column.size):
+                row = frame * samples + group.offset + inside
+                column[frame] = values[row, role] / group.factor[role] if row < values.shape[0] else np.nan
+            return
+    if position == 0 and timing.numbering == _BY_INDEX:
+        for frame in range(column.size):
+            column[frame] = (index[0] + frame * samples) & 0xFFFFFFFF
+    elif position == 0 and timing.numbering == _BY_COUNTER:
+        for frame in range(column.size):
+            column[frame] = (counter[0] + frame * counter[1]) % timing.modulus
+    else:
+        column[:] = np.nan

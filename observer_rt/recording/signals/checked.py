@@ -1,4 +1,4 @@
-"""Files that must be on an even grid as they are: looked through part by part, then read in chunks."""
+"""Files that must be on an even grid as they are: looked through, then read in chunks, or both at once."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
@@ -7,11 +7,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.ahead import ahead
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.recording import EQUIDISTANT, Chunk, refuse_infinite
 from observer_rt.recording.signals.stream import SignalStream, Stretch
 from observer_rt.recording.signals.time_grid import GridCheck, UnevenTime
+
+
+class OtherRateError(Exception):
+    """A file that was read in one go has another sample rate than its first part told."""
+
 
 Arrays = Mapping[str, NDArray[np.float64]]
 """A part of a file: `time` and signals (SI), each (n,)."""
@@ -44,8 +48,13 @@ class CheckedGrid:
         if not self._grid.samples:
             self._refuse_short(0)
         self._refuse(self._grid.end())
-        self._stream.rate = self._grid.sample_rate
+        self._stream.rate = self.sample_rate
         self._stream.stretches = (Stretch(self._start, self._grid.samples),)
+
+    @property
+    def sample_rate(self) -> float:
+        """As far as it was taken [Hz]."""
+        return self._grid.sample_rate
 
     def _refuse_short(self, samples: int) -> None:
         if samples < 2:
@@ -58,11 +67,18 @@ class CheckedGrid:
 
 
 class GridSignals(SignalStream):
-    """A file in one stretch, in a layout of our own; a subclass reads it, and looks through it when made."""
+    """A file in one stretch, in a layout of our own; a subclass reads it, and looks at it when made."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, in_one_go: bool) -> None:
+        """in_one_go: look at the first part only, and at all others when they are read, which is once.
+
+        Stretches and the ranges of all signals are known then. What is wrong with the file is raised there, too, and
+        `OtherRateError`.
+        """
         super().__init__(path)
         self._file = path
+        self._in_one_go = in_one_go
+        self._coming: Iterator[Arrays] = iter(())  # what is read in one go
 
     @abstractmethod
     def _parts(self) -> Iterator[Arrays]:
@@ -72,18 +88,42 @@ class GridSignals(SignalStream):
     def _place(self, row: int) -> str:
         """What a user finds a zero-based row by."""
 
-    def _look_through(self) -> None:
-        """Check all parts. Raises `UserError` as `CheckedGrid`."""
+    def _look(self) -> None:
+        """Check all parts, or the first one. Raises `UserError` as `CheckedGrid`."""
         checked = CheckedGrid(self, self._place)
-        for arrays in ahead(self._parts()):
+        if self._in_one_go:
+            self._coming = self._checked_parts(checked)
+            next(self._coming)
+            self.rate = checked.sample_rate
+            return
+        for arrays in self._parts():
             self.has_rate = "injection_rate" in arrays
             checked.take(arrays)
         checked.end()
 
+    def _checked_parts(self, checked: CheckedGrid) -> Iterator[Arrays]:
+        """First nothing, with the first part checked; then all parts."""
+        parts = self._parts()
+        first = next(parts, None)
+        if first is None:
+            checked.end()
+        else:
+            self.has_rate = "injection_rate" in first
+            checked.take(first)
+            yield {}
+            yield first
+        for arrays in parts:
+            checked.take(arrays)
+            yield arrays
+        expected = self.rate
+        checked.end()
+        if self.rate != expected:
+            raise OtherRateError
+
     def chunks(self) -> Iterator[Chunk]:
-        """Read anew."""
+        """Read anew, or in the one go."""
         first = 0
-        for arrays in self._parts():
+        for arrays in self._coming if self._in_one_go else self._parts():
             yield Chunk(
                 arrays["time"],
                 arrays["rail_pressure"],

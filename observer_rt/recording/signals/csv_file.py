@@ -54,10 +54,10 @@ class CsvSignals(GridSignals):
     An empty cell, or `nan`, in a signal means "not available". Raises `UserError` naming line and column.
     """
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, in_one_go: bool = False) -> None:
+        super().__init__(path, in_one_go)
         self._columns = _read_header(path)
-        self._look_through()
+        self._look()
 
     def _place(self, row: int) -> str:
         return f"{self._file}, line {_line_of_row(self._file, row)}"

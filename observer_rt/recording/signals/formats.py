@@ -1,5 +1,6 @@
 """The formats of recordings. Slow libraries are imported only where they are needed."""
 
+from functools import partial
 from pathlib import Path
 
 from observer_rt.config.recording import RecordingConfig
@@ -33,19 +34,37 @@ CSV = SignalFormat(
     _HEADER,
     read_csv,
     write_whole,
-    Layouts(frozenset(column.header for column in REQUIRED), csv_names, CsvSignals, CsvTable),
+    Layouts(
+        frozenset(column.header for column in REQUIRED),
+        csv_names,
+        CsvSignals,
+        CsvTable,
+        partial(CsvSignals, in_one_go=True),
+    ),
 )
 MDF4_SIGNALS = SignalFormat(
     (".mf4",),
     "ASAM MDF4, one channel a signal, with its unit",
     read_mdf4,
     write_whole,
-    Layouts(frozenset(("rail_pressure", "needle_lift", "line_pressure")), mdf4_names, Mdf4Signals, Mdf4Table),
+    Layouts(
+        frozenset(("rail_pressure", "needle_lift", "line_pressure")),
+        mdf4_names,
+        Mdf4Signals,
+        Mdf4Table,
+        partial(Mdf4Signals, in_one_go=True),
+    ),
 )
 PARQUET = SignalFormat(
     (".parquet",),
     f"Parquet, {','.join(name for name in PARQUET_COLUMNS if name != OPTIONAL)}[,{OPTIONAL}]",
     read_parquet,
     write_whole,
-    Layouts(frozenset(PARQUET_COLUMNS) - {OPTIONAL}, parquet_names, ParquetSignals, _parquet_table),
+    Layouts(
+        frozenset(PARQUET_COLUMNS) - {OPTIONAL},
+        parquet_names,
+        ParquetSignals,
+        _parquet_table,
+        partial(ParquetSignals, in_one_go=True),
+    ),
 )

@@ -17,9 +17,9 @@ FILE = "observer_rt.recording.signals.mdf4_file"
 class Mdf4Signals(GridSignals):
     """A recording by the names of its channels, as `mdf4_file.parts`."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._look_through()
+    def __init__(self, path: Path, in_one_go: bool = False) -> None:
+        super().__init__(path, in_one_go)
+        self._look()
 
     def _place(self, row: int) -> str:
         return f"{self._file}, sample {row}"

@@ -29,8 +29,8 @@ READABLE = "give a complete Parquet file"
 class ParquetSignals(GridSignals):
     """A recording by the names of its columns, further ones are ignored; null is "not available"."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, in_one_go: bool = False) -> None:
+        super().__init__(path, in_one_go)
         names = parquet_names(path)
         for name in COLUMNS:
             if name not in names and name != OPTIONAL:
@@ -41,7 +41,7 @@ class ParquetSignals(GridSignals):
                     "file which is which",
                 )
         self._columns = [name for name in COLUMNS if name in names]
-        self._look_through()
+        self._look()
 
     def _place(self, row: int) -> str:
         return f"{self._file}, row {row}"
@@ -95,14 +95,18 @@ def _doubles(column: Any) -> NDArray[np.float64]:
 @contextmanager
 def opened_parquet(path: Path) -> Iterator[Any]:
     """A file to read. Raises `UserError` for a damaged one, and where pyarrow is not installed."""
-    with path.open("rb") as handle:  # whose errors are the usual ones
-        try:
-            import pyarrow
-            import pyarrow.parquet
-        except ImportError:
-            raise UserError(str(path), "is read by pyarrow, which is missing", INSTALL) from None
-        try:
-            with pyarrow.parquet.ParquetFile(handle, pre_buffer=False) as file:
-                yield file
-        except (pyarrow.ArrowException, OSError, ValueError) as error:
-            raise UserError(str(path), f"a damaged Parquet file: {error}", READABLE) from None
+    with path.open("rb"):  # whose errors are the usual ones; pyarrow reads its own files faster
+        pass
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise UserError(str(path), "is read by pyarrow, which is missing", INSTALL) from None
+    try:
+        with (
+            pyarrow.OSFile(str(path)) as opened,
+            pyarrow.parquet.ParquetFile(opened, pre_buffer=False) as file,
+        ):
+            yield file
+    except (pyarrow.ArrowException, OSError, ValueError) as error:
+        raise UserError(str(path), f"a damaged Parquet file: {error}", READABLE) from None

@@ -15,14 +15,15 @@ from observer_rt.recording.signals.stream import SignalStream
 class Layouts:
     """A format that is read in parts, in our own layout and in any other.
 
-    own: names that a file in our own layout has; names: all of a file; stream: reads our own layout; table: another
-    one by its mapping.
+    own: names that a file in our own layout has; names: all of a file; stream: reads our own layout, looking through
+    it before; table: another one by its mapping; in_one_go: our own layout, as of `GridSignals`, if that can be.
     """
 
     own: frozenset[str]
     names: Callable[[Path], Collection[str]]
     stream: Callable[[Path], SignalStream]
     table: Callable[[Path, RecordingConfig], Table]
+    in_one_go: Callable[[Path], SignalStream] | None = None
 
     def is_own(self, path: Path, config: RecordingConfig) -> bool:
         """Whether a file is in our own layout although another is mapped, which it is not in."""

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 
@@ -21,15 +22,13 @@ class SignalSurvey:
 
     def take(self, values: NDArray[np.float64]) -> None:
         """Go on with further samples (n,)."""
-        missing = np.isnan(values)
-        there = values[~missing] if missing.any() else values
-        self.missing += values.size - there.size
-        if there.size:
-            self.lowest = min(self.lowest, float(there.min()))
-            self.highest = max(self.highest, float(there.max()))
-            self.total += float(there.sum())
-            self.change += float(np.abs(np.diff(there)).sum())
-            self.count += there.size
+        lowest, highest, total, change, count = _summed(np.ascontiguousarray(values))
+        self.lowest = min(self.lowest, lowest)
+        self.highest = max(self.highest, highest)
+        self.total += total
+        self.change += change
+        self.count += count
+        self.missing += values.size - count
 
     @property
     def mean(self) -> float:
@@ -53,15 +52,11 @@ class Openings:
 
     def __init__(self) -> None:
         self._counts = np.zeros(self._LEVELS.size, np.int64)
-        self._last = np.zeros(1)
+        self._last = 0.0
 
     def take(self, lift: NDArray[np.float64]) -> None:
-        """Go on with further samples (n,) [m], none of them NaN."""
-        lifts = np.concatenate((self._last, lift))
-        high = np.flatnonzero(lift > self._LEVELS[0])  # few of them
-        before, after = lifts[high, None], lifts[high + 1, None]
-        self._counts += np.count_nonzero((after > self._LEVELS) & (before <= self._LEVELS), axis=0)
-        self._last = lifts[-1:]
+        """Go on with further samples (n,) [m]; those that are NaN are passed over."""
+        self._last = _count_rises(np.ascontiguousarray(lift), self._last, self._LEVELS, self._counts)
 
     @property
     def most(self) -> int:
@@ -80,4 +75,37 @@ class Survey:
         """Go on with further samples (n,) of a signal."""
         self.signals.setdefault(name, SignalSurvey()).take(values)
         if name == "needle_lift":
-            self.openings.take(values[~np.isnan(values)])
+            self.openings.take(values)
+
+
+@njit(cache=True, nogil=True)
+def _summed(values: NDArray[np.float64]) -> tuple[float, float, float, float, int]:
+    """Lowest, highest and sum of what is not NaN, the sum of its changes without their signs, and how many."""
+    lowest, highest, total, change = math.inf, -math.inf, 0.0, 0.0
+    count = 0
+    last = math.nan
+    for value in values:
+        if math.isnan(value):
+            continue
+        lowest, highest = min(lowest, value), max(highest, value)
+        total += value
+        if count:
+            change += abs(value - last)
+        last = value
+        count += 1
+    return lowest, highest, total, change, count
+
+
+@njit(cache=True, nogil=True)
+def _count_rises(
+    lift: NDArray[np.float64], last: float, levels: NDArray[np.float64], counts: NDArray[np.int64]
+) -> float:
+    """Add to `counts` how often a lift rises through each of the rising levels; its last value, before it `last`."""
+    for value in lift:
+        if math.isnan(value):
+            continue
+        if value > last and value > levels[0]:
+            for number in range(levels.size):
+                counts[number] += last <= levels[number] < value
+        last = value
+    return last

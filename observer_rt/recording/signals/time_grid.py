@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 STEP_TOLERANCE = 0.2
@@ -69,16 +70,19 @@ class GridCheck:
         """Go on with further stamps [s], (n,), n >= 1: at least two in the first part. The first one off the grid."""
         if not self.samples:
             return self._begin_with(time)
-        if not np.isfinite(time).all():
-            return UnevenTime(
-                self.samples + int(np.flatnonzero(~np.isfinite(time))[0]), "the time is not a finite number"
-            )
-        uneven = _uneven_step(np.concatenate(([self._last], time)), self._period)
-        if uneven is not None:
-            return uneven._replace(row=self.samples - 1 + uneven.row)
+        if not _is_even(np.ascontiguousarray(time), self._last, self._period):
+            return self._uneven(time)
         self._whole = None
         self._note(time)
         return None
+
+    def _uneven(self, time: NDArray[np.float64]) -> UnevenTime | None:
+        """What is wrong with these stamps."""
+        not_finite = np.flatnonzero(~np.isfinite(time))
+        if not_finite.size:
+            return UnevenTime(self.samples + int(not_finite[0]), "the time is not a finite number")
+        uneven = _uneven_step(np.concatenate(([self._last], time)), self._period)
+        return uneven and uneven._replace(row=self.samples - 1 + uneven.row)
 
     def end(self) -> UnevenTime | None:
         """Where the clock drifted, if it did."""
@@ -105,13 +109,10 @@ class GridCheck:
         return None
 
     def _note(self, time: NDArray[np.float64]) -> None:
-        rows = self.samples + np.arange(time.size)
-        residual = time - (self._begin + rows * self._period)
         for first in range(0, time.size, _ROWS):
-            part = residual[first : first + _ROWS]
-            self._residuals.append(
-                (self.samples + first + part.size // 2, float(part.min()), float(part.max()))
-            )
+            part, row = time[first : first + _ROWS], self.samples + first
+            lowest, highest = _residuals(np.ascontiguousarray(part), self._begin, self._period, row)
+            self._residuals.append((row + part.size // 2, lowest, highest))
         self.samples += time.size
         self._last = float(time[-1])
 
@@ -146,6 +147,27 @@ def _uneven_step(time: NDArray[np.float64], period: float) -> UnevenTime | None:
         return None
     row = int(wrong[0]) + 1
     return UnevenTime(row, _describe_step(float(time[row - 1]), float(time[row]), period))
+
+
+@njit(cache=True, nogil=True)
+def _is_even(time: NDArray[np.float64], before: float, period: float) -> bool:
+    """Whether every sample has its period [s] from the one before, the first one from `before` [s]."""
+    for stamp in time:
+        step = stamp - before
+        if not (step > 0.0 and abs(step - period) <= STEP_TOLERANCE * period):
+            return False
+        before = stamp
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _residuals(time: NDArray[np.float64], begin: float, period: float, row: int) -> tuple[float, float]:
+    """Lowest and highest distance [s] of stamps, those from `row` on, from a grid that begins at row 0."""
+    lowest, highest = np.inf, -np.inf
+    for number in range(time.size):
+        residual = time[number] - (begin + (row + number) * period)
+        lowest, highest = min(lowest, residual), max(highest, residual)
+    return lowest, highest
 
 
 def _describe_step(before: float, after: float, period: float) -> str:

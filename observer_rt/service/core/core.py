@@ -57,10 +57,12 @@ class Core:
         listeners: Sequence[Listener] = (),
         learner_of: LearnerFactory = make_learner,
         fuel_temperature: float | None = None,
+        writes_summaries: bool = True,
     ) -> None:
         """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep).
 
         fuel_temperature [K]: on a bench that measures it, what to take until it is measured; None: nothing is valid.
+        writes_summaries: among the frames to send.
         """
         config = fitted.config
         is_restored = knowledge is not None
@@ -90,6 +92,7 @@ class Core:
         """When compiled code that takes frames must let `take_inputs` look at one first."""
         self._judging = Judging(self.compiled, learner, executor or InlineExecutor(), start, healthy)
         self._tell = to_all(listeners)
+        self._writes_summaries = writes_summaries
         self._inputs = OptionalInputs(fitted, bus, self.compiled, self._tell, fuel_temperature, is_restored)
         self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
 
@@ -291,7 +294,8 @@ class Core:
         """Say of the injections of a judged event what was found."""
         for injection in self._judging.injections(judged):
             report = report_of(injection, judged, self._inputs.opening_of(injection))
-            self._results.add_summary(report, self.learning, self._pressure_scale)
+            if self._writes_summaries:
+                self._results.add_summary(report, self.learning, self._pressure_scale)
             self._tell(report)
             self._inputs.on_injection(report)
 

@@ -37,14 +37,14 @@ class _Closed:
     """What is kept of a closed event until it is judged.
 
     number: in the order in which they closed, from 0; in_force: theta (m,) the observer carried; standstill: until it
-    ended; learning: what is being learned from it, None: nothing; examined: once it was, with what was learned from
-    an earlier one, and with what speaks against either.
+    ended, None where nothing is to be learned; learning: what is being learned from it, None: nothing; examined: once
+    it was, with what was learned from an earlier one, and with what speaks against either.
     """
 
     number: int
     fuel: Fuel
     window: Window | None
-    standstill: Standstill
+    standstill: Standstill | None
     innovations: Innovations
     in_force: NDArray[np.float64]
     learning: Future[Outcome] | None = None
@@ -184,7 +184,7 @@ class Judging:
             number,
             Fuel(fuel_temperature, observer.constants),
             window,
-            event_standstill(observer, number),
+            event_standstill(observer, number) if learning else None,
             event_innovations(observer, number),
             self._carried,
         )
@@ -203,6 +203,7 @@ class Judging:
     def _learn(self, closed: _Closed) -> None:
         """Have an event learned from."""
         assert closed.window is not None
+        assert closed.standstill is not None
         self._learned_from = closed
         closed.learning = self._executor.submit(
             self._learner.learn, closed.window, closed.standstill, closed.in_force, closed.fuel.constants

@@ -199,13 +199,14 @@ def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
         core, arrivals = Core(bench.injector, bus), Arrivals(bus)
         unsent: list[int] = []
         pump = CompiledPump([link], core, bus, arrivals, unsent.append)
-        handed = []
+        handed: list[OutputFrame] = []
         try:
             for frame in Framer(bus).frames(worn, whole(worn)):
                 while not device.has_room():
                     handed += pump.serve(1e-3)
                 device.send([frame], listening=False)
-            until(lambda: not handed.extend(pump.serve(1e-3)) and core.processed > worn.samples - RATES)
+            while core.processed <= worn.samples - RATES:
+                handed += pump.serve(1e-3)
             handed += pump.finish()
         finally:
             pump.close()

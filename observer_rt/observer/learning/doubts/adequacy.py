@@ -41,6 +41,7 @@ LARGEST_LAG = 0.2e-3  # s
 CLIP = 4.0  # standard deviations for which a single innovation counts at most: an outlier is no colour
 BURN_IN = 0.5e-3  # s of an event's window before innovations count
 EDGES = (Phase.OPENING, Phase.CLOSING)
+_RELEVANT = np.array([RELEVANT_VARIANCE if phase in EDGES else RELEVANT_LOUDNESS for phase in Phase])
 WEAR = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))
 
 
@@ -64,24 +65,17 @@ def event_statistics(
 ) -> PhaseStatistics:
     """What the innovations over a window say, phase by phase, against a healthy injector's; interval [s]."""
     phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
-    counts = ~mask_of(window)
-    counts[: round(BURN_IN / interval)] = False
-    limit = CLIP * innovations.sigma
-    values = np.clip(innovations.values[counts], -limit, limit)
-    found = phase_statistics(values, innovations.sigma, phases[counts], 0)
+    found = phase_statistics(
+        innovations.values, innovations.sigma, phases, round(BURN_IN / interval), mask_of(window), CLIP
+    )
     return healthy.relative(found)
 
 
 def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
     """The phase that contradicts the model most, None when every phase is compatible with white innovations."""
-    worst, worst_excess = None, SIGNIFICANT
-    for phase in Phase:
-        most = RELEVANT_VARIANCE if phase in EDGES else RELEVANT_LOUDNESS
-        relevant = statistics.colour(phase) > RELEVANT_COLOUR or statistics.variance(phase) > most
-        excess = statistics.excess(phase) if relevant else 0.0
-        if excess > worst_excess:
-            worst, worst_excess = phase, excess
-    return worst
+    excess = statistics.excess_beyond(RELEVANT_COLOUR, _RELEVANT)
+    worst = int(np.argmax(excess))
+    return Phase(worst) if excess[worst] > SIGNIFICANT else None
 
 
 def pooled(before: PhaseStatistics, event: PhaseStatistics) -> PhaseStatistics:

@@ -1,0 +1,72 @@
+"""What a worker makes of one file, which it reads once."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.evaluation.streamed import evaluate_stream
+from observer_rt.fleet.job import Failed, Task, evaluated
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effects import sized
+from observer_rt.recording.formats import open_recording, write_recording
+from observer_rt.recording.signals.plausible import refuse_implausible
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+
+
+@cache
+def worn() -> Recording:
+    schedule = make_schedule([60e6, 120e6], 24, 0.05, [1.1e-3])
+    effects = (sized("orifice_area", v_H=0.2),)
+    return simulate(load_injector(), schedule, 50e3, effects, NoiseLevels(), seed=3).recording
+
+
+def result_of(path: Path) -> pa.Table | Failed:
+    return evaluated(Task(load_bench(), path.parent, learning=False), Path(path.name), "hash")
+
+
+def masses(path: Path) -> list[float]:
+    """As `evaluate` finds them [mg]."""
+    source = open_recording(path, load_bench().injector)
+    (alone,), _ = evaluate_stream(load_bench(), [source], learning=False)
+    return [1e6 * each.report.mass for each in alone.injections]
+
+
+def test_rows_are_those_of_evaluate(tmp_path: Path) -> None:
+    path = tmp_path / "worn.parquet"
+    write_recording(path, worn())
+    table = result_of(path)
+    assert isinstance(table, pa.Table)
+    assert table.num_rows == 24
+    assert table["mass_mg"].to_pylist() == pytest.approx(masses(path), rel=1e-12)
+
+
+def test_a_rate_that_the_beginning_does_not_tell(tmp_path: Path) -> None:
+    """The file is looked through, then."""
+    path = tmp_path / "slower.parquet"
+    late = np.maximum(np.arange(worn().samples) - SAMPLES_AT_ONCE, 0) * 5e-10
+    write_recording(path, replace(worn(), time=worn().time + late))
+    assert open_recording(path).sample_rate < 49_999.5
+    table = result_of(path)
+    assert isinstance(table, pa.Table)
+    assert table["mass_mg"].to_pylist() == pytest.approx(masses(path), rel=1e-12)
+
+
+def test_what_is_no_injector_has_no_rows(tmp_path: Path) -> None:
+    """As it is refused where a file is looked through before."""
+    path = tmp_path / "bar.parquet"
+    write_recording(path, replace(worn(), rail_pressure=0.1 * worn().rail_pressure))
+    source = open_recording(path)
+    with pytest.raises(UserError) as refused:
+        refuse_implausible(path, source.survey)
+    failed = result_of(path)
+    assert isinstance(failed, Failed)
+    assert failed.problem == str(refused.value)

@@ -91,9 +91,9 @@ class PhaseStatistics:
     def capped(self, deviate: float) -> "PhaseStatistics":
         """These statistics, none further from white noise than `deviate` standard deviations (see `excess`)."""
         return PhaseStatistics(
-            np.minimum(self.squares, _sum_at(deviate, self.samples)),
+            _capped(self.squares, deviate, self.samples),
             self.samples,
-            np.minimum(self.block_squares, _sum_at(deviate, self.blocks)),
+            _capped(self.block_squares, deviate, self.blocks),
             self.blocks,
         )
 
@@ -232,10 +232,11 @@ def _quotient(total: float, count: float) -> float:
     return total / count if count > 0 else 1.0
 
 
-def _sum_at(deviate: float, count: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The sum of `count` squares whose `deviate` is `deviate` (but for counts below 1)."""
+@njit(cache=True, nogil=True)
+def _capped(sums: NDArray[np.float64], deviate: float, count: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums of `count` squares, at most those whose `deviate` is `deviate` (but for counts below 1)."""
     variance = 2.0 / (9.0 * np.maximum(count, 1.0))
-    return np.asarray(count * (1.0 - variance + deviate * np.sqrt(variance)) ** 3, np.float64)
+    return np.minimum(sums, count * (1.0 - variance + deviate * np.sqrt(variance)) ** 3)
 
 
 @njit(cache=True, nogil=True)

@@ -34,15 +34,18 @@ def nominal_rates(
     A needle that is shut with nothing flowing is passed over until it opens again or the line is at rest.
     """
     c, network, memory = coefficients_in_force(nominal), network_in_force(nominal), state[0]
+    found = -1  # position of the state to go on from, if that is not x
     for place in range(rates.size):
         position = first + place
         row = ring[position & _MASK]
         rates[place] = 0.0
         if row.resting or row.broken != _NONE:
-            x[:] = row.x_tilde
-            memory.position = position
+            memory.position = found = position
             memory.flows = False
         elif row.seat_area > 0.0 or memory.flows:
+            if found >= 0:
+                x[:] = ring[found & _MASK].x_tilde
+                found = -1
             if position - memory.position >= RING:
                 x[:] = np.nan
                 memory.position = position - 1
@@ -60,6 +63,8 @@ def nominal_rates(
             memory.flows = rates[place] != 0.0
         if np.isnan(row.injection_rate):
             rates[place] = np.nan
+    if found >= 0:
+        x[:] = ring[found & _MASK].x_tilde
 
 
 @njit(cache=True, nogil=True)

@@ -180,3 +180,14 @@ def test_the_findings_are_those_of_discover(
         assert alone.pop(varying)
         assert fleet.pop(varying)
     assert fleet == alone
+
+
+def test_healthy_recordings_tell_what_is_the_model_s_own(measured: Path, tmp_path: Path) -> None:
+    """Those of an injector with another fault: the model is off already, and the wear is not believed any more."""
+    healthy = [word for path in sorted(measured.glob("injector_bent/*.csv")) for word in ("--healthy", path)]
+    said = ended(started(measured / "injector_worn", "--out", tmp_path, "--discover", *healthy))
+    (worn,) = said["discovered"]["injectors"]
+    assert "does not fit the healthy ones" in worn["caveats"]
+    findings = json.loads((tmp_path / worn["report"]).with_name("findings.json").read_text())
+    assert findings["healthy"] == ["run_0.csv", "run_1.csv"]
+    assert "named: line_friction" in findings["healthy_warning"]

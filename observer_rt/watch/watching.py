@@ -2,10 +2,12 @@
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.j1939 import ParameterGroups
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.config.bench import Bench
 from observer_rt.watch.injector import Key, Seen, WatchedInjector
@@ -54,6 +56,10 @@ class Watching:
             key: [each for each in self._injectors if key in each.keys]
             for key in frozenset[Key]().union(*(each.keys for each in self._injectors))
         }
+        self._groups = [
+            ParameterGroups(each.received_id for each in self._layouts() if each.bus == bus)
+            for bus in range(len(self._loads))
+        ]
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._now = 0  # of the last frame
@@ -105,6 +111,10 @@ class Watching:
             now = self.now
             return tuple(injector.seen(now) for injector in self._injectors)
 
+    def _layouts(self) -> Iterator[MessageLayout]:
+        """Of all messages that any injector reads."""
+        return (layout for injector in self._injectors for layout in injector.bus.received)
+
     def _begin(self, now: int) -> None:
         for injector in self._injectors:
             injector.begin(now)
@@ -122,5 +132,7 @@ class Watching:
             self._now = now
             self._loads[came.bus].note(came.frame, now)
             frame = came.frame
+            if frame.is_extended:  # of J1939 it may be a message of the bench from another source address
+                frame = frame._replace(frame_id=self._groups[came.bus].own(frame.frame_id))
             for injector in self._takers.get((came.bus, frame.frame_id, frame.is_extended), ()):
-                injector.take(came, now)
+                injector.take(BusFrame(came.bus, frame), now)

@@ -11,49 +11,21 @@ from observer_rt.evaluation.logged import read_logged
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.input_frames import InputFrames
+from tests.bus.j1939_bench import GROUP, write_j1939_bench
 from tests.recording.canlog.log_cases import START, write_log
 
-GROUP, OTHER = 0x18FEF1FE, 0x18FEF2FE
-DATABASE = f"""VERSION ""
-BU_: Device
-BO_ {GROUP | 1 << 31} Daq: 8 Device
- SG_ Rail : 0|16@1+ (0.1,0) [0|0] "bar" Device
- SG_ Lift : 16|16@1+ (0.1,0) [0|0] "um" Device
- SG_ Line : 32|16@1+ (0.1,0) [0|0] "bar" Device
- SG_ Count : 48|8@1+ (1,0) [0|0] "" Device
-BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
-BA_DEF_DEF_ "VFrameFormat" "ExtendedCAN";
-BA_ "VFrameFormat" BO_ {GROUP | 1 << 31} 3;
-"""
-BENCH = """[[dbc]]
-file = "user.dbc"
-[[dbc]]
-file = "observer_classic.dbc"
-[outputs]
-injection_rate = false
-"""
+OTHER = 0x18FEF2FE
 
 
 def input_frames(folder: Path, *identifiers: int, is_j1939: bool = True) -> InputFrames:
     """The input frames of a log with one frame of each identifier."""
-    database = (
-        DATABASE
-        if is_j1939
-        else DATABASE.replace('"VFrameFormat" BO_', '"VFrameFormat" BO_ ').replace(" 3;", " 1;")
-    )
-    (folder / "user.dbc").write_text(database)
-    roles = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}
-    signals = "".join(
-        f'[signals.{role}]\nmessage = "Daq"\nsignal = "{name}"\ncounter = "Count"\n'
-        for role, name in roles.items()
-    )
-    (folder / "bench.toml").write_text(BENCH + signals)
+    bench = load_bench(write_j1939_bench(folder, is_j1939))
     frames = [
         LogFrame(Frame(identifier, bytes(8), START + n * 1000, True, False), "1")
         for n, identifier in enumerate(identifiers)
     ]
     write_log(folder / "bus.blf", frames)
-    return InputFrames(folder / "bus.blf", map_bus(load_bench(folder / "bench.toml")), {0: None})
+    return InputFrames(folder / "bus.blf", map_bus(bench), {0: None})
 
 
 def test_any_source_address_is_heard(tmp_path: Path) -> None:

@@ -1,14 +1,19 @@
 """A bench listened to live, through python-can: another participant of a bus with a daemon at work."""
 
+import threading
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.watch.listening import LiveSource
+from observer_rt.watch.listening import LiveSource, Taker
 from observer_rt.watch.watching import Watching
+from tests.bus.j1939_bench import write_j1939_bench
 from tests.service.participants import bench_file, over_bus, until, worn_recording
 
 
@@ -31,3 +36,36 @@ def test_injections_are_seen_beside_the_daemon(tmp_path: Path) -> None:
     for each in seen.injections:
         volume = float(np.trapezoid(each.curves.rate, each.curves.time))
         assert abs(volume / each.summary.volume - 1.0) < 0.01
+
+
+class Logged:
+    """Frames of an identifier, a hundred a second for ten seconds."""
+
+    is_live = False
+    dropped = 0
+    down: Mapping[int, str] = {}
+
+    def __init__(self, identifier: int) -> None:
+        self._identifier = identifier
+
+    def run(self, take: Taker, stop: threading.Event) -> None:
+        for number in range(1000):
+            stamp = (1 + number) * 10_000_000
+            payload = bytes(6) + bytes([number % 256, 0])
+            take(BusFrame(0, Frame(self._identifier, payload, stamp, True, False)), stamp)
+
+
+@pytest.mark.parametrize(
+    ("identifier", "is_heard"), [(0x18FEF100, True), (0x0CFEF133, True), (0x18FEF200, False)]
+)
+def test_messages_of_j1939_come_from_any_source_address(
+    tmp_path: Path, identifier: int, is_heard: bool
+) -> None:
+    watching = Watching(load_bench(write_j1939_bench(tmp_path)), Logged(identifier))
+    watching.start()
+    until(lambda: watching.now == 10_000_000_000)
+    (seen,) = watching.injectors()
+    watching.close()
+    assert watching.failure is None
+    silent = [fault.what for fault in seen.faults if "Daq" in fault.what]
+    assert bool(silent) is not is_heard

@@ -18,6 +18,7 @@ from observer_rt.fleet.columns import SCHEMA, row_of
 from observer_rt.fleet.names import InjectorNames
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.foundation.errors import ObserverError
+from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.file_hash import file_hash
 from observer_rt.model.effects import effective_model
 from observer_rt.observer.learning.knowledge import Knowledge
@@ -114,10 +115,11 @@ def _evaluation(
     """in_one_go: as of `open_recording`: reading takes a good part of all time."""
     source = open_source(place, alone, (), Console(quiet=True), in_one_go)
     learning = task.learning and alone.injector.config.learning.enabled
-    # not ahead: other workers have the other processors
-    (evaluation,), _ = evaluate_stream(
-        alone, [source], knowledge=task.knowledge, learning=learning, reads_ahead=False
-    )
+    with file_errors(place):
+        # not ahead: other workers have the other processors
+        (evaluation,), _ = evaluate_stream(
+            alone, [source], knowledge=task.knowledge, learning=learning, reads_ahead=False
+        )
     refuse_implausible(place, source.survey, source.names)
     return source, evaluation
 

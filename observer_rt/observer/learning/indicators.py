@@ -81,6 +81,7 @@ def nozzle_change(
 def _nozzle_change(
     network: Network, x: tuple[float, float, float], u: tuple[float, float], slopes: NDArray[np.float64]
 ) -> float:
+    """The change; slopes (m,), of zeros, becomes its derivatives."""
     factor = 1.0 + flow_changes(x, u, network)[0]
     x_3 = max(x[2], LEAST_SAC_PRESSURE)
     against_chamber = math.sqrt(max(1.0 - back_pressure_at(u[1], network) / x_3, 0.0))

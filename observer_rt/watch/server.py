@@ -2,6 +2,7 @@
 
 import gc
 import socket
+import sys
 from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
@@ -16,6 +17,7 @@ from observer_rt.watch.listening import LiveSource, LogSource
 from observer_rt.watch.watching import Source, Watching
 
 _STOP_EVERY = 100  # ms between two looks at the stop signal
+_TURN = 0.0005  # s that the listening thread may go on while the page waits to be served
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,7 @@ def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
                 server.io_loop.stop()
 
         PeriodicCallback(look, _STOP_EVERY).start()
+        sys.setswitchinterval(_TURN)
         gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
         try:
             server.run_until_shutdown()

@@ -3,64 +3,87 @@
 from collections.abc import Sequence
 
 import numpy as np
-from bokeh.models import ColumnDataSource
 
-from observer_rt.watch.injection import SeenInjection
-from observer_rt.watch.page.drawing import Parts, Target
-from observer_rt.watch.page.look import NOMINAL, NOT_VALID, OBSERVER, SECOND, panel, with_legend
+from observer_rt.watch.injection import SeenInjection, Signal
+from observer_rt.watch.page.limits import Axis, Limits
+from observer_rt.watch.page.look import NOMINAL, NOT_VALID, OBSERVER, SECOND
+from observer_rt.watch.page.panel import Axes, Columns, Kind, Mark, Panel
 
-_NAME = "history"
 _SURE = 1.96  # standard deviations of a 95 % interval
 _WEAR = (("nozzle", OBSERVER), ("seat", SECOND))
+_STEP = 100  # injections by which the axis moves
+_LEAST_MASS, _LEAST_WEAR = 1.0, 2.0  # mg, %: that axes show
 
 
-class History:
+def history_panels() -> list[Panel]:
     """What became of one injector."""
+    return [_mass_panel(), _wear_panel()]
 
-    def __init__(self) -> None:
-        mass, wear = (
-            panel("Mass of each injection", "injection", "mg"),
-            panel("Wear", "injection", "% of flow"),
+
+def _mass_panel() -> Panel:
+    marks = (
+        Mark(Kind.BARS, "number", ("valid_low", "valid_high"), OBSERVER, alpha=0.5),
+        Mark(Kind.BARS, "number", ("refused_low", "refused_high"), NOT_VALID, alpha=0.5),
+        Mark(Kind.DASHES, "number", ("nominal",), NOMINAL, label="nominal"),
+        Mark(Kind.DOTS, "number", ("valid",), OBSERVER, label="observer"),
+        Mark(Kind.DOTS, "number", ("refused",), NOT_VALID, label="not valid"),
+    )
+    scale = Axis(("nominal", "valid_low", "valid_high", "refused_low", "refused_high"), _LEAST_MASS).limits
+    axes = Axes("Mass of each injection", "injection", "mg", _numbers, scale)
+    return Panel("mass", axes, marks, _mass_columns)
+
+
+def _wear_panel() -> Panel:
+    marks = [
+        mark
+        for name, colour in _WEAR
+        for mark in (
+            Mark(Kind.BAND, "number", (f"{name}_low", f"{name}_high"), colour, alpha=0.2),
+            Mark(Kind.LINE, "number", (name,), colour, 3.0, label=name),
         )
-        self.figures = {"mass": mass, "wear": wear}
-        self._source = ColumnDataSource({name: [] for name in _columns(())})
-        source = self._source
-        mass.segment("number", "mass_low", "number", "mass_high", source=source, color="colour", alpha=0.5)
-        mass.scatter(
-            "number", "nominal", source=source, color=NOMINAL, marker="dash", size=8, legend_label="nominal"
-        )
-        mass.scatter(
-            "number", "mass", source=source, color="colour", size=6, legend_label="observer (red: not valid)"
-        )
-        for name, colour in _WEAR:
-            wear.varea("number", f"{name}_low", f"{name}_high", source=source, color=colour, alpha=0.2)
-            wear.line("number", name, source=source, color=colour, line_width=3, legend_label=name)
-        for made in self.figures.values():
-            with_legend(made)
-
-    @property
-    def targets(self) -> dict[str, Target]:
-        """What its parts belong to."""
-        return {_NAME: self._source}
-
-    def parts(self, injections: Sequence[SeenInjection]) -> Parts:
-        """All injections that are kept."""
-        return {_NAME: _columns(injections)}
+    ]
+    shown = [f"{name}_{end}" for name, _ in _WEAR for end in ("low", "high")]
+    axes = Axes("Wear", "injection", "% of flow", _numbers, Axis(shown, _LEAST_WEAR).limits)
+    return Panel("wear", axes, marks, _wear_columns)
 
 
-def _columns(injections: Sequence[SeenInjection]) -> dict[str, np.ndarray]:
+def _mass_columns(injections: Sequence[SeenInjection]) -> Columns:
     said = [each.summary for each in injections]
-    is_valid = [each.valid == 1.0 for each in said]
+    masses = _signal([(each.mass, each.mass_sigma) for each in said]).reshape(-1, 2)
+    is_valid = np.array([each.valid == 1.0 for each in said])[:, None]
     return {
-        "number": np.array([each.injection_number for each in said]),
-        "nominal": np.array([each.nominal_mass for each in injections]),
-        "colour": np.where(is_valid, OBSERVER, NOT_VALID),
-        **_banded("mass", [(each.mass, each.mass_sigma) for each in said]),
-        **_banded("nozzle", [(100.0 * each.nozzle_wear, 100.0 * each.nozzle_wear_sigma) for each in said]),
-        **_banded("seat", [(100.0 * each.seat_wear, 100.0 * each.seat_wear_sigma) for each in said]),
+        "number": _signal([each.injection_number for each in said]),
+        "nominal": _signal([each.nominal_mass for each in injections]),
+        **_banded("valid", np.where(is_valid, masses, np.nan)),
+        **_banded("refused", np.where(is_valid, np.nan, masses)),
     }
 
 
-def _banded(name: str, values: Sequence[tuple[float, float]]) -> dict[str, np.ndarray]:
-    mean, sigma = np.array(values).reshape(-1, 2).T
-    return {name: mean, f"{name}_low": mean - _SURE * sigma, f"{name}_high": mean + _SURE * sigma}
+def _wear_columns(injections: Sequence[SeenInjection]) -> Columns:
+    said = [each.summary for each in injections]
+    nozzle = _signal([(each.nozzle_wear, each.nozzle_wear_sigma) for each in said])
+    seat = _signal([(each.seat_wear, each.seat_wear_sigma) for each in said])
+    number = _signal([each.injection_number for each in said])
+    return {"number": number, **_banded("nozzle", 100.0 * nozzle), **_banded("seat", 100.0 * seat)}
+
+
+def _signal(values: Sequence[float] | Sequence[tuple[float, float]]) -> Signal:
+    return np.array(values, np.float32)
+
+
+def _banded(name: str, values: Signal) -> dict[str, Signal]:
+    """values (n, 2): mean and standard deviation."""
+    mean, sigma = values.T
+    return {
+        name: mean.copy(),
+        f"{name}_low": mean - np.float32(_SURE) * sigma,
+        f"{name}_high": mean + np.float32(_SURE) * sigma,
+    }
+
+
+def _numbers(columns: Columns) -> Limits:
+    """Round ends around the injections."""
+    known = columns["number"][np.isfinite(columns["number"])]
+    if not known.size:
+        return 0.0, float(_STEP)
+    return float(known.min() // _STEP * _STEP), float((known.max() // _STEP + 1) * _STEP)

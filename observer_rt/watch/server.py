@@ -39,20 +39,22 @@ def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
     Raises `UserError` without Bokeh or for a log that will not do, `RunError` for a port that is taken.
     """
     try:
+        from bokeh.document import Document
         from tornado.ioloop import PeriodicCallback
-
-        from observer_rt.watch.page.document import Page
-        from observer_rt.watch.serving import page_server
     except ImportError as error:
         raise UserError(
             "monitor", "needs Bokeh, which is not installed", "pip install 'observer-rt[monitor]'"
         ) from error
+    from observer_rt.watch.page.document import Page
+    from observer_rt.watch.serving import page_server
 
     watching = Watching(bench, _source(bench, options))
+
+    def make_page(document: Document) -> None:
+        Page(document, watching, options.folder)
+
     try:
-        server, url = page_server(
-            lambda document: Page(document, watching, options.folder), options.address, options.port
-        )
+        server, url = page_server(make_page, options.address, options.port)
     except OSError as error:
         raise RunError(
             f"--port {options.port}: {options.address} cannot be listened at ({error.strerror})\n"

@@ -25,7 +25,7 @@ class PromptHandler(WSHandler):
         super().open()
 
 
-def page_server(make_page: Callable[[Document], object], address: str, port: int) -> tuple[BaseServer, str]:
+def page_server(make_page: Callable[[Document], None], address: str, port: int) -> tuple[BaseServer, str]:
     """A server that is to be run, and its URL; port 0: one that is free. Raises OSError for a port that is taken."""
     sockets = bind_sockets(port, address)
     port = sockets[0].getsockname()[1]

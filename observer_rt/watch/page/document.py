@@ -118,6 +118,7 @@ class Page:
         document.template = Template(_text("page.html"))
         document.template_variables.update(
             injectors=len(self._rates),
+            panels={each.name: each for each in panels},
             narrowest=_NARROWEST,
             letters=_text("letters.css"),
             script=_text("page.js"),

@@ -64,6 +64,7 @@ const observerPage = (() => {
       this.#context = this.#canvas.getContext("2d");
       this.#marks = marks.map(object);
       this.#view = view;
+      view.canvas_view.overlays.el.style.display = "none"; // empty; a browser takes time for every canvas of a page
       view.repainted.connect(() => this.#paint()); // its axes, or its size, are others
     }
 

@@ -5,9 +5,7 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any, TypeAlias
 
-import numpy as np
 from bokeh.models import Range1d
-from bokeh.models.annotations import Title
 from bokeh.plotting import figure
 
 from observer_rt.watch.injection import SeenInjection, Signal
@@ -17,7 +15,6 @@ Columns: TypeAlias = Mapping[str, Signal]
 Scale: TypeAlias = Callable[[Columns], Limits]
 """The ends of an axis for what is to be seen."""
 _TEXT = "17px"  # to be read from two metres
-_NOTHING = [np.nan]
 
 
 class Kind(StrEnum):
@@ -62,7 +59,7 @@ class Axes:
     y_label: str
     x: Scale
     y: Scale
-    height: int = 260
+    height: int = 226
 
 
 class Panel:
@@ -77,11 +74,16 @@ class Panel:
     ) -> None:
         """columns: of injections, the last of them as the one that counts; none: there is nothing to draw."""
         self.name = name
+        self.title = axes.title
         self.figure = _figure(name, axes)
         self._axes = axes
         self._marks = marks
         self._columns = columns
-        _add_legend(self.figure, [mark for mark in marks if mark.label])
+
+    @property
+    def legend(self) -> list[Mark]:
+        """What is to be told of."""
+        return [mark for mark in self._marks if mark.label]
 
     def part(self, injections: Sequence[SeenInjection]) -> dict[str, PanelPart]:
         """What is to be drawn of some injections, by the panel's name."""
@@ -99,7 +101,6 @@ def _figure(name: str, axes: Axes) -> figure:
     """As wide as its place, without tools: a bench monitor has no mouse."""
     made = figure(
         name=name,
-        title=Title(text=axes.title, text_font_size="20px"),
         height=axes.height,
         sizing_mode="stretch_width",
         toolbar_location=None,
@@ -116,24 +117,3 @@ def _figure(name: str, axes: Axes) -> figure:
         axis.major_label_text_font_size = _TEXT
     made.grid.grid_line_alpha = 0.5
     return made
-
-
-def _add_legend(made: figure, marks: Sequence[Mark]) -> None:
-    """In a line above, where it hides nothing; of glyphs that show nothing themselves."""
-    for mark in marks:
-        said: dict[str, Any] = {"color": mark.colour, "alpha": mark.alpha, "legend_label": mark.label}
-        match mark.kind:
-            case Kind.BAND:
-                made.varea(_NOTHING, _NOTHING, _NOTHING, **said)
-            case Kind.DOTS | Kind.DASHES:
-                marker = "dash" if mark.kind is Kind.DASHES else "circle"
-                made.scatter(_NOTHING, _NOTHING, marker=marker, size=8, **said)
-            case _:
-                made.line(_NOTHING, _NOTHING, line_width=mark.width, line_dash=list(mark.dash), **said)
-    if marks:
-        legend = made.legend[0]
-        legend.label_text_font_size = _TEXT
-        legend.orientation = "horizontal"
-        legend.border_line_alpha = 0.0
-        legend.update(padding=0, spacing=16)
-        made.add_layout(legend, "above")

@@ -34,7 +34,7 @@ def rate_panel(name: str, injector: str) -> Panel:
         Mark(Kind.LINE, "time", ("rate",), OBSERVER, 4.0, label="observer"),
     )
     scale = Axis(("past_rate", "rate", "nominal", "low", "high"), 10.0).limits
-    axes = Axes(f"Injection rate {injector}".strip(), _TIME, "mm³/ms", _time(), scale, 340)
+    axes = Axes(f"Injection rate {injector}".strip(), _TIME, "mm³/ms", _time(), scale, 310)
     return Panel(name, axes, marks, _rate_columns)
 
 

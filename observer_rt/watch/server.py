@@ -1,8 +1,10 @@
 """`observer-rt monitor`: the page served until Ctrl-C."""
 
 import gc
+import socket
 import sys
 from dataclasses import dataclass
+from ipaddress import ip_address
 from pathlib import Path
 
 from rich.console import Console
@@ -39,22 +41,42 @@ def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
     Raises `UserError` without Bokeh or for a log that will not do, `RunError` for a port that is taken.
     """
     try:
+        from bokeh.application import Application
+        from bokeh.application.application import SessionContext
+        from bokeh.application.handlers.function import FunctionHandler
         from bokeh.document import Document
+        from bokeh.server.server import Server
         from tornado.ioloop import PeriodicCallback
     except ImportError as error:
         raise UserError(
             "monitor", "needs Bokeh, which is not installed", "pip install 'observer-rt[monitor]'"
         ) from error
+    from observer_rt.watch.page.channel import PATH, Channel, Drawn
     from observer_rt.watch.page.document import Page
-    from observer_rt.watch.serving import page_server
 
     watching = Watching(bench, _source(bench, options))
+    pages: dict[str, Drawn] = {}
 
     def make_page(document: Document) -> None:
-        Page(document, watching, options.folder)
+        page = Page(document, watching, options.folder)
+        pages[page.token] = page
 
+        def forget(_: SessionContext) -> None:
+            del pages[page.token]
+
+        document.on_session_destroyed(forget)
+
+    application = Application(FunctionHandler(make_page))
     try:
-        server, url = page_server(make_page, options.address, options.port)
+        port = options.port or _free_port(options.address)
+        origins = _origins(options.address, port)
+        server = Server(
+            {"/": application},
+            address=options.address,
+            port=port,
+            allow_websocket_origin=origins,
+            extra_patterns=[(PATH, Channel, {"pages": pages, "origins": origins})],
+        )
     except OSError as error:
         raise RunError(
             f"--port {options.port}: {options.address} cannot be listened at ({error.strerror})\n"
@@ -62,7 +84,7 @@ def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
         ) from error
     with stop_on_signals() as stop:
         watching.start()
-        say(console, f"{url} (Ctrl-C ends it)")
+        say(console, f"http://{options.address}:{port}/ (Ctrl-C ends it)")
 
         def look() -> None:
             if stop.is_set():
@@ -75,6 +97,18 @@ def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
             server.run_until_shutdown()
         finally:
             watching.close()
+
+
+def _free_port(address: str) -> int:
+    with socket.create_server((address, 0)) as found:
+        return int(found.getsockname()[1])
+
+
+def _origins(address: str, port: int) -> list[str]:
+    """Names in the address bar under which a browser may talk to the server; any, where others are to reach it."""
+    if ip_address(socket.gethostbyname(address)).is_loopback:
+        return [f"{name}:{port}" for name in (address, "localhost", "127.0.0.1")]
+    return ["*"]
 
 
 def _source(bench: Bench, options: MonitorOptions) -> Source:

@@ -1,12 +1,15 @@
 """The page of one browser: what is watched, drawn some times a second."""
 
+import json
+import secrets
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
 
 from bokeh.document import Document
+from bokeh.models import CustomJS
 from jinja2 import Template
 
 from observer_rt.watch.injection import SeenInjection
@@ -19,7 +22,6 @@ from observer_rt.watch.page.panel import Panel, PanelPart
 from observer_rt.watch.page.traces import detail_panels, rate_panel
 from observer_rt.watch.watching import Watching
 
-LOOK_EVERY = 10  # ms: whether something is new and the browser through with the last drawing
 # what nobody follows injection by injection: the rate is drawn with every one, and must not wait for much else
 _LETTERS_EVERY, _DETAILS_EVERY, _HISTORY_EVERY = 0.25, 0.4, 1.0  # s
 _NARROWEST = 380  # px of a panel before it goes below its neighbour
@@ -45,28 +47,26 @@ class Page:
         self._controls = Controls(names, folder, watching.injectors)
         self._rates = [rate_panel(f"rate_{number}", name) for number, name in enumerate(names)]
         self._details, self._history = detail_panels(), history_panels()
-        self._begin_anew()
-        panels = [*self._rates, *self._details, *self._history]
-        self._lay_out(document, panels)
-        self._drawing = Drawing(document, self._controls.layout, panels)
-        document.add_periodic_callback(self.draw, LOOK_EVERY)
+        self.drawing = Drawing()
+        self.token = secrets.token_urlsafe()
+        """Known to the browser that has the document open."""
+        self.begin()
+        self._lay_out(document, [*self._rates, *self._details, *self._history])
 
-    def draw(self) -> None:
-        """What is new since the last drawing, if the browser is through with that."""
-        if self._drawing.is_lost:
-            self._begin_anew()
-        elif self._drawing.is_behind:
-            return
-        if parts := self._parts():
-            self._drawing.send(parts)
-
-    def _begin_anew(self) -> None:
+    def begin(self) -> None:
         """Nothing is on the screen."""
         self._said: dict[str, str] = {}
         self._letters_due = 0.0  # s
         self._drawn: list[SeenInjection | None] = [None] * len(self._rates)
         self._slow_details = [_Slow(panel, _DETAILS_EVERY) for panel in self._details]
         self._slow_history = [_Slow(panel, _HISTORY_EVERY) for panel in self._history]
+
+    def draw(self) -> None:
+        """What is new since the last drawing, if the browser is through with that."""
+        if self.drawing.is_behind:
+            return
+        if parts := self._parts():
+            self.drawing.send(parts)
 
     def _parts(self) -> Parts:
         """The rates that are new, and one thing more: a browser is not to be busy for long at a time."""
@@ -114,6 +114,12 @@ class Page:
         """Every root under the name by which page.html places it."""
         for root in (self._controls.layout, *(each.figure for each in panels)):
             document.add_root(root)
+        marks = {each.name: [asdict(mark) for mark in each.marks] for each in panels}
+        begin = CustomJS(
+            args={"figures": [each.figure for each in panels]},
+            code=f"observerPage.begin({json.dumps(self.token)}, figures, {json.dumps(marks)}, cb_context.index)",
+        )
+        document.js_on_event("document_ready", begin)
         document.title = "observer_rt"
         document.template = Template(_text("page.html"))
         document.template_variables.update(

@@ -5,7 +5,6 @@ const observerPage = (() => {
   const RADIUS = 3; // px of a dot
   const BYTES = Float32Array.BYTES_PER_ELEMENT;
 
-  const object = (each) => (each instanceof Map ? Object.fromEntries(each) : each);
 
   // Draw points, (x, y) in px; of band and bars y is two: low and high. Points that are nan are left out.
   const pens = {
@@ -62,7 +61,7 @@ const observerPage = (() => {
     constructor(name, marks, view) {
       this.#canvas = document.querySelector(`canvas[data-panel="${name}"]`);
       this.#context = this.#canvas.getContext("2d");
-      this.#marks = marks.map(object);
+      this.#marks = marks;
       this.#view = view;
       view.canvas_view.overlays.el.style.display = "none"; // empty; a browser takes time for every canvas of a page
       view.repainted.connect(() => this.#paint()); // its axes, or its size, are others
@@ -109,47 +108,46 @@ const observerPage = (() => {
     }
   }
 
-  const made = new Map();
-  // The panel of a name; panels: of every name figure and marks; index: Bokeh's views.
-  const panelOf = (name, panels, index) => {
-    if (!made.has(name)) {
-      const { figure, marks } = object(object(panels)[name]);
-      made.set(name, new Panel(name, marks, index.get(figure)));
-    }
-    return made.get(name);
-  };
-
-  // Ends of the axes, and the columns: their values stand one after the other in an array.
-  const unpacked = (part, values) => {
-    const { x, y, lengths, start } = object(part);
+  // Ends of the axes, and the columns, which stand one after the other in a message from some place on.
+  const unpacked = ({ x, y, lengths, start }, message, place) => {
     const columns = {};
-    let place = values.byteOffset + start * BYTES;
-    for (const [name, length] of Object.entries(object(lengths))) {
-      columns[name] = new Float32Array(values.buffer, place, length);
-      place += length * BYTES;
+    let from = place + start * BYTES;
+    for (const [name, length] of Object.entries(lengths)) {
+      columns[name] = new Float32Array(message, from, length);
+      from += length * BYTES;
     }
     return { x, y, columns };
   };
 
-  const waiting = new Map(); // by name: what is to be drawn in the next frame
-  // Draw what a message brings in the next frame, and say so: nothing else of it goes back to the server.
-  const draw = (message, panels, index) => {
-    const { parts, values } = object(message.content);
-    if (waiting.size === 0) {
-      requestAnimationFrame(() => {
-        for (const show of waiting.values()) show();
-        waiting.clear();
-        message.drawn = object(message.content).number;
-      });
-    }
-    waiting.set("", () => {}); // a message without parts is to be answered, too
-    for (const [name, part] of Object.entries(object(parts))) {
-      waiting.set(name, () => {
-        if (typeof part === "string") document.getElementById(name).innerHTML = part;
-        else panelOf(name, panels, index).show(unpacked(part, values));
-      });
-    }
+  // Draw what comes, each in the next frame, and answer with its number.
+  const begin = (token, figures, marks, index) => {
+    const panels = new Map();
+    for (const figure of figures) panels.set(figure.name, new Panel(figure.name, marks[figure.name], index.get(figure)));
+    const waiting = new Map(); // by name: what is to be drawn in the next frame
+    let last = 0;
+    const url = new URL(`drawings?page=${token}`, location.href);
+    url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+    const socket = new WebSocket(url);
+    socket.binaryType = "arraybuffer";
+    socket.onmessage = ({ data }) => {
+      const place = BYTES + new DataView(data).getUint32(0, true);
+      const { number, parts } = JSON.parse(new TextDecoder().decode(new Uint8Array(data, BYTES, place - BYTES)));
+      if (waiting.size === 0) {
+        requestAnimationFrame(() => {
+          for (const show of waiting.values()) show();
+          waiting.clear();
+          socket.send(last);
+        });
+      }
+      last = number;
+      for (const [name, part] of Object.entries(parts)) {
+        waiting.set(name, () => {
+          if (typeof part === "string") document.getElementById(name).innerHTML = part;
+          else panels.get(name).show(unpacked(part, data, place));
+        });
+      }
+    };
   };
 
-  return { draw };
+  return { begin };
 })();

@@ -1,9 +1,9 @@
 """A panel of the page: axes by Bokeh, and over them what the browser draws by itself, of the columns it is sent."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from bokeh.models import Range1d
 from bokeh.plotting import figure
@@ -77,13 +77,13 @@ class Panel:
         self.title = axes.title
         self.figure = _figure(name, axes)
         self._axes = axes
-        self._marks = marks
+        self.marks = tuple(marks)
         self._columns = columns
 
     @property
     def legend(self) -> list[Mark]:
         """What is to be told of."""
-        return [mark for mark in self._marks if mark.label]
+        return [mark for mark in self.marks if mark.label]
 
     def part(self, injections: Sequence[SeenInjection]) -> dict[str, PanelPart]:
         """What is to be drawn of some injections, by the panel's name."""
@@ -91,10 +91,6 @@ class Panel:
         if not columns:
             return {}
         return {self.name: PanelPart(self._axes.x(columns), self._axes.y(columns), columns)}
-
-    def for_browser(self) -> dict[str, Any]:
-        """What curves.js is to know of it."""
-        return {"figure": self.figure, "marks": [asdict(mark) for mark in self._marks]}
 
 
 def _figure(name: str, axes: Axes) -> figure:

@@ -17,7 +17,7 @@ from observer_rt.watch.listening import LiveSource, LogSource
 from observer_rt.watch.watching import Source, Watching
 
 _STOP_EVERY = 100  # ms between two looks at the stop signal
-_TURN = 0.0005  # s that the listening thread may go on while the page waits to be served
+_TURN = 0.0002  # s that the listening thread may go on while the page waits to be served
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,8 @@ from observer_rt.watch.page.traces import detail_panels, rate_panel
 from observer_rt.watch.watching import Watching
 
 # what nobody follows injection by injection: the rate is drawn with every one, and must not wait for much else
-_LETTERS_EVERY, _DETAILS_EVERY, _HISTORY_EVERY = 0.25, 0.4, 1.0  # s
+_LETTERS_EVERY, _DETAILS_EVERY, _HISTORY_EVERY = 0.4, 0.45, 1.0  # s
+_NO_RATE = 0.1  # s after which what else is new waits for none: every drawing has its price
 _NARROWEST = 380  # px of a panel before it goes below its neighbour
 
 
@@ -56,7 +57,7 @@ class Page:
     def begin(self) -> None:
         """Nothing is on the screen."""
         self._said: dict[str, str] = {}
-        self._letters_due = 0.0  # s
+        self._letters_due = self._rate_at = 0.0  # s
         self._drawn: list[SeenInjection | None] = [None] * len(self._rates)
         self._slow_details = [_Slow(panel, _DETAILS_EVERY) for panel in self._details]
         self._slow_history = [_Slow(panel, _HISTORY_EVERY) for panel in self._history]
@@ -78,6 +79,11 @@ class Page:
             if last is not self._drawn[number]:
                 parts |= self._rates[number].part(shown[number])
         self._drawn = lasts
+        now = time.monotonic()
+        if parts:
+            self._rate_at = now
+        elif now < self._rate_at + _NO_RATE:
+            return {}
         kept = self._controls.kept(live)[chosen].injections
         slow = [(each, shown[chosen]) for each in self._slow_details] + [
             (each, kept) for each in self._slow_history

@@ -123,12 +123,13 @@ class Page:
         marks = {each.name: [asdict(mark) for mark in each.marks] for each in panels}
         begin = CustomJS(
             args={"figures": [each.figure for each in panels]},
-            code=f"observerPage.begin({json.dumps(self.token)}, figures, {json.dumps(marks)}, cb_context.index)",
+            code=f"observerPage.begin(figures, {json.dumps(marks)}, cb_context.index)",
         )
         document.js_on_event("document_ready", begin)
         document.title = "observer_rt"
         document.template = Template(_text("page.html"))
         document.template_variables.update(
+            token=self.token,
             injectors=len(self._rates),
             panels={each.name: each for each in panels},
             narrowest=_NARROWEST,

@@ -120,12 +120,12 @@ const observerPage = (() => {
   };
 
   // Draw what comes, each in the next frame, and answer with its number.
-  const begin = (token, figures, marks, index) => {
+  const begin = (figures, marks, index) => {
     const panels = new Map();
     for (const figure of figures) panels.set(figure.name, new Panel(figure.name, marks[figure.name], index.get(figure)));
     const waiting = new Map(); // by name: what is to be drawn in the next frame
     let last = 0;
-    const url = new URL(`drawings?page=${token}`, location.href);
+    const url = new URL(`drawings?page=${document.getElementById("top").dataset.token}`, location.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     const socket = new WebSocket(url);
     socket.binaryType = "arraybuffer";

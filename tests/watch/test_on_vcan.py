@@ -1,6 +1,5 @@
 """The live page beside a daemon on a real SocketCAN interface: what its browsers are told, over its own WebSocket."""
 
-import asyncio
 import re
 import subprocess
 from collections.abc import Iterator
@@ -11,6 +10,7 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tornado.ioloop import IOLoop
 from tornado.websocket import websocket_connect
 
 from observer_rt.recording.formats import write_recording
@@ -48,9 +48,9 @@ class Opened:
         with urlopen(url) as page:
             found = re.search('data-token="([^"]+)"', page.read().decode())
         assert found is not None
-        self._loop = asyncio.new_event_loop()
+        self._loop = IOLoop(make_current=False)
         address = f"{url.replace('http', 'ws', 1)}drawings?page={found[1]}"
-        self._socket = self._loop.run_until_complete(websocket_connect(address))
+        self._socket = self._loop.run_sync(lambda: websocket_connect(address))
         self._letters: dict[str, str] = {}
         self._columns: dict[str, dict[str, NDArray[np.float32]]] = {}
 
@@ -66,16 +66,16 @@ class Opened:
 
     def close(self) -> None:
         self._socket.close()
-        self._loop.close()
+        self._loop.close(all_fds=True)
 
     def _look(self) -> None:
         """At the next message: there is one a second at least, for the clock goes on."""
-        message = self._loop.run_until_complete(self._socket.read_message())
+        message = self._loop.run_sync(self._socket.read_message)
         assert isinstance(message, bytes)
         number, letters, columns = unpacked(message)
         self._letters |= letters
         self._columns |= columns
-        self._loop.run_until_complete(self._socket.write_message(str(number)))
+        self._loop.run_sync(lambda: self._socket.write_message(str(number)))
 
 
 @pytest.mark.slow

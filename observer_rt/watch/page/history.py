@@ -1,6 +1,6 @@
 """Mass of every injection and the wear over them, with what is sure of each."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def _mass_panel() -> Panel:
     )
     scale = Axis(("nominal", "valid_low", "valid_high", "refused_low", "refused_high"), _LEAST_MASS).limits
     axes = Axes("Mass of each injection", "injection", "mg", _numbers, scale)
-    return Panel("mass", axes, marks, _mass_columns)
+    return Panel("mass", axes, marks, _mass_columns())
 
 
 def _wear_panel() -> Panel:
@@ -44,41 +44,73 @@ def _wear_panel() -> Panel:
     ]
     shown = [f"{name}_{end}" for name, _ in _WEAR for end in ("low", "high")]
     axes = Axes("Wear", "injection", "% of flow", _numbers, Axis(shown, _LEAST_WEAR).limits)
-    return Panel("wear", axes, marks, _wear_columns)
+    return Panel("wear", axes, marks, _wear_columns())
 
 
-def _mass_columns(injections: Sequence[SeenInjection]) -> Columns:
-    said = [each.summary for each in injections]
-    masses = _signal([(each.mass, each.mass_sigma) for each in said]).reshape(-1, 2)
-    is_valid = np.array([each.valid == 1.0 for each in said])[:, None]
-    return {
-        "number": _signal([each.injection_number for each in said]),
-        "nominal": _signal([each.nominal_mass for each in injections]),
-        **_banded("valid", np.where(is_valid, masses, np.nan)),
-        **_banded("refused", np.where(is_valid, np.nan, masses)),
-    }
+class _Remembered:
+    """Numbers of injections, of which each is read but once."""
+
+    def __init__(self, row: Callable[[SeenInjection], Sequence[float]]) -> None:
+        self._row = row
+        self._rows = np.empty((0, 0), np.float32)
+        self._last: SeenInjection | None = None
+
+    def columns(self, injections: Sequence[SeenInjection]) -> Signal:
+        """A row of every number, of all injections."""
+        new = 0
+        while new < len(injections) and injections[-1 - new] is not self._last:
+            new += 1
+        rows = np.array([self._row(each) for each in injections[len(injections) - new :]], np.float32)
+        if 0 < new < len(injections):
+            rows = np.concatenate([self._rows, rows])[-len(injections) :]
+        self._rows, self._last = (rows if new else self._rows), injections[-1]
+        return np.ascontiguousarray(self._rows.T)
 
 
-def _wear_columns(injections: Sequence[SeenInjection]) -> Columns:
-    said = [each.summary for each in injections]
-    nozzle = _signal([(each.nozzle_wear, each.nozzle_wear_sigma) for each in said])
-    seat = _signal([(each.seat_wear, each.seat_wear_sigma) for each in said])
-    number = _signal([each.injection_number for each in said])
-    return {"number": number, **_banded("nozzle", 100.0 * nozzle), **_banded("seat", 100.0 * seat)}
+def _mass_row(seen: SeenInjection) -> Sequence[float]:
+    said = seen.summary
+    return said.injection_number, seen.nominal_mass, said.mass, said.mass_sigma, said.valid
 
 
-def _signal(values: Sequence[float] | Sequence[tuple[float, float]]) -> Signal:
-    return np.array(values, np.float32)
+def _mass_columns() -> Callable[[Sequence[SeenInjection]], Columns]:
+    remembered = _Remembered(_mass_row)
+
+    def columns(injections: Sequence[SeenInjection]) -> Columns:
+        number, nominal, mass, sigma, valid = remembered.columns(injections)
+        is_valid = valid == 1.0
+        return {
+            "number": number,
+            "nominal": nominal,
+            **_banded("valid", np.where(is_valid, mass, np.nan), sigma),
+            **_banded("refused", np.where(is_valid, np.nan, mass), sigma),
+        }
+
+    return columns
 
 
-def _banded(name: str, values: Signal) -> dict[str, Signal]:
-    """values (n, 2): mean and standard deviation."""
-    mean, sigma = values.T
-    return {
-        name: mean.copy(),
-        f"{name}_low": mean - np.float32(_SURE) * sigma,
-        f"{name}_high": mean + np.float32(_SURE) * sigma,
-    }
+def _wear_row(seen: SeenInjection) -> Sequence[float]:
+    said = seen.summary
+    nozzle, seat = (said.nozzle_wear, said.nozzle_wear_sigma), (said.seat_wear, said.seat_wear_sigma)
+    return said.injection_number, *(100.0 * each for each in (*nozzle, *seat))
+
+
+def _wear_columns() -> Callable[[Sequence[SeenInjection]], Columns]:
+    remembered = _Remembered(_wear_row)
+
+    def columns(injections: Sequence[SeenInjection]) -> Columns:
+        number, nozzle, nozzle_sigma, seat, seat_sigma = remembered.columns(injections)
+        return {
+            "number": number,
+            **_banded("nozzle", nozzle, nozzle_sigma),
+            **_banded("seat", seat, seat_sigma),
+        }
+
+    return columns
+
+
+def _banded(name: str, mean: Signal, sigma: Signal) -> dict[str, Signal]:
+    beside = np.float32(_SURE) * sigma
+    return {name: mean, f"{name}_low": mean - beside, f"{name}_high": mean + beside}
 
 
 def _numbers(columns: Columns) -> Limits:

@@ -2,6 +2,7 @@
 
 import gc
 import socket
+import sys
 from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
@@ -16,6 +17,7 @@ from observer_rt.watch.listening import LiveSource, LogSource
 from observer_rt.watch.watching import Source, Watching
 
 _STOP_EVERY = 100  # ms between two looks at the stop signal
+_TURN = 0.0002  # s that the listening thread may go on while the page waits to be served
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
     """
     try:
         from bokeh.application import Application
+        from bokeh.application.application import SessionContext
         from bokeh.application.handlers.function import FunctionHandler
         from bokeh.document import Document
         from bokeh.server.server import Server
@@ -48,21 +51,31 @@ def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
         raise UserError(
             "monitor", "needs Bokeh, which is not installed", "pip install 'observer-rt[monitor]'"
         ) from error
+    from observer_rt.watch.page.channel import PATH, Channel, Drawn
     from observer_rt.watch.page.document import Page
 
     watching = Watching(bench, _source(bench, options))
+    pages: dict[str, Drawn] = {}
 
     def make_page(document: Document) -> None:
-        Page(document, watching, options.folder)
+        page = Page(document, watching, options.folder)
+        pages[page.token] = page
+
+        def forget(_: SessionContext) -> None:
+            del pages[page.token]
+
+        document.on_session_destroyed(forget)
 
     application = Application(FunctionHandler(make_page))
     try:
         port = options.port or _free_port(options.address)
+        origins = _origins(options.address, port)
         server = Server(
             {"/": application},
             address=options.address,
             port=port,
-            allow_websocket_origin=_origins(options.address, port),
+            allow_websocket_origin=origins,
+            extra_patterns=[(PATH, Channel, {"pages": pages, "origins": origins})],
         )
     except OSError as error:
         raise RunError(
@@ -78,6 +91,7 @@ def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
                 server.io_loop.stop()
 
         PeriodicCallback(look, _STOP_EVERY).start()
+        sys.setswitchinterval(_TURN)
         gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
         try:
             server.run_until_shutdown()

@@ -1,19 +1,22 @@
 """The live page beside a daemon on a real SocketCAN interface: what its browsers are told, over its own WebSocket."""
 
+import re
 import subprocess
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
-from bokeh.client import pull_session
+from numpy.typing import NDArray
+from tornado.ioloop import IOLoop
+from tornado.websocket import websocket_connect
 
 from observer_rt.recording.formats import write_recording
-from observer_rt.watch.page.drawing import Message
 from tests.service.end_to_end import START_TIMEOUT, command
 from tests.service.participants import bench_file, until, worn_recording
+from tests.watch.message import unpacked
 from tools.benchmarks.live_page.browser import served
 
 INJECTIONS = 4
@@ -39,25 +42,40 @@ def daemon_of(bench: Path) -> Iterator[None]:
 
 
 class Opened:
-    """The page as a browser gets it; one that never draws, and so is told of all anew every second."""
+    """The page as a browser gets it: reads what it is to draw, a message at a look, and says that it has drawn it."""
 
     def __init__(self, url: str) -> None:
-        self._url = url
-        self._session = pull_session(url=url)  # which lasts as long as somebody listens to it
-
-    def parts(self) -> dict[str, Any]:
-        """What is to be drawn now."""
-        with closing(pull_session(session_id=self._session.id, url=self._url)) as looking:
-            message = looking.document.select_one({"type": Message})
-        assert isinstance(message, Message)
-        content: Any = message.content
-        return dict(content["parts"])
+        with urlopen(url) as page:
+            found = re.search('data-token="([^"]+)"', page.read().decode())
+        assert found is not None
+        self._loop = IOLoop(make_current=False)
+        address = f"{url.replace('http', 'ws', 1)}drawings?page={found[1]}"
+        self._socket = self._loop.run_sync(lambda: websocket_connect(address))
+        self._letters: dict[str, str] = {}
+        self._columns: dict[str, dict[str, NDArray[np.float32]]] = {}
 
     def banner(self) -> str:
-        return str(self.parts().get("banner_0", ""))
+        """The letters of the injector."""
+        self._look()
+        return self._letters.get("banner_0", "")
+
+    def column(self, panel: str, name: str) -> NDArray[np.float32]:
+        """What a panel is to draw, none as long as nothing has come for it."""
+        self._look()
+        return self._columns.get(panel, {}).get(name, np.empty(0, np.float32))
 
     def close(self) -> None:
-        self._session.close()
+        self._socket.close()
+        self._loop.close(all_fds=True)
+
+    def _look(self) -> None:
+        """At the next message: there is one a second at least, for the clock goes on."""
+        message = self._loop.run_sync(self._socket.read_message)
+        assert isinstance(message, bytes)
+        number, letters, columns = unpacked(message)
+        self._letters |= letters
+        self._columns |= columns
+        self._loop.run_sync(lambda: self._socket.write_message(str(number)))
 
 
 @pytest.mark.slow
@@ -72,10 +90,9 @@ def test_a_page_beside_a_daemon(bench: Path, tmp_path: Path) -> None:
         with daemon_of(bench):
             subprocess.run(replay, check=True, timeout=START_TIMEOUT)
             until(lambda: f"<td>{INJECTIONS} " in browser.banner())
-            parts = browser.parts()
-            assert np.nanmax(parts["rate_0_shown"]["rate"]) > 20.0
-            assert np.nanmax(parts["details_shown"]["needle_lift"]) > 100.0
-            assert parts["history"]["mass"].size == INJECTIONS
+            until(lambda: bool(np.nanmax(browser.column("rate_0", "rate"), initial=0.0) > 20.0))
+            until(lambda: bool(np.nanmax(browser.column("needle_lift", "needle_lift"), initial=0.0) > 100.0))
+            until(lambda: browser.column("mass", "valid").size == INJECTIONS)
             until(lambda: "SampleBlock 0x100" in browser.banner())  # which the replay sends no more
             assert "ObserverStatus" not in browser.banner()
         until(lambda: "ObserverStatus" in browser.banner() and "observer-rt run" in browser.banner())

@@ -39,12 +39,11 @@ class Controls:
         self._back.on_click(lambda: self._step(-1))
         self._forth.on_click(lambda: self._step(1))
         self._save.on_click(self._on_save)
-
-    @property
-    def layout(self) -> LayoutDOM:
-        """All of it in a row."""
         parts = (self._injector, self._hold, self._back, self._forth, self._place, self._save, self._said)
-        return row(*parts, styles={"flex-wrap": "wrap"}, sizing_mode="stretch_width", name="controls")
+        self.layout: LayoutDOM = row(
+            *parts, styles={"flex-wrap": "wrap"}, sizing_mode="stretch_width", name="controls"
+        )
+        """All of it in a row."""
 
     @property
     def chosen(self) -> int:
@@ -53,11 +52,14 @@ class Controls:
 
     def shown(self, live: tuple[Seen, ...]) -> list[Sequence[SeenInjection]]:
         """Of every injector the injections to be shown, the last of them as the one that counts."""
-        if self._held is None:
-            return [each.injections for each in live]
-        injections: list[Sequence[SeenInjection]] = [each.injections for each in self._held]
-        injections[self.chosen] = injections[self.chosen][: int(self._place.value) + 1]
+        injections: list[Sequence[SeenInjection]] = [each.injections for each in self.kept(live)]
+        if self.is_held:
+            injections[self.chosen] = injections[self.chosen][: int(self._place.value) + 1]
         return injections
+
+    def kept(self, live: tuple[Seen, ...]) -> tuple[Seen, ...]:
+        """What is to be seen at all: what is live, or was when the page was held."""
+        return live if self._held is None else self._held
 
     @property
     def is_held(self) -> bool:

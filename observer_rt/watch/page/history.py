@@ -1,66 +1,121 @@
 """Mass of every injection and the wear over them, with what is sure of each."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from bokeh.models import ColumnDataSource
 
-from observer_rt.watch.injection import SeenInjection
-from observer_rt.watch.page.drawing import Parts, Target
-from observer_rt.watch.page.look import NOMINAL, NOT_VALID, OBSERVER, SECOND, panel, with_legend
+from observer_rt.watch.injection import SeenInjection, Signal
+from observer_rt.watch.page.limits import Axis, Limits
+from observer_rt.watch.page.look import NOMINAL, NOT_VALID, OBSERVER, SECOND
+from observer_rt.watch.page.panel import Axes, Columns, Kind, Mark, Panel
 
-_NAME = "history"
 _SURE = 1.96  # standard deviations of a 95 % interval
 _WEAR = (("nozzle", OBSERVER), ("seat", SECOND))
+_STEP = 100  # injections by which the axis moves
+_LEAST_MASS, _LEAST_WEAR = 1.0, 2.0  # mg, %: that axes show
 
 
-class History:
+def history_panels() -> list[Panel]:
     """What became of one injector."""
+    return [_mass_panel(), _wear_panel()]
 
-    def __init__(self) -> None:
-        mass, wear = (
-            panel("Mass of each injection", "injection", "mg"),
-            panel("Wear", "injection", "% of flow"),
+
+def _mass_panel() -> Panel:
+    marks = (
+        Mark(Kind.BARS, "number", ("valid_low", "valid_high"), OBSERVER, alpha=0.5),
+        Mark(Kind.BARS, "number", ("refused_low", "refused_high"), NOT_VALID, alpha=0.5),
+        Mark(Kind.DASHES, "number", ("nominal",), NOMINAL, label="nominal"),
+        Mark(Kind.DOTS, "number", ("valid",), OBSERVER, label="observer"),
+        Mark(Kind.DOTS, "number", ("refused",), NOT_VALID, label="not valid"),
+    )
+    scale = Axis(("nominal", "valid_low", "valid_high", "refused_low", "refused_high"), _LEAST_MASS).limits
+    axes = Axes("Mass of each injection", "injection", "mg", _numbers, scale)
+    return Panel("mass", axes, marks, _mass_columns())
+
+
+def _wear_panel() -> Panel:
+    marks = [
+        mark
+        for name, colour in _WEAR
+        for mark in (
+            Mark(Kind.BAND, "number", (f"{name}_low", f"{name}_high"), colour, alpha=0.2),
+            Mark(Kind.LINE, "number", (name,), colour, 3.0, label=name),
         )
-        self.figures = {"mass": mass, "wear": wear}
-        self._source = ColumnDataSource({name: [] for name in _columns(())})
-        source = self._source
-        mass.segment("number", "mass_low", "number", "mass_high", source=source, color="colour", alpha=0.5)
-        mass.scatter(
-            "number", "nominal", source=source, color=NOMINAL, marker="dash", size=8, legend_label="nominal"
-        )
-        mass.scatter(
-            "number", "mass", source=source, color="colour", size=6, legend_label="observer (red: not valid)"
-        )
-        for name, colour in _WEAR:
-            wear.varea("number", f"{name}_low", f"{name}_high", source=source, color=colour, alpha=0.2)
-            wear.line("number", name, source=source, color=colour, line_width=3, legend_label=name)
-        for made in self.figures.values():
-            with_legend(made)
-
-    @property
-    def targets(self) -> dict[str, Target]:
-        """What its parts belong to."""
-        return {_NAME: self._source}
-
-    def parts(self, injections: Sequence[SeenInjection]) -> Parts:
-        """All injections that are kept."""
-        return {_NAME: _columns(injections)}
+    ]
+    shown = [f"{name}_{end}" for name, _ in _WEAR for end in ("low", "high")]
+    axes = Axes("Wear", "injection", "% of flow", _numbers, Axis(shown, _LEAST_WEAR).limits)
+    return Panel("wear", axes, marks, _wear_columns())
 
 
-def _columns(injections: Sequence[SeenInjection]) -> dict[str, np.ndarray]:
-    said = [each.summary for each in injections]
-    is_valid = [each.valid == 1.0 for each in said]
-    return {
-        "number": np.array([each.injection_number for each in said]),
-        "nominal": np.array([each.nominal_mass for each in injections]),
-        "colour": np.where(is_valid, OBSERVER, NOT_VALID),
-        **_banded("mass", [(each.mass, each.mass_sigma) for each in said]),
-        **_banded("nozzle", [(100.0 * each.nozzle_wear, 100.0 * each.nozzle_wear_sigma) for each in said]),
-        **_banded("seat", [(100.0 * each.seat_wear, 100.0 * each.seat_wear_sigma) for each in said]),
-    }
+class _Remembered:
+    """Numbers of injections, of which each is read but once."""
+
+    def __init__(self, row: Callable[[SeenInjection], Sequence[float]]) -> None:
+        self._row = row
+        self._rows = np.empty((0, 0), np.float32)
+        self._last: SeenInjection | None = None
+
+    def columns(self, injections: Sequence[SeenInjection]) -> Signal:
+        """A row of every number, of all injections."""
+        new = 0
+        while new < len(injections) and injections[-1 - new] is not self._last:
+            new += 1
+        rows = np.array([self._row(each) for each in injections[len(injections) - new :]], np.float32)
+        if 0 < new < len(injections):
+            rows = np.concatenate([self._rows, rows])[-len(injections) :]
+        self._rows, self._last = (rows if new else self._rows), injections[-1]
+        return np.ascontiguousarray(self._rows.T)
 
 
-def _banded(name: str, values: Sequence[tuple[float, float]]) -> dict[str, np.ndarray]:
-    mean, sigma = np.array(values).reshape(-1, 2).T
-    return {name: mean, f"{name}_low": mean - _SURE * sigma, f"{name}_high": mean + _SURE * sigma}
+def _mass_row(seen: SeenInjection) -> Sequence[float]:
+    said = seen.summary
+    return said.injection_number, seen.nominal_mass, said.mass, said.mass_sigma, said.valid
+
+
+def _mass_columns() -> Callable[[Sequence[SeenInjection]], Columns]:
+    remembered = _Remembered(_mass_row)
+
+    def columns(injections: Sequence[SeenInjection]) -> Columns:
+        number, nominal, mass, sigma, valid = remembered.columns(injections)
+        is_valid = valid == 1.0
+        return {
+            "number": number,
+            "nominal": nominal,
+            **_banded("valid", np.where(is_valid, mass, np.nan), sigma),
+            **_banded("refused", np.where(is_valid, np.nan, mass), sigma),
+        }
+
+    return columns
+
+
+def _wear_row(seen: SeenInjection) -> Sequence[float]:
+    said = seen.summary
+    nozzle, seat = (said.nozzle_wear, said.nozzle_wear_sigma), (said.seat_wear, said.seat_wear_sigma)
+    return said.injection_number, *(100.0 * each for each in (*nozzle, *seat))
+
+
+def _wear_columns() -> Callable[[Sequence[SeenInjection]], Columns]:
+    remembered = _Remembered(_wear_row)
+
+    def columns(injections: Sequence[SeenInjection]) -> Columns:
+        number, nozzle, nozzle_sigma, seat, seat_sigma = remembered.columns(injections)
+        return {
+            "number": number,
+            **_banded("nozzle", nozzle, nozzle_sigma),
+            **_banded("seat", seat, seat_sigma),
+        }
+
+    return columns
+
+
+def _banded(name: str, mean: Signal, sigma: Signal) -> dict[str, Signal]:
+    beside = np.float32(_SURE) * sigma
+    return {name: mean, f"{name}_low": mean - beside, f"{name}_high": mean + beside}
+
+
+def _numbers(columns: Columns) -> Limits:
+    """Round ends around the injections."""
+    known = columns["number"][np.isfinite(columns["number"])]
+    if not known.size:
+        return 0.0, float(_STEP)
+    return float(known.min() // _STEP * _STEP), float((known.max() // _STEP + 1) * _STEP)

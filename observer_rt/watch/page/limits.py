@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
-from bokeh.models import Range1d
 
 from observer_rt.watch.injection import Signal
-from observer_rt.watch.page.drawing import Limits
 
+Limits: TypeAlias = tuple[float, float]
 _WIDEST = 3.0  # times what is to be seen
 
 
@@ -22,12 +22,11 @@ class Axis:
         self._columns = columns
         self._span = span
         self._margin = margin
-        self.range = Range1d(start=0.0, end=span)
         self._limits: Limits = (0.0, span)
 
-    def limits(self, *tables: Mapping[str, Signal]) -> Limits:
+    def limits(self, columns: Mapping[str, Signal]) -> Limits:
         """Its ends for what is to be seen: those it has where they will do, else round ones."""
-        found = np.concatenate([table[name] for table in tables for name in self._columns if name in table])
+        found = np.concatenate([columns[name] for name in self._columns])
         found = found[np.isfinite(found)]
         if found.size:
             low, high = float(found.min()), float(found.max())

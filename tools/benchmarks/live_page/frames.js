@@ -43,15 +43,18 @@
   };
   requestAnimationFrame(tick);
 
-  // Figures of the page by their names, with when each was drawn anew.
+  // Panels of the page by their names, with when their curves were drawn anew: on canvases that bear the name of a
+  // panel, or on those of Bokeh's figures themselves.
   window.framesOf = () => {
     const drawn = {};
+    const add = (name, canvas) => { drawn[name] = canvases.get(canvas)?.drawn ?? []; };
     for (const document of Bokeh.documents) {
       for (const root of document.roots()) {
         const canvas = Bokeh.index.find_one(root)?.canvas_view?.primary?.canvas;
-        if (canvas !== undefined) drawn[root.name] = canvases.get(canvas)?.drawn ?? [];
+        if (canvas !== undefined) add(root.name, canvas);
       }
     }
+    for (const canvas of document.querySelectorAll("canvas[data-panel]")) add(canvas.dataset.panel, canvas);
     return { made, drawn };
   };
 })();

@@ -2,6 +2,8 @@
 
 import json
 import re
+import socket
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,6 +26,7 @@ from tests.three_injectors import (
 )
 from tests.watch.conftest import Serve
 from tests.watch.traffic import Observed, traffic, write_log
+from tools.benchmarks.live_page.browser import served
 
 pytestmark = pytest.mark.slow
 PATIENCE = 60_000  # ms, after which the machine is too slow or the page stuck
@@ -127,3 +130,33 @@ def test_a_phone_has_no_scroll_bar_from_left_to_right(
     page.goto(serve("--bench", bench, "--log", log))
     expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+def test_a_page_that_has_lost_its_server_says_so_and_goes_on(
+    one: tuple[Path, Path], page: Page, tmp_path: Path
+) -> None:
+    """Old numbers are not to be taken for new ones."""
+    bench, log = one
+    with socket.create_server(("127.0.0.1", 0)) as found:
+        port = found.getsockname()[1]
+    command: list[str | Path] = [
+        sys.executable,
+        "-m",
+        "observer_rt",
+        "monitor",
+        "--port",
+        str(port),
+        "--bench",
+        bench,
+        "--log",
+        log,
+    ]
+    lost = page.get_by_text("No connection to observer-rt monitor since")
+    with served(command, tmp_path) as monitor:
+        page.goto(monitor.url)
+        expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)
+        expect(lost).to_have_count(0)
+    expect(lost).to_be_visible(timeout=PATIENCE)
+    with served(command, tmp_path):
+        expect(lost).to_have_count(0, timeout=PATIENCE)
+        expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)

@@ -34,6 +34,7 @@ class Channel(WebSocketHandler):
         """pages: by their tokens; origins: names of this server under which it may be talked to."""
         self._pages = pages
         self._origins = origins
+        self._looking: PeriodicCallback | None = None  # while a page is drawn
 
     def check_origin(self, origin: str) -> bool:
         """Whether a page from there may listen."""
@@ -59,7 +60,7 @@ class Channel(WebSocketHandler):
 
     def on_close(self) -> None:
         """The browser is gone."""
-        if hasattr(self, "_looking"):
+        if self._looking is not None:
             self._looking.stop()
 
     def _send(self, message: bytes) -> None:

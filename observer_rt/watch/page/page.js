@@ -4,7 +4,7 @@ const observerPage = (() => {
   const HALF = 4; // px of a dash
   const RADIUS = 2.5; // px of a dot
   const BYTES = Float32Array.BYTES_PER_ELEMENT;
-
+  const AGAIN_AFTER = 1000; // ms, from one look for the server to the next
 
   // Draw points, (x, y) in px; of band and bars y is two: low and high. Points that are nan are left out.
   const pens = {
@@ -115,6 +115,17 @@ const observerPage = (() => {
     return { x, y, columns };
   };
 
+  // Nothing new comes: nobody is to take what stands there for the present. Loaded anew once the server is there again.
+  const lose = () => {
+    const note = document.createElement("div");
+    note.className = "fault";
+    note.textContent = `No connection to observer-rt monitor since ${new Date().toLocaleTimeString()}: `
+      + "all below is old. To do: see that it runs and can be reached; the page goes on by itself.";
+    document.getElementById("top").replaceChildren(note);
+    const look = () => fetch(location.href).then(() => location.reload(), () => setTimeout(look, AGAIN_AFTER));
+    setTimeout(look, AGAIN_AFTER);
+  };
+
   // Draw what comes, each in the next frame, and answer with its number.
   const begin = (figures, marks, index) => {
     const panels = new Map();
@@ -125,6 +136,8 @@ const observerPage = (() => {
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     const socket = new WebSocket(url);
     socket.binaryType = "arraybuffer";
+    socket.onclose = lose;
+    window.addEventListener("beforeunload", () => { socket.onclose = null; });
     socket.onmessage = ({ data }) => {
       const place = BYTES + new DataView(data).getUint32(0, true);
       const { number, parts } = JSON.parse(new TextDecoder().decode(new Uint8Array(data, BYTES, place - BYTES)));

@@ -18,7 +18,7 @@ _TEXT = "17px"  # to be read from two metres
 
 
 class Kind(StrEnum):
-    """How a mark is drawn: the functions of curves.js."""
+    """How a mark is drawn: the pens of page.js."""
 
     LINE = "line"
     BAND = "band"

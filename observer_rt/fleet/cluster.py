@@ -20,8 +20,8 @@ _SETTINGS = {
     "distributed.worker.preload": ["observer_rt.fleet.ready"],
     # what workers keep of memory they gave back: with the little that Dask leaves them, a chunk of samples after
     # another is taken from the kernel anew, for a twelfth of all their time
-    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 25,
-    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 25,
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 24,
+    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 24,
 }
 
 _Name = TypeVar("_Name")

@@ -1,5 +1,6 @@
 """One file through the observer: what a worker does, knowing nothing of the others."""
 
+import gc
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -79,6 +80,8 @@ def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | Failed:
         return Failed(path, sha256, str(error))
     except MemoryError:
         return Failed(path, sha256, NO_MEMORY)
+    finally:
+        gc.collect()  # observer and listener hold each other: without it the next files find their memory taken
 
 
 def _table(rows: Iterator[dict[str, Any]]) -> pa.Table:

@@ -1,5 +1,6 @@
 """What a worker makes of one file, which it reads once."""
 
+import gc
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -17,6 +18,7 @@ from observer_rt.recording.formats import open_recording, write_recording
 from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
+from observer_rt.service.core.core import Core
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
@@ -70,3 +72,15 @@ def test_what_is_no_injector_has_no_rows(tmp_path: Path) -> None:
     failed = result_of(path)
     assert isinstance(failed, Failed)
     assert failed.problem == str(refused.value)
+
+
+def test_nothing_is_left_of_a_file(tmp_path: Path) -> None:
+    """Thousands of them follow each other, and some 10 MB of each would add up until somebody looks for garbage."""
+    path = tmp_path / "worn.parquet"
+    write_recording(path, worn())
+    gc.disable()
+    try:
+        result_of(path)
+        assert not [each for each in gc.get_objects() if isinstance(each, Core)]
+    finally:
+        gc.enable()

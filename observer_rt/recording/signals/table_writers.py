@@ -15,6 +15,7 @@ from observer_rt.foundation.errors import UserError
 
 WRITE_FORMAT = "%.12g"
 ROWS_PER_WRITE = 100_000
+_ROW_GROUP = 1 << 17  # rows of Parquet, of which whoever reads them holds all of a column, packed
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ class ParquetWriter(TableWriter):
         self._writer: Any = None
 
     def write(self, arrays: Sequence[NDArray[Any]]) -> None:
-        """Append a row group."""
+        """Append row groups."""
         arrow = self._arrow
         made = [self._array(column, values) for column, values in zip(self._columns, arrays, strict=True)]
         if self._writer is None:
@@ -141,7 +142,7 @@ class ParquetWriter(TableWriter):
             self._writer = self._stack.enter_context(
                 arrow.parquet.ParquetWriter(str(self._path), self._schema)
             )
-        self._writer.write_table(arrow.Table.from_arrays(made, schema=self._schema))
+        self._writer.write_table(arrow.Table.from_arrays(made, schema=self._schema), _ROW_GROUP)
 
     def _array(self, column: WrittenColumn, values: NDArray[Any]) -> Any:
         if column.words:

@@ -84,6 +84,7 @@ def _batches_table(many: Many) -> Table:
             files, learning = each.work.files, ", learning" if each.work.learning else ""
             what = (str(files.number), f"{each.work.seconds:g} s", files.source + learning)
             times = (f"{clock(each):.1f}", f"{processor(each):.1f}", f"{each.peak_mib:.0f}")
-            table.add_row(*what, str(each.work.workers), *times, f"{many.per_core(each):.0f}")
+            rate = many.per_core(each)  # of a short file: little beyond a start that is not known so well
+            table.add_row(*what, str(each.work.workers), *times, f"{rate:.0f}" if rate > 0.0 else "-")
         table.add_section()
     return table

@@ -131,8 +131,14 @@ class Watching:
                 self._begin(now)
             self._now = now
             self._loads[came.bus].note(came.frame, now)
+            came = self._own(came)
             frame = came.frame
-            if frame.is_extended:  # of J1939 it may be a message of the bench from another source address
-                frame = frame._replace(frame_id=self._groups[came.bus].own(frame.frame_id))
             for injector in self._takers.get((came.bus, frame.frame_id, frame.is_extended), ()):
-                injector.take(BusFrame(came.bus, frame), now)
+                injector.take(came, now)
+
+    def _own(self, came: BusFrame) -> BusFrame:
+        """Under the identifier of the bench: a message of J1939 may come from another source address."""
+        identifier = came.frame.frame_id
+        if not came.frame.is_extended or (own := self._groups[came.bus].own(identifier)) == identifier:
+            return came
+        return BusFrame(came.bus, came.frame._replace(frame_id=own))

@@ -1,7 +1,9 @@
 """Files that must be on an even grid as they are: looked through, then read in chunks, or both at once."""
 
 from abc import abstractmethod
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -91,33 +93,23 @@ class GridSignals(SignalStream):
     def _look(self) -> None:
         """Check all parts, or the first one. Raises `UserError` as `CheckedGrid`."""
         checked = CheckedGrid(self, self._place)
+        parts = self._checked_parts(checked)
         if self._in_one_go:
-            self._coming = self._checked_parts(checked)
-            next(self._coming)
+            first = list(islice(parts, 1))
             self.rate = checked.sample_rate
-            return
-        for arrays in self._parts():
-            self.has_rate = "injection_rate" in arrays
-            checked.take(arrays)
-        checked.end()
+            self._coming = chain(first, parts)
+        else:
+            deque(parts, 0)
 
     def _checked_parts(self, checked: CheckedGrid) -> Iterator[Arrays]:
-        """First nothing, with the first part checked; then all parts."""
-        parts = self._parts()
-        first = next(parts, None)
-        if first is None:
-            checked.end()
-        else:
-            self.has_rate = "injection_rate" in first
-            checked.take(first)
-            yield {}
-            yield first
-        for arrays in parts:
+        """All parts, each checked before it is given."""
+        for arrays in self._parts():
+            self.has_rate = "injection_rate" in arrays
             checked.take(arrays)
             yield arrays
         expected = self.rate
         checked.end()
-        if self.rate != expected:
+        if self._in_one_go and self.rate != expected:
             raise OtherRateError
 
     def chunks(self) -> Iterator[Chunk]:

@@ -28,15 +28,15 @@ class UnevenTime(NamedTuple):
 
 def find_uneven_time(time: NDArray[np.float64]) -> UnevenTime | None:
     """First sample of `time` [s], shape (n,), that is not on an even, rising grid; None if all are."""
-    not_finite = np.flatnonzero(~np.isfinite(time))
-    if not_finite.size:
-        return UnevenTime(int(not_finite[0]), "the time is not a finite number")
+    not_finite = _not_finite(time)
+    if not_finite is not None:
+        return not_finite
     if time.size < 2:
         return UnevenTime(0, f"{time.size} sample(s); a recording needs at least 2")
     period = float(np.median(np.diff(time)))
-    uneven = _uneven_step(time, period)
+    uneven = _uneven_step(time[1:], float(time[0]), period)
     if uneven is not None:
-        return uneven
+        return uneven._replace(row=1 + uneven.row)
     distance = np.abs(time - np.linspace(time[0], time[-1], time.size))
     row = int(np.argmax(distance))
     if distance[row] > GRID_TOLERANCE * period:
@@ -70,19 +70,13 @@ class GridCheck:
         """Go on with further stamps [s], (n,), n >= 1: at least two in the first part. The first one off the grid."""
         if not self.samples:
             return self._begin_with(time)
-        if not _is_even(np.ascontiguousarray(time), self._last, self._period):
-            return self._uneven(time)
+        uneven = _uneven_step(time, self._last, self._period)
+        if uneven is not None:
+            uneven = _not_finite(time) or uneven
+            return uneven._replace(row=self.samples + uneven.row)
         self._whole = None
         self._note(time)
         return None
-
-    def _uneven(self, time: NDArray[np.float64]) -> UnevenTime | None:
-        """What is wrong with these stamps."""
-        not_finite = np.flatnonzero(~np.isfinite(time))
-        if not_finite.size:
-            return UnevenTime(self.samples + int(not_finite[0]), "the time is not a finite number")
-        uneven = _uneven_step(np.concatenate(([self._last], time)), self._period)
-        return uneven and uneven._replace(row=self.samples - 1 + uneven.row)
 
     def end(self) -> UnevenTime | None:
         """Where the clock drifted, if it did."""
@@ -139,25 +133,29 @@ def _roundest_rate(intervals: int, first: float, last: float, distance: float) -
     return rate
 
 
-def _uneven_step(time: NDArray[np.float64], period: float) -> UnevenTime | None:
-    """The first sample whose distance from the one before is not the period [s]."""
-    step = np.diff(time)
-    wrong = np.flatnonzero((step <= 0.0) | (np.abs(step - period) > STEP_TOLERANCE * period))
-    if not wrong.size:
+def _not_finite(time: NDArray[np.float64]) -> UnevenTime | None:
+    """The first stamp that is no number."""
+    rows = np.flatnonzero(~np.isfinite(time))
+    return UnevenTime(int(rows[0]), "the time is not a finite number") if rows.size else None
+
+
+def _uneven_step(time: NDArray[np.float64], before: float, period: float) -> UnevenTime | None:
+    """As `_first_uneven`, in words."""
+    row = int(_first_uneven(np.ascontiguousarray(time), before, period))
+    if row < 0:
         return None
-    row = int(wrong[0]) + 1
-    return UnevenTime(row, _describe_step(float(time[row - 1]), float(time[row]), period))
+    return UnevenTime(row, _describe_step(float(time[row - 1]) if row else before, float(time[row]), period))
 
 
 @njit(cache=True, nogil=True)
-def _is_even(time: NDArray[np.float64], before: float, period: float) -> bool:
-    """Whether every sample has its period [s] from the one before, the first one from `before` [s]."""
-    for stamp in time:
-        step = stamp - before
+def _first_uneven(time: NDArray[np.float64], before: float, period: float) -> int:
+    """The first stamp that is not a period [s] after the one before it, which is `before` for row 0; -1: none."""
+    for row in range(time.size):
+        step = time[row] - before
         if not (step > 0.0 and abs(step - period) <= STEP_TOLERANCE * period):
-            return False
-        before = stamp
-    return True
+            return row
+        before = time[row]
+    return -1
 
 
 @njit(cache=True, nogil=True)

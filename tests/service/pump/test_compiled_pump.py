@@ -6,12 +6,13 @@ import struct
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from observer_rt.bus.links.descriptor import DescriptorLink
-from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import RunError
@@ -63,14 +64,50 @@ class Device:
 
 
 @contextmanager
+def paired(bus: BusMap, room: int | None = None) -> Iterator[tuple[Device, DescriptorLink]]:
+    """A device, and our link to it; room: for what we send, in bytes, None: the usual."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    if room is not None:
+        ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, room)
+    with ours, theirs, DescriptorLink(str(ours.fileno()), True, bus.received_on(0)) as link:
+        yield Device(theirs), link
+
+
+@contextmanager
 def connected(path: Path) -> Iterator[tuple[Device, Daemon]]:
     """A device, and a daemon that serves it."""
     bench = load_bench(path)
     bus = map_bus(bench)
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    wanted = bus.received_on(0)
-    with ours, theirs, DescriptorLink(str(ours.fileno()), True, wanted) as link:
-        yield Device(theirs), Daemon(bench, bus, [link])
+    with paired(bus) as (device, link):
+        yield device, Daemon(bench, bus, [link])
+
+
+@dataclass(frozen=True)
+class Pumped:
+    """A device, and a pump that serves it without a daemon; unsent: counts of rates it gave up."""
+
+    device: Device
+    pump: CompiledPump
+    core: Core
+    arrivals: Arrivals
+    unsent: list[int]
+
+
+@contextmanager
+def pumped(path: Path, room: int | None = None, waits_for_verdicts: bool = True) -> Iterator[Pumped]:
+    """The pump is closed at the end, and the device has then read all that was sent; room: as of `paired`."""
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    with paired(bus, room) as (device, link):
+        core, arrivals = Core(bench.injector, bus), Arrivals(bus)
+        core.compiled.observer.memory["waits_for_verdicts"] = waits_for_verdicts
+        unsent: list[int] = []
+        pump = CompiledPump([link], core, bus, arrivals, unsent.append)
+        try:
+            yield Pumped(device, pump, core, arrivals, unsent)
+        finally:
+            pump.close()
+            device.read()
 
 
 def test_same_frames_as_evaluate(tmp_path: Path) -> None:
@@ -95,29 +132,20 @@ def test_same_frames_as_evaluate(tmp_path: Path) -> None:
 
 def through_pump(path: Path, frames: Sequence[Frame]) -> dict[int, list[bytes]]:
     """What comes of frames in lockstep, to the end, by identifier."""
-    bench = load_bench(path)
-    bus = map_bus(bench)
-    core, arrivals = Core(bench.injector, bus), Arrivals(bus)
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with ours, theirs, DescriptorLink(str(ours.fileno()), True, bus.received_on(0)) as link:
-        device = Device(theirs)
-        pump = CompiledPump([link], core, bus, arrivals)
-        out: list[OutputFrame] = []
-        try:
-            for frame in frames:
-                while not device.has_room():  # the loop may wait for a verdict
-                    out += pump.serve(1e-3)
-                device.send([frame])
-                out += pump.serve(0.0)
-            while arrivals.frames < len(frames):
-                out += pump.serve(1e-3)
-            device.read()
-            out += pump.finish()
-        finally:
-            pump.close()
+    out: list[OutputFrame] = []
+    with pumped(path) as it:
+        for frame in frames:
+            while not it.device.has_room():  # the loop may wait for a verdict
+                out += it.pump.serve(1e-3)
+            it.device.send([frame])
+            out += it.pump.serve(0.0)
+        while it.arrivals.frames < len(frames):
+            out += it.pump.serve(1e-3)
+        it.device.read()
+        out += it.pump.finish()
     for frame_out in out:
-        device.received.setdefault(frame_out.frame_id, []).append(frame_out.payload)
-    return device.received
+        it.device.received.setdefault(frame_out.frame_id, []).append(frame_out.payload)
+    return it.device.received
 
 
 def warming_fuel(folder: Path) -> tuple[Path, list[Frame]]:
@@ -163,27 +191,15 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
     """Rates come while nothing of Python runs for the pump, which does not wait for verdicts nobody posts."""
     path = bench_file(tmp_path, "0")
     worn = worn_recording(2)
-    bench = load_bench(path)
-    bus = map_bus(bench)
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with ours, theirs, DescriptorLink(str(ours.fileno()), True, bus.received_on(0)) as link:
-        device = Device(theirs)
-        core = Core(bench.injector, bus)
-        core.compiled.observer.memory["waits_for_verdicts"] = False
-        pump = CompiledPump([link], core, bus, Arrivals(bus))
-        try:
-            frames = list(Framer(bus).frames(worn, whole(worn)))
-            device.send(frames)
-            until(lambda: core.counters.frames == len(frames))
-            device.read()
-        finally:
-            pump.close()
-        device.read()
-        memory = core.compiled.observer.memory[0]
-        assert memory["events_taken"] > 0
-        assert (memory["events"]["taken"][: int(memory["events_taken"])] == Taken.NOTHING).all()
-    _, count = published_rates(device.received[RATE.frame_id], worn.samples)
-    assert (count[: core.processed - RATES] == 1).all()
+    frames = list(Framer(map_bus(load_bench(path))).frames(worn, whole(worn)))
+    with pumped(path, waits_for_verdicts=False) as it:
+        it.device.send(frames)
+        until(lambda: it.core.counters.frames == len(frames))
+    memory = it.core.compiled.observer.memory[0]
+    assert memory["events_taken"] > 0
+    assert (memory["events"]["taken"][: int(memory["events_taken"])] == Taken.NOTHING).all()
+    _, count = published_rates(it.device.received[RATE.frame_id], worn.samples)
+    assert (count[: it.core.processed - RATES] == 1).all()
 
 
 def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
@@ -191,31 +207,20 @@ def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
     path = bench_file(tmp_path, "0")
     worn = worn_recording(2)
     bench = load_bench(path)
-    bus = map_bus(bench)
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, LITTLE_ROOM)
-    with ours, theirs, DescriptorLink(str(ours.fileno()), True, bus.received_on(0)) as link:
-        device = Device(theirs)
-        core, arrivals = Core(bench.injector, bus), Arrivals(bus)
-        unsent: list[int] = []
-        pump = CompiledPump([link], core, bus, arrivals, unsent.append)
-        handed: list[OutputFrame] = []
-        try:
-            for frame in Framer(bus).frames(worn, whole(worn)):
-                while not device.has_room():
-                    handed += pump.serve(1e-3)
-                device.send([frame], listening=False)
-            while core.processed <= worn.samples - RATES:
-                handed += pump.serve(1e-3)
-            handed += pump.finish()
-        finally:
-            pump.close()
-        device.read()
+    handed: list[OutputFrame] = []
+    with pumped(path, LITTLE_ROOM) as it:
+        for frame in Framer(map_bus(bench)).frames(worn, whole(worn)):
+            while not it.device.has_room():
+                handed += it.pump.serve(1e-3)
+            it.device.send([frame], listening=False)
+        while it.core.processed <= worn.samples - RATES:
+            handed += it.pump.serve(1e-3)
+        handed += it.pump.finish()
     rates = [frame.payload for frame in evaluate(bench, [worn]).frames if frame.frame_id == RATE.frame_id]
     late = [frame.payload for frame in handed if frame.frame_id == RATE.frame_id]
-    assert 0 < len(device.received[RATE.frame_id]) < len(rates) - 1
-    assert device.received[RATE.frame_id] + late == rates
-    assert not unsent
+    assert 0 < len(it.device.received[RATE.frame_id]) < len(rates) - 1
+    assert it.device.received[RATE.frame_id] + late == rates
+    assert not it.unsent
 
 
 def test_a_device_that_goes_away_is_said(tmp_path: Path) -> None:

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov
 
 from observer_rt.estimation.small_matrices import multiply, product
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.sensor import lagged_slopes, recorded_mean
 
 START_DURATION = 2e-3  # s, after which the gain is steady
+SHAPING = 3  # first-order lags that stand for the smoothing of the rail pressure
+SHAPE = 0.35  # time constant of each, in widths of the kernel: half the noise is left at the same frequency
 START_FLOW_SIGMA = 1e-5  # m3/s (10 mm3/ms), of Q_L when x~ starts anew in a ringing line
 
 
@@ -44,12 +47,15 @@ def gain_schedule(
     lag: float = 0.0,
     late: float = 0.0,
     rail_every: float = 1.0,
+    rail_smoothing: float = 0.0,
 ) -> GainSchedule:
     """Gains for the line at rest (friction 0), rail-pressure noise driving it and line noise on y.
 
     p_S gets no gain: it relaxes within microseconds. sample_rate in Hz, lag of the sensor in s; late: by which share
     of a sample interval (0..1) the indicated pressure is recorded late; rail_every: samples to one of the rail
-    pressure, whose noise is the stronger at low frequencies the longer straight lines lead from one to the next.
+    pressure, whose noise is the stronger at low frequencies the longer straight lines lead from one to the next;
+    rail_smoothing: width of the kernel [s] that the rail pressure was smoothed by, whose noise is then coloured.
+    The colour is carried along in the covariance, and not estimated (Schmidt's filter): x~ has no states for it.
     """
     interval = 1.0 / sample_rate
     line, rail = c.line.transition(interval)
@@ -67,11 +73,46 @@ def gain_schedule(
     covariance[[0, 0, m, m], [0, m, 0, m]] = measurement
     covariance[1, 1] = (START_FLOW_SIGMA / c.flow_scale) ** 2
     covariance[range(2, m), range(2, m)] = c.line.further_variance(covariance[1, 1])
-    process = np.outer(rail_effect, rail_effect) * rail_every * (noise.rail_pressure / c.pressure_scale) ** 2
+    rail_variance = rail_every * (noise.rail_pressure / c.pressure_scale) ** 2
+    process = np.outer(rail_effect, rail_effect) * rail_variance
+    if rail_smoothing > 0.0:
+        transition, process, covariance = _coloured(
+            transition, rail_effect, covariance, rail_variance, math.exp(-interval / (SHAPE * rail_smoothing))
+        )
+        shown, shown_before = (np.append(one, np.zeros(SHAPING)) for one in (shown, shown_before))
     gains = np.zeros((max(2, round(START_DURATION * sample_rate)), m + 1))
     variance = _riccati(transition, process, measurement, shown, shown_before, covariance, gains)
     columns = [0, 1, m, *range(2, m)]
     return GainSchedule(np.ascontiguousarray(gains[:, columns]), math.sqrt(variance))
+
+
+def _coloured(
+    transition: NDArray[np.float64],
+    rail_effect: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    variance: float,
+    kept: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Transition, process noise and start covariance with the states of the noise's shaping filter at the end.
+
+    Equal first-order lags, one behind the other, `kept` of each from sample to sample; the last drives the line.
+    """
+    size = len(transition)
+    moved = np.zeros((size + SHAPING, size + SHAPING))
+    moved[:size, :size] = transition
+    moved[:size, -1] = rail_effect
+    enters = np.zeros(size + SHAPING)
+    share = 1.0 - kept
+    for i in range(SHAPING):
+        enters[size + i] = share ** (i + 1)
+        for j in range(i + 1):
+            moved[size + i, size + j] = kept * share ** (i - j)
+    process = np.outer(enters, enters) * variance
+    grown = np.zeros_like(moved)
+    grown[:size, :size] = covariance
+    shaping = moved[size:, size:]
+    grown[size:, size:] = solve_discrete_lyapunov(shaping, process[size:, size:])
+    return moved, process, grown
 
 
 def _measurement(
@@ -104,9 +145,10 @@ def _riccati(
 ) -> float:
     """Fill `gains` from a start `covariance` on; returns the last innovation variance.
 
-    Measured is `shown` of the state and `shown_before` of the one before, both (m,).
+    Measured is `shown` of the state and `shown_before` of the one before, both (m,). States beyond the columns of
+    `gains` are not corrected.
     """
-    m = covariance.shape[0]
+    m, corrected = covariance.shape[0], gains.shape[1]
     transposed = transition.T.copy()
     moved, now = np.empty((m, m)), covariance.copy()
     column, row = np.empty(m), np.empty(m)
@@ -131,8 +173,11 @@ def _riccati(
                 row[j] += shown[i] * now[i, j]
         for i in range(m):
             variance += shown[i] * column[i]
-        for i in range(m):
+        for i in range(corrected):
             gains[k, i] = column[i] / variance
             for j in range(m):
                 now[i, j] -= gains[k, i] * row[j]
+        for i in range(corrected, m):
+            for j in range(corrected):
+                now[i, j] -= column[i] * gains[k, j]
     return variance

@@ -14,8 +14,10 @@ from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
 from observer_rt.evidence.bounded_fit import Residuals
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.open_loop import SPARE_SUBSTEPS
+from observer_rt.evidence.rail_pressure import smoothing_of
 from observer_rt.evidence.windows import Batch, Rows, TrueInputs, batch_of, latest, phases, rate_as_recorded
 from observer_rt.foundation.errors import UserError
+from observer_rt.model.cells import in_stable_cells
 from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.line.interface import Line
 from observer_rt.model.seat import Seat
@@ -68,6 +70,7 @@ class Trial:
     def __init__(self, measurement: Measurement, nominal: EffectiveModel) -> None:
         self.measurement = measurement
         nominal = measurement.as_recorded(nominal)
+        self._highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
         self._rows = Rows(measurement)
         self._latest = latest(measurement)
         rate = measurement.recording.sample_rate
@@ -91,7 +94,10 @@ class Trial:
 
     def judge(self, model: EffectiveModel) -> Judged | None:
         """Compare with a model; None where its solution is not finite or cannot be had."""
-        model = self.measurement.as_recorded(model)
+        stable = self._stable(model)
+        if stable is None:
+            return None
+        model = stable
         late = math.floor(model.sensor.delay / self.measurement.interval)
         if abs(late) >= self._latest or self._substeps_of(model) > MAX_SUBSTEPS:
             return None
@@ -111,10 +117,17 @@ class Trial:
 
         at_line: (n,) at the counted innovations; else (m,) where a measured rate is judged.
         """
-        model = self.measurement.as_recorded(model)
+        stable = self._stable(model)
+        assert stable is not None  # the model was judged
+        model = stable
         _, rate = self._predicted(model, self._inputs_of(model), 0, self._schedule(model))
         rows = np.flatnonzero(self._rows.counted) if at_line else self._rows.rate_rows
         return self.measurement.recording.needle_lift[self._rows.samples[rows]], rate[rows]
+
+    def _stable(self, model: EffectiveModel) -> EffectiveModel | None:
+        """A model as this recording has it, in cells that are stable."""
+        measurement = self.measurement
+        return in_stable_cells(measurement.as_recorded(model), measurement.interval, self._highest_pressure)
 
     def _predicted(
         self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule
@@ -143,7 +156,10 @@ class Trial:
             if len(self._gains) > _MOST_GAINS:
                 self._gains.clear()
             rate = self.measurement.recording.sample_rate
-            schedule = gain_schedule(c, self.measurement.noise, rate, sensor.lag, share)
+            smoothing = smoothing_of(self.measurement.interval)
+            schedule = gain_schedule(
+                c, self.measurement.noise, rate, sensor.lag, share, rail_smoothing=smoothing
+            )
             self._gains[key] = schedule
         return schedule
 

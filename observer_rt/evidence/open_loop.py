@@ -10,7 +10,9 @@ from observer_rt.estimation.gain import gain_schedule
 from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, follow
 from observer_rt.evidence.measurement import JudgedEvent, Measurement
+from observer_rt.evidence.rail_pressure import smoothing_of
 from observer_rt.evidence.windows import Rows, TrueInputs, batch_of, in_mass_window, rate_as_recorded
+from observer_rt.model.cells import in_stable_cells
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import substeps_needed
 
@@ -36,15 +38,22 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
 
     The state follows the measurement by x~ up to the opening and runs open loop from there.
     """
-    model = measurement.as_recorded(model)
-    c, sensor, interval = measurement.coefficients_of(model), model.sensor, measurement.interval
+    interval = measurement.interval
+    highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
+    stable = in_stable_cells(measurement.as_recorded(model), interval, highest_pressure)
+    if stable is None:
+        raise ArithmeticError("no number of cells is stable for this line")
+    model = stable
+    c, sensor = measurement.coefficients_of(model), model.sensor
     late = math.floor(sensor.delay / interval)
     share = sensor.delay / interval - late
     rows = Rows(measurement)
     inputs = TrueInputs(measurement, model.inputs, c)
     batch = batch_of(measurement, rows, inputs, late, sensor.offset, c)
     sample_rate = measurement.recording.sample_rate
-    gains = gain_schedule(c, measurement.noise, sample_rate, sensor.lag, share).gains
+    gains = gain_schedule(
+        c, measurement.noise, sample_rate, sensor.lag, share, rail_smoothing=smoothing_of(interval)
+    ).gains
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
     offset = sensor.offset / c.pressure_scale
     setting = Setting(interval, substeps, c, gains[-1].copy(), share, sensor.lag, offset)

@@ -20,7 +20,7 @@ from observer_rt.evidence.measurement import (
     shut_mask,
 )
 from observer_rt.evidence.openings import Opening
-from observer_rt.evidence.rail_delay import without_delay
+from observer_rt.evidence.rail_pressure import true_rail_pressure
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.line.interface import rest_line
@@ -112,11 +112,12 @@ class TrueInputs:
     """A recording's true inputs under given input terms, normalised, for every sample.
 
     A mean over the sample period that ends at a sample's time is the value half a period before. The rail pressure is
-    brought from there to the times of the samples, by straight lines; the area has its corners there, as knots.
+    brought from there to the times of the samples; the area has its corners there, as knots.
     """
 
     def __init__(self, measurement: Measurement, terms: InputTerms, c: Coefficients) -> None:
-        rail = terms.rail_factor * without_delay(measurement, terms.rail_delay) + terms.rail_shift
+        delay = terms.rail_delay + (0.5 * measurement.interval if measurement.means else 0.0)
+        rail = terms.rail_factor * true_rail_pressure(measurement, delay) + terms.rail_shift
         self.rail = (rail - c.chamber_pressure) / c.pressure_scale
         self.area = _areas(measurement, terms, c)
         self.knots = np.empty((0, 2))
@@ -124,7 +125,6 @@ class TrueInputs:
             later = np.append(self.area[1:], self.area[-1])
             self.knots = np.column_stack([np.full(later.size, 0.5), later])
             self.area = 0.5 * (self.area + later)
-            self.rail = 0.5 * (self.rail + np.append(self.rail[1:], self.rail[-1]))
 
 
 def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.fit.choice import Choice, choose
 from observer_rt.fit.held_out import Unexplained
-from observer_rt.fit.parts import Part, Weighed, as_recorded, parts_of
+from observer_rt.fit.parts import Part, Weighed, parts_of
 from observer_rt.fit.residuals import Comparison, compared
 from observer_rt.fit.search import ROUGH_ITERATIONS, Failed, Fitted, fine, fitted, rough, settled
 from observer_rt.fit.starts import explains, searched
@@ -118,7 +118,7 @@ def calibrate(
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
     best, kept = settled(choice.best, file, fine(parts))
     progress((len(structures) + 1) / steps)
-    return Calibrated(file, found, choice, best, kept, level, _comparison(file, best, found))
+    return Calibrated(file, found, choice, best, kept, level, _comparison(file, best))
 
 
 def _tried(
@@ -140,8 +140,7 @@ def _free(structure: Structure, level: Level) -> tuple[FreeParameter, ...]:
     return structure.free if level is Level.FILE else (*structure.free, INERTANCE)
 
 
-def _comparison(file: InjectorParameters, best: Fitted, found: Sequence[Measurement]) -> Comparison:
+def _comparison(file: InjectorParameters, best: Fitted) -> Comparison:
     calibration = best.calibration
     offsets = best.minimum.at.theta[len(calibration.free) :]
-    loud: list[Part] = [as_recorded(part, found[part.recording]) for part in calibration.parts]
-    return compared(file, best.injector, offsets, loud)
+    return compared(file, best.injector, offsets, calibration.parts)

@@ -1,10 +1,15 @@
-"""Cells of a line in which pressure travels: too many for its sound speed are refused with the numbers."""
+"""Cells of a line in which pressure travels: too many for its sound speed are refused, or made fewer."""
+
+from dataclasses import replace
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.line.wave import STABLE, cells_for, steps_over
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.line.wave import FEWEST_CELLS, STABLE, WaveLine, cells_for, steps_over
 from observer_rt.model.parameters import InjectorParameters
+
+OVERSHOOT = 1.2  # of the rail pressure, that the closed end of a line reaches when a needle shuts
 
 
 def refuse_unstable_cells(
@@ -27,3 +32,31 @@ def refuse_unstable_cells(
             f"{strain:.3g} (at most {STABLE:g})",
             f"give {cells_for(injector, step)} cells, or leave 'cells' out",
         )
+
+
+def in_stable_cells(
+    model: EffectiveModel, interval: float, highest_pressure: float
+) -> EffectiveModel | None:
+    """The model in as many of its cells as are stable at a sample interval [s]; None where the fewest are not.
+
+    highest_pressure: of the rail [Pa], at which fuel that stiffens with pressure is stiffest; OVERSHOOT comes on top.
+    A model whose cells are stable is returned as it is.
+    """
+    while (strain := _strain(model, interval, highest_pressure)) >= STABLE:
+        cells = int(model.coefficients.line.cells)
+        if cells <= FEWEST_CELLS:
+            return None
+        fewer = max(FEWEST_CELLS, min(cells - 1, int(cells * (STABLE / strain) ** 0.5)))
+        line = model.injector.line.model_copy(update={"cells": fewer})
+        model = replace(model, injector=model.injector.model_copy(update={"line": line}))
+    return model
+
+
+def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> float:
+    """What must stay below STABLE, where pressure is highest; 0 of a line without cells."""
+    line = model.coefficients.line
+    if not isinstance(line, WaveLine):
+        return 0.0
+    normalised = OVERSHOOT * highest_pressure / model.coefficients.pressure_scale
+    stiffer = max(0.0, line.stiffness_slope * (normalised - line.stiffness_pressure))
+    return line.with_stiffness(stiffer).strain(interval / steps_over(interval))

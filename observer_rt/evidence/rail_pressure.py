@@ -1,0 +1,37 @@
+"""The rail pressure as models are driven with it: smoothed, and moved by the delay of its channel.
+
+A line in which pressure travels takes the noise of its rail pressure for pressure. What rounds that noise - a rail
+pressure read between two samples, a line pressure taken for late and early at once - would explain any recording
+better. So the rail pressure is smoothed first, by one kernel whatever its delay: the same noise is left of it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.evidence.measurement import Measurement
+
+WIDTH = 50e-6  # s, of the kernel: it leaves what a rail does up to some 3 kHz
+REACH = 4.0  # widths to either side
+
+
+def smoothing_of(interval: float) -> float:
+    """Width of the kernel [s] at a sample interval [s]: a sample at least, so that noise does not tell the delay."""
+    return max(WIDTH, interval)
+
+
+def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.float64]:
+    """Rail pressure [Pa] (n,), smoothed, of a channel that records it `delay` [s] late.
+
+    The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass as they are.
+    """
+    rail = measurement.recording.rail_pressure
+    known = np.isfinite(rail)
+    if not known.all():  # outside of what is judged, but within the kernel's reach
+        sample = np.arange(rail.size)
+        rail = np.interp(sample, sample[known], rail[known])
+    late, width = (t / measurement.interval for t in (delay, smoothing_of(measurement.interval)))
+    reach = int(np.ceil(REACH * width + abs(late)))
+    u = (np.arange(-reach, reach + 1) - late) / width
+    weights = (3.0 - u**2) * np.exp(-0.5 * u**2)
+    beyond = np.pad(rail, reach, mode="edge")
+    return np.asarray(np.convolve(beyond, weights[::-1] / weights.sum(), "valid"), np.float64)

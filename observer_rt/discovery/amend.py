@@ -19,6 +19,7 @@ from observer_rt.evidence.bounded_fit import NORMAL_975
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.foundation.errors import RunError
+from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effects import effective_model, sized_in_force
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
 
@@ -31,8 +32,11 @@ def amended_effects(
     found: Discovery,
     measured: Sequence[Measurement],
     recordings: Mapping[str, str],
+    healthy: HealthyShape | None = None,
 ) -> tuple[EffectInForce, ...]:
-    """All that the amended file has in force, nothing when no effect was found. recordings: SHA-256 by file name.
+    """All that the amended file has in force, nothing when no effect was found.
+
+    recordings: SHA-256 by file name; healthy: mean innovation of the healthy injector, which is taken out.
 
     An effect that is in force already and found again is fitted anew, from the model without it. Raises `RunError`
     when that fails.
@@ -44,7 +48,7 @@ def amended_effects(
     again = {effect.id: sized_in_force(effect).values for effect in parameters.effects if effect.id in ids}
     sizes: Sequence[tuple[FittedParameter, ...]] = [effect.parameters for effect in found.effects]
     if again:
-        sizes = _totals(parameters.model_copy(update={"effects": kept}), again, found, measured)
+        sizes = _totals(parameters.model_copy(update={"effects": kept}), again, found, measured, healthy)
     added = (
         _in_force(effect, fitted, _reason(found, effect, recordings))
         for effect, fitted in zip(found.effects, sizes, strict=True)
@@ -57,6 +61,7 @@ def _totals(
     again: Mapping[str, tuple[float, ...]],
     found: Discovery,
     measured: Sequence[Measurement],
+    healthy: HealthyShape | None,
 ) -> Sequence[tuple[FittedParameter, ...]]:
     """Parameters of the effects found, fitted to a model without them. again: those that were in force, SI."""
     base, hypothesis = effective_model(rest), found.named.hypothesis
@@ -66,7 +71,7 @@ def _totals(
             for effect, values in zip(hypothesis.effects, hypothesis.split(found.named.theta), strict=True)
         ]
     )
-    fitted = minimum_from(Sizing(evidence_of(measured, base), base, hypothesis), [start])
+    fitted = minimum_from(Sizing(evidence_of(measured, base, healthy), base, hypothesis), [start])
     if fitted is None:
         raise RunError(f"{', '.join(again)}: the size in force and the one found make no model together")
     spread = math.sqrt(max(1.0, float(np.mean(fitted.at.residuals.z**2))))

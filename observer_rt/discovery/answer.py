@@ -3,7 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from observer_rt.discovery.amend import amended_effects
 from observer_rt.discovery.caveats import is_level_measured, is_like_inertance, remedies
@@ -24,10 +24,12 @@ from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.operating_points import by_operating_point
 from observer_rt.evidence.plausible import refuse_rates_missing
 from observer_rt.foundation.errors import ObserverError
+from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.cells import refuse_unstable_cells
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import effective_model
+from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
+from observer_rt.observer.learning.healthy import holds_at
 from observer_rt.recording.signals.recording import Recording
 
 _HEALTHY, _NAMED, _SHOWN = 0.4, 0.85, 0.9  # shares of the work done after these steps
@@ -76,6 +78,16 @@ _INADEQUATE = (
 )
 
 
+_FORGOTTEN = (
+    "The model was fitted by an earlier version, which did not keep what the fit leaves of the healthy injector: "
+    "what is named here may be the model's error. Fit again, or give healthy recordings by --healthy."
+)
+_OTHER_RATE = (
+    "The model was fitted at {:g} kHz: what its fit leaves of the healthy injector says nothing at another sample "
+    "rate. Fit at this rate, or give healthy recordings by --healthy."
+)
+
+
 def answer(
     question: Question,
     memory: FitMemory,
@@ -91,10 +103,13 @@ def answer(
     Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
     """
     nominal = effective_model(question.parameters)
-    points = by_operating_point(question.measured)
+    known, warning = _remembered(nominal, [*question.measured, *question.healthy])
+    points = by_operating_point([_as_healthy(one, known) for one in question.measured])
     measured = [point.measurement for point in points]
     workers = threads or len(os.sched_getaffinity(0))
-    baseline, warning = _judged_by_healthy(nominal, question.healthy, workers)
+    baseline = known
+    if question.healthy:
+        baseline, warning = _judged_by_healthy(nominal, question.healthy, workers, known)
     begin = _HEALTHY if question.healthy else 0.0
     progress(begin)
     options = SearchOptions(
@@ -105,9 +120,9 @@ def answer(
         question.chosen,
     )
     found = name_effects(nominal, measured, options)
-    gaps = gaps_of(found, measured, nominal)
+    gaps = gaps_of(found, measured, nominal, baseline.shape)
     progress(_SHOWN)
-    evidence = evidence_of(measured, nominal)
+    evidence = evidence_of(measured, nominal, baseline.shape)
     files = tuple(question.hashes)
     several = Counter(point.file for point in points)
     names = tuple(
@@ -117,7 +132,7 @@ def answer(
     amended = found.named.model(nominal)
     in_force: tuple[EffectInForce, ...] = ()
     if (found.verdict is not Verdict.AMBIGUOUS or question.chosen) and not remedies(found):
-        in_force = amended_effects(question.parameters, found, measured, question.hashes)
+        in_force = amended_effects(question.parameters, found, measured, question.hashes, baseline.shape)
     return Findings(
         discovery=found,
         where=disagreements(found, evidence, nominal),
@@ -136,23 +151,41 @@ def answer(
         points=names,
         fitted_on=tuple(names[i] for i in gaps.fitted_on),
         held_out=tuple(names[i] for i in gaps.held_out),
+        healthy=baseline.remainder,
     )
 
 
+def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[HealthyBaseline, str]:
+    """What the fit of a model remembers of the healthy injector, and what speaks against it, empty when nothing."""
+    fitted = nominal.injector.baseline
+    if fitted is None:
+        return NO_BASELINE, ""
+    comparable = all(holds_at(fitted, one.recording.sample_rate) for one in found)
+    baseline = baseline_of_fit(fitted, comparable)
+    if not fitted.adequate:
+        return baseline, _INADEQUATE
+    if fitted.healthy is None:
+        return baseline, _FORGOTTEN
+    return baseline, "" if comparable else _OTHER_RATE.format(fitted.sample_rate_Hz / 1e3)
+
+
+def _as_healthy(measured: Measurement, known: HealthyBaseline) -> Measurement:
+    """A recording with the offset its line-pressure sensor had already when the injector was healthy."""
+    offset = 0.0 if known.remainder is None else known.remainder.line_pressure_offset_MPa * MEGAPASCAL
+    if offset == 0.0:
+        return measured
+    return replace(measured, stated=(*measured.stated, sized("line_pressure_sensor_offset", o=offset)))
+
+
 def _judged_by_healthy(
-    nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int
+    nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int, known: HealthyBaseline
 ) -> tuple[HealthyBaseline, str]:
     """What healthy recordings leave unexplained, and what they say against the model, if anything.
 
-    Where none are given, what the fit of the model remembers of them.
+    known: what the fit of the model remembers, to which they add.
     """
-    fitted = nominal.injector.baseline
-    if not healthy and fitted is None:
-        return NO_BASELINE, ""
-    if not healthy and fitted is not None:
-        return baseline_of_fit(fitted), "" if fitted.adequate else _INADEQUATE
-    points = [point.measurement for point in by_operating_point(healthy)]
-    baseline, found = healthy_baseline(nominal, points, workers)
+    points = [point.measurement for point in by_operating_point([_as_healthy(one, known) for one in healthy])]
+    baseline, found = healthy_baseline(nominal, points, workers, known)
     if found.verdict is Verdict.NONE:
         return baseline, ""
     return baseline, (

@@ -11,6 +11,7 @@ from observer_rt.discovery.comparison.overlays import Overlay
 from observer_rt.discovery.comparison.standstill import StandstillFigure
 from observer_rt.discovery.opinion import Opinion, contradictions
 from observer_rt.discovery.search.result import Discovery, FittedEffect, Verdict
+from observer_rt.model.baseline import HealthyRemainder
 from observer_rt.model.parameters import EffectInForce
 
 
@@ -25,7 +26,8 @@ class Findings:
     None when no effect is added; in_force: all effects that it has then; overlays: injections to be shown; files:
     names of the recordings; in_part: which of these were too long to be judged as a whole, and how injections
     were chosen of them; points: of their operating points, each of which counts as a recording; fitted_on,
-    held_out: of these; seconds: it took.
+    held_out: of these; seconds: it took; healthy:
+    what the model leaves of the healthy injector, None where nothing is known of it.
     """
 
     discovery: Discovery
@@ -46,6 +48,7 @@ class Findings:
     fitted_on: tuple[str, ...]
     held_out: tuple[str, ...]
     seconds: float = 0.0
+    healthy: HealthyRemainder | None = None
 
     @property
     def contradictions(self) -> tuple[str, ...]:

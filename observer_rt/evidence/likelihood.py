@@ -12,11 +12,13 @@ from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.learned import Learned, nothing_learned
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
 from observer_rt.evidence.bounded_fit import Residuals
+from observer_rt.evidence.healthy_shape import expected
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.open_loop import SPARE_SUBSTEPS
 from observer_rt.evidence.rail_pressure import smoothing_of
 from observer_rt.evidence.windows import Batch, Rows, TrueInputs, batch_of, latest, phases, rate_as_recorded
 from observer_rt.foundation.errors import UserError
+from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.cells import in_stable_cells
 from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.line.interface import Line
@@ -67,8 +69,12 @@ class Judged:
 class Trial:
     """One recording, ready to be compared with models."""
 
-    def __init__(self, measurement: Measurement, nominal: EffectiveModel) -> None:
+    def __init__(
+        self, measurement: Measurement, nominal: EffectiveModel, healthy: HealthyShape | None = None
+    ) -> None:
+        """healthy: mean innovation of the healthy injector, which is taken out."""
         self.measurement = measurement
+        self._expected = None if healthy is None else expected(healthy, measurement)
         nominal = measurement.as_recorded(nominal)
         self._highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
         self._rows = Rows(measurement)
@@ -104,6 +110,8 @@ class Trial:
         schedule = self._schedule(model)
         innovation, rate = self._predicted(model, self._inputs_of(model), late, schedule)
         z = innovation[self._rows.counted] / schedule.innovation_sigma
+        if self._expected is not None:
+            z -= self._expected / (schedule.innovation_sigma * model.coefficients.pressure_scale)
         if not np.isfinite(z).all():
             return None
         rate_z = self._judged_rate(rate[self._rows.rate_rows + late])
@@ -192,8 +200,12 @@ class Trial:
         return np.append(residual - gain * scale, gain / GAIN_ERROR)
 
 
-def evidence_of(found: Sequence[Measurement], nominal: EffectiveModel) -> "Evidence":
+def evidence_of(
+    found: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None = None
+) -> "Evidence":
     """Recordings, ready to be compared with models that depart from the nominal one.
+
+    healthy: mean innovation of the healthy injector by the nominal model, which is taken out.
 
     Raises `UserError` where the nominal model needs too many integration steps a sample.
     """
@@ -206,7 +218,7 @@ def evidence_of(found: Sequence[Measurement], nominal: EffectiveModel) -> "Evide
                 f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS})",
                 f"record with {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give the model a larger sac",
             )
-    return Evidence([Trial(measurement, nominal) for measurement in found])
+    return Evidence([Trial(measurement, nominal, healthy) for measurement in found])
 
 
 class Evidence:

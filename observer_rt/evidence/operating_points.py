@@ -19,6 +19,8 @@ from observer_rt.evidence.measurement import (
 )
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 
+SMOOTHED = 0.2e-3  # s beside a stretch that the smoothing of the rail pressure reaches to
+
 
 @dataclass(frozen=True, eq=False)
 class OperatingPoint:
@@ -80,13 +82,16 @@ def _clusters(
 def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measurement:
     """Some events of a recording, one stretch after another; what lies between them is left out."""
     recording = measurement.recording
-    margin = round(MARGIN / measurement.interval) + 1
+    margin = round((MARGIN + SMOOTHED) / measurement.interval) + 1
     ordered = sorted(events, key=lambda event: event.start)
-    stretches = [np.arange(event.start - margin, event.end + margin) for event in ordered]
+    stretches = [
+        np.clip(np.arange(event.start - margin, event.end + margin), 0, recording.samples - 1)
+        for event in ordered
+    ]
     kept = np.concatenate(stretches)
     moved, begin = [], 0
     for event, stretch in zip(ordered, stretches, strict=True):
-        moved.append(event.moved(begin - int(stretch[0])))
+        moved.append(event.moved(begin + margin - event.start))
         begin += stretch.size
 
     def cut(values: NDArray[np.float64]) -> NDArray[np.float64]:

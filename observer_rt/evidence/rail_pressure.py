@@ -12,6 +12,7 @@ from observer_rt.evidence.measurement import Measurement
 
 WIDTH = 50e-6  # s, of the kernel: it leaves what a rail does up to some 3 kHz
 REACH = 4.0  # widths to either side
+MOVING = 0.5  # of the noise: by so much the rail moves in events where its delay can be seen at all
 
 
 def smoothing_of(interval: float) -> float:
@@ -22,16 +23,26 @@ def smoothing_of(interval: float) -> float:
 def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.float64]:
     """Rail pressure [Pa] (n,), smoothed, of a channel that records it `delay` [s] late.
 
-    The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass as they are.
+    The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass as they are. A rail at rest during
+    events is not moved: to move its noise is to draw another noise, which some delay always likes.
     """
     rail = measurement.recording.rail_pressure
+    late, width = delay / measurement.interval, smoothing_of(measurement.interval) / measurement.interval
+    if not _moves(measurement):
+        late = 0.0
     known = np.isfinite(rail)
     if not known.all():  # outside of what is judged, but within the kernel's reach
         sample = np.arange(rail.size)
         rail = np.interp(sample, sample[known], rail[known])
-    late, width = (t / measurement.interval for t in (delay, smoothing_of(measurement.interval)))
     reach = int(np.ceil(REACH * width + abs(late)))
     u = (np.arange(-reach, reach + 1) - late) / width
     weights = (3.0 - u**2) * np.exp(-0.5 * u**2)
     beyond = np.pad(rail, reach, mode="edge")
     return np.asarray(np.convolve(beyond, weights[::-1] / weights.sum(), "valid"), np.float64)
+
+
+def _moves(measurement: Measurement) -> bool:
+    """Whether the rail pressure moves within events."""
+    rail, noise = measurement.recording.rail_pressure, measurement.noise.rail_pressure
+    variance = np.mean([np.var(rail[event.start : event.end]) for event in measurement.events])
+    return bool(variance > (1.0 + MOVING**2) * noise**2)

@@ -5,22 +5,26 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Float, Trivia
 
 from observer_rt.config.bench import load_injector
+from observer_rt.evidence.appearance import healthy_remainder
+from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import rail_pressure_before
 from observer_rt.fit.calibrate import Calibrated
 from observer_rt.fit.held_out import worst_parts
 from observer_rt.fit.identifiability import interval
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.model.baseline import Baseline, NoiseFigures, PhaseFigures
+from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
+from observer_rt.model.effects import BUILT_IN, effective_model
 from observer_rt.model.parameters import Line
 
 ORIGIN = "observer-rt fit"
-BASELINE = "baseline"
+BASELINE, HEALTHY = "baseline", "healthy"
 _DIGITS = 7
 _SHOWN_HASH = 12  # digits of a recording's hash
 
@@ -46,13 +50,28 @@ def write_fitted(path: Path, document: tomlkit.TOMLDocument, done: Calibrated, b
     document.pop(BASELINE, None)
     table = tomlkit.table()
     for key, entry in baseline.model_dump(mode="json", exclude_none=True).items():
-        table[key] = _inline(entry) if isinstance(entry, dict) else entry
+        if key != HEALTHY:
+            table[key] = _inline(entry) if isinstance(entry, dict) else entry
+    if baseline.healthy is not None:
+        table[HEALTHY] = _healthy_table(baseline.healthy)
     document[BASELINE] = table
     path.write_text(tomlkit.dumps(document), encoding="utf-8")
     try:
         load_injector(path)
     except UserError as error:
         raise RunError(f"{path}: the fitted model would not load: {error.problem}") from None
+
+
+def _healthy_table(healthy: HealthyRemainder) -> Any:
+    table = tomlkit.table()
+    for key, entry in healthy.model_dump(mode="json").items():
+        if key == "appears":
+            table[key] = tomlkit.table()
+            for effect, appearance in entry.items():
+                table[key][effect] = _inline(appearance)
+        else:
+            table[key] = _inline(entry) if key in ("variance", "colour") else entry
+    return table
 
 
 def _state_line(section: Any, before: Line, after: Line) -> None:
@@ -92,10 +111,20 @@ def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
             one.name: _rounded_pair(interval(one.of(done.injector), float(sigma)))
             for one, sigma in zip(done.fitted.calibration.free, sigmas, strict=True)
         },
+        healthy=_remainder(done),
         recordings=tuple(f"{name} sha256 {digest[:_SHOWN_HASH]}" for name, digest in hashes.items()),
         origin=ORIGIN,
         date=date.today().isoformat(),
     )
+
+
+def _remainder(done: Calibrated) -> HealthyRemainder:
+    """What the fitted model leaves of the injections it was fitted to, each part compared with the others."""
+    offset = float(np.mean(done.offsets)) * MEGAPASCAL
+    model = effective_model(done.injector).with_terms("sensor", offset=offset)
+    evidence = evidence_of([part.measurement for part in done.fitted.calibration.parts], model)
+    found = healthy_remainder(evidence, model, tuple(BUILT_IN.values()))
+    return found.model_copy(update={"line_pressure_offset_MPa": rounded(offset / MEGAPASCAL)})
 
 
 def rounded(value: float) -> float:

@@ -43,12 +43,53 @@ class NoiseFigures(_Section):
     needle_lift_um: Annotated[float, Field(gt=0)]
 
 
+class Appearance(_Section):
+    """What an effect appears to be on the healthy injector, in its unit.
+
+    mean: over the recordings; uncertainty: standard deviation of that; scatter: by how much it differs between
+    operating points beyond noise.
+    """
+
+    mean: float
+    uncertainty: Annotated[float, Field(ge=0)]
+    scatter: Annotated[float, Field(ge=0)]
+    unit: str
+
+
+class HealthyShape(_Section):
+    """Mean innovation of the healthy injector [MPa] at the knots of `evidence.healthy_shape`.
+
+    After the needle leaves its seat, and after it is back on it; slopes: its change for each 40 MPa of rail pressure
+    above 100.
+    """
+
+    opening: tuple[float, ...]
+    opening_slope: tuple[float, ...]
+    closing: tuple[float, ...]
+    closing_slope: tuple[float, ...]
+
+
+class HealthyRemainder(_Section):
+    """What `discover` compares with: what the model leaves of the healthy injector.
+
+    line_pressure_offset_MPa: mean offset of the line-pressure sensor against the rail's; variance, colour: what is
+    left beyond the shape, as of `Baseline`; appears: effects by id.
+    """
+
+    line_pressure_offset_MPa: float = 0.0  # noqa: N815
+    variance: PhaseFigures
+    colour: PhaseFigures
+    appears: Mapping[str, Appearance] = {}
+    shape: HealthyShape
+
+
 class Baseline(_Section):
     """What the fitted model leaves unexplained on recordings of the healthy injector.
 
     variance, chi2, colour: of the innovations of the line pressure, of samples, of means of 8, and the larger of
     means of 8 and 20, each of the recording with the most left; mass_share: standard deviation of a mass, as a share,
-    that comes of the model and not of noise; level: what the absolute level of flow rests on.
+    that comes of the model and not of noise; level: what the absolute level of flow rests on; healthy: what
+    `discover` compares with, None of a file that was fitted before it was kept.
     """
 
     format: Literal[1] = 1
@@ -64,5 +105,6 @@ class Baseline(_Section):
     noise: NoiseFigures
     ci95: Mapping[str, tuple[float, float]] = {}
     recordings: tuple[str, ...] = ()
+    healthy: HealthyRemainder | None = None
     origin: str = ""
     date: str = ""

@@ -34,9 +34,7 @@ def refuse_unstable_cells(
         )
 
 
-def in_stable_cells(
-    model: EffectiveModel, interval: float, highest_pressure: float
-) -> EffectiveModel | None:
+def in_stable_cells(model: EffectiveModel, interval: float, highest_pressure: float) -> EffectiveModel | None:
     """The model in as many of its cells as are stable at a sample interval [s]; None where the fewest are not.
 
     highest_pressure: of the rail [Pa], at which fuel that stiffens with pressure is stiffest; OVERSHOOT comes on top.

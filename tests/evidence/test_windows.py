@@ -74,15 +74,18 @@ def test_the_opened_area_has_no_jumps(shift: float) -> None:
 
 def test_the_rail_pressure_is_corrected() -> None:
     rail = TrueInputs(HEALTHY, InputTerms(rail_factor=1.02, rail_shift=-1e6), C).rail
-    expected = (1.02 * HEALTHY.recording.rail_pressure - 1e6 - C.chamber_pressure) / C.pressure_scale
-    assert rail == pytest.approx(expected)
+    plain = TrueInputs(HEALTHY, InputTerms(), C).rail * C.pressure_scale + C.chamber_pressure
+    assert rail == pytest.approx((1.02 * plain - 1e6 - C.chamber_pressure) / C.pressure_scale)
 
 
 def test_a_late_rail_pressure_is_brought_back() -> None:
     ramp = replace(HEALTHY.recording, rail_pressure=1e8 + 1e10 * HEALTHY.recording.time)  # 10 MPa/ms
     late = replace(HEALTHY, recording=ramp)
     rail = TrueInputs(late, InputTerms(rail_delay=25e-6), C).rail
-    assert rail[:-3] == pytest.approx((1e8 + 1e10 * (ramp.time[:-3] + 25e-6) - C.chamber_pressure) / 1e8)
+    inside = slice(25, -25)  # the ends of the recording are within the kernel's reach
+    assert rail[inside] == pytest.approx(
+        (1e8 + 1e10 * (ramp.time[inside] + 25e-6) - C.chamber_pressure) / 1e8, rel=1e-5
+    )
 
 
 def test_the_noise_of_a_rail_at_rest_is_not_moved() -> None:

@@ -4,37 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from observer_rt.evidence.measurement import measurements
-from observer_rt.fit.parts import Weighed, centred_mean, parts_of, standstill_offset, thinned
+from observer_rt.fit.parts import Weighed, parts_of, standstill_offset, thinned
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.fit.healthy import NOMINAL, simulations
 
 TWO = measurements([one.recording for one in simulations([(60e6, 0.6e-3), (100e6, 1.9e-3)], injections=5)])
-
-
-@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=60), st.integers(0, 20))
-def test_a_centred_mean_is_that_of_the_samples_beside(values: list[float], width: int) -> None:
-    given_values = np.array(values)
-    result = centred_mean(given_values, width)
-    half = (width - 1) // 2
-    for k in range(given_values.size):
-        if half >= 1 and half <= k < given_values.size - half:
-            assert result[k] == pytest.approx(np.mean(given_values[k - half : k + half + 1]), abs=1e-9)
-        else:
-            assert result[k] == given_values[k]
-
-
-def test_the_rail_is_quiet_and_nothing_else_changes() -> None:
-    part = parts_of(TWO, {})[0]
-    before, after = TWO[0].recording, part.measurement.recording
-    assert np.std(after.rail_pressure) < 0.5 * np.std(before.rail_pressure)
-    assert np.array_equal(after.line_pressure, before.line_pressure)
-    assert part.measurement.noise == TWO[0].noise
 
 
 def test_a_recording_of_two_operating_points_falls_into_them() -> None:

@@ -20,6 +20,7 @@ from observer_rt.evidence.open_loop import (
     simulated,
 )
 from observer_rt.evidence.windows import in_mass_window
+from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel
 
 NOISE_RUNS = 3  # with noise added, for the noise floor
@@ -63,15 +64,21 @@ class Gaps:
     held_out: tuple[int, ...]
 
 
-def gaps_of(found: Discovery, measured: Sequence[Measurement], nominal: EffectiveModel) -> Gaps:
+def gaps_of(
+    found: Discovery,
+    measured: Sequence[Measurement],
+    nominal: EffectiveModel,
+    healthy: HealthyShape | None = None,
+) -> Gaps:
     """The gaps: with the winner refitted to every second operating point, on the others.
 
-    With one operating point there is nothing to hold out: it is fitted and shown.
+    With one operating point there is nothing to hold out: it is fitted and shown. healthy: what is taken out when the
+    winner is refitted.
     """
     amended = found.named.model(nominal)
     fitted_on, held_out = every_second_point(measured)
     held_out = held_out or fitted_on
-    refitted = _refitted(found.named, [measured[i] for i in fitted_on], nominal)
+    refitted = _refitted(found.named, [measured[i] for i in fitted_on], nominal, healthy)
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
     rates = [point.injection_rate for point in points if point.injection_rate is not None]
     return Gaps(
@@ -86,9 +93,12 @@ def gaps_of(found: Discovery, measured: Sequence[Measurement], nominal: Effectiv
     )
 
 
-def _refitted(named: Candidate, part: Sequence[Measurement], nominal: EffectiveModel) -> EffectiveModel:
+def _refitted(
+    named: Candidate, part: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None
+) -> EffectiveModel:
     hypothesis = named.hypothesis
-    again = fit(Sizing(evidence_of(part, nominal), nominal, hypothesis), named.theta, hypothesis.ranges())
+    sizing = Sizing(evidence_of(part, nominal, healthy), nominal, hypothesis)
+    again = fit(sizing, named.theta, hypothesis.ranges())
     return hypothesis.model(nominal, named.theta if again is None else again.at.theta)
 
 

@@ -8,13 +8,14 @@ from observer_rt.discovery.comparison.gaps import Gap, Gaps
 from observer_rt.discovery.comparison.standstill import StandstillFigure
 from observer_rt.discovery.findings import Findings, Sources, gap_share
 from observer_rt.discovery.opinion import Opinion
-from observer_rt.discovery.report.printed_units import printed
+from observer_rt.discovery.report.printed_units import definition, printed
 from observer_rt.discovery.search.result import (
     Candidate,
     Consequence,
     Discovery,
     FittedEffect,
     FittedParameter,
+    SmallestVisible,
 )
 from observer_rt.evidence.pooled import Signal
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
@@ -52,6 +53,7 @@ def as_json(findings: Findings, sources: Sources) -> dict[str, Any]:
         "decide_by": [
             {"measurement": item.measurement, "separates": list(item.separates)} for item in found.decide_by
         ],
+        "smallest_visible": [_visible(one) for one in found.smallest_visible],
         "gap": _gaps(findings.gaps),
         "checks": [_check(check, findings.files) for check in findings.checks],
         "observer": None if findings.opinion is None else _opinion(findings.opinion, findings.contradictions),
@@ -69,6 +71,16 @@ def as_json(findings: Findings, sources: Sources) -> dict[str, Any]:
         "fitted_on": list(findings.fitted_on),
         "held_out": list(findings.held_out),
         "seconds": round(findings.seconds, 3),
+    }
+
+
+def _visible(one: SmallestVisible) -> dict[str, Any]:
+    parameter = definition(one.id, one.parameter)
+    return {
+        "id": one.id,
+        "parameter": one.parameter,
+        "value": float(f"{one.size / parameter.si:.4g}"),
+        "unit": parameter.unit,
     }
 
 

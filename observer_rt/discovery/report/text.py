@@ -4,12 +4,13 @@ from collections.abc import Sequence
 
 from observer_rt.discovery.caveats import Caveat
 from observer_rt.discovery.findings import Findings, gap_share
-from observer_rt.discovery.report.printed_units import printed
+from observer_rt.discovery.report.printed_units import definition, printed, sign
 from observer_rt.discovery.search.result import (
     Candidate,
     Discovery,
     FittedEffect,
     FittedParameter,
+    SmallestVisible,
     Verdict,
 )
 from observer_rt.estimation.phases import Phase
@@ -25,6 +26,8 @@ EQUATION_WORDS = {
     Equation.OUTPUT: "the output: the line-pressure sensor does not show p_L",
 }
 
+ASKED_FIRST = ("orifice_area", "seat_area", "guide_leakage", "line_friction")
+"""Effects whose smallest visible size stands beside `none` on the screen: wear, first of all."""
 PHASE_WORDS = {
     Phase.STANDSTILL: "while the needle is shut",
     Phase.OPENING: "while the needle opens",
@@ -46,7 +49,23 @@ def as_text(findings: Findings) -> str:
         lines.append(f"  no amended model while these are tied: {choices(found)}")
     if found.unexplained is not None:
         lines.append(f"  {found.unexplained.term}; {best_words(found)}")
+    if found.verdict is Verdict.NONE and found.smallest_visible:
+        lines.append(_not_seen(found))
     return "\n".join([*lines, *gap_lines(findings)])
+
+
+def visible_words(one: SmallestVisible) -> str:
+    """The smallest size of an effect that would have been seen, such as `v_H = 0.0034`."""
+    unit = definition(one.id, one.parameter)
+    return f"{one.parameter} = {one.size / unit.si:.2g} {sign(unit.unit)}".rstrip()
+
+
+def _not_seen(found: Discovery) -> str:
+    """Up to which size effects may be there all the same."""
+    names = (
+        f"{one.id} below {visible_words(one)}" for one in found.smallest_visible if one.id in ASKED_FIRST
+    )
+    return f"  not seen: {', '.join(names)}; all in the report"
 
 
 def headline(found: Discovery, caveats: Sequence[Caveat] = ()) -> str:

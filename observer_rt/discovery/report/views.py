@@ -11,7 +11,7 @@ from observer_rt.discovery.findings import Findings, explained_share
 from observer_rt.discovery.opinion import Indicator
 from observer_rt.discovery.report.figures import Bars, gap_figure
 from observer_rt.discovery.report.printed_units import UNITS, Printed, printed, shown, sign, significant
-from observer_rt.discovery.report.text import candidate_words, where_words
+from observer_rt.discovery.report.text import candidate_words, visible_words, where_words
 from observer_rt.discovery.search import search
 from observer_rt.discovery.search.result import Candidate, Consequence, Discovery, FittedParameter, Verdict
 from observer_rt.evidence.operating_points import point_name
@@ -38,6 +38,7 @@ FOR_TEMPLATES = (
     "standstill_columns",
     "tiles",
     "title",
+    "visible_rows",
     "with_words",
 )
 _LONGEST_BAR = 120  # px
@@ -254,6 +255,29 @@ def learned(indicator: Indicator) -> str:
         return "not needed"
     step = significant(sigma)
     return f"{shown(value, step)} ± {shown(1.96 * sigma, step)} {sign(definition.unit)}"
+
+
+@dataclass(frozen=True)
+class VisibleRow:
+    """An effect: what it appears to be on the healthy injector, and the smallest size that would have been seen."""
+
+    id: str
+    apparent: str
+    smallest: str
+
+
+def visible_rows(findings: Findings) -> list[VisibleRow]:
+    """Of every effect that has a size."""
+    appears = {} if findings.healthy is None else findings.healthy.appears
+    rows = []
+    for one in findings.discovery.smallest_visible:
+        known, apparent = appears.get(one.id), "–"
+        if known is not None:
+            step = significant(max(known.uncertainty, known.scatter))
+            words = f"{shown(known.mean, step)} ± {shown(known.scatter, step)} {sign(known.unit)}"
+            apparent = f"{one.parameter} = {words.rstrip()}"
+        rows.append(VisibleRow(one.id, apparent, visible_words(one)))
+    return rows
 
 
 def found_size(found: Discovery, effect_id: str) -> str:

@@ -9,7 +9,7 @@ from observer_rt.discovery.search.result import Cell
 from observer_rt.estimation.phases import Phase, phase_statistics
 from observer_rt.evidence.likelihood import Evidence, Judged
 from observer_rt.evidence.pooled import Pool, Signal, normalised, phases_by_signal
-from observer_rt.model.baseline import Baseline
+from observer_rt.model.baseline import Appearance, Baseline, HealthyRemainder, HealthyShape, PhaseFigures
 from observer_rt.model.effective import EffectiveModel
 
 VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
@@ -19,16 +19,26 @@ SIGNIFICANT = 5.0  # standard deviations
 
 @dataclass(frozen=True)
 class HealthyBaseline:
-    """Variance and colour that healthy recordings leave in each phase: what the model itself does not explain.
+    """What the model leaves of the healthy injector: what counts is the difference from that.
 
-    trusted: nothing is named on the healthy recordings; gain: of what is named there, in -2 log L a sample: as much
-    is no evidence of anything else.
+    variance, colour: left in each phase; trusted: nothing is named on the healthy recordings; remainder: the shape of
+    what is left and what effects it appears to be, None where nothing is known of it.
     """
 
     variance: Mapping[tuple[Signal, Phase], float]
     colour: Mapping[tuple[Signal, Phase], float]
     trusted: bool = True
-    gain: float = 0.0
+    remainder: HealthyRemainder | None = None
+
+    @property
+    def shape(self) -> HealthyShape | None:
+        """Mean innovation of the healthy injector, which is taken out of the evidence."""
+        return None if self.remainder is None else self.remainder.shape
+
+    @property
+    def appears(self) -> Mapping[str, Appearance]:
+        """What effects the healthy injector appears to have, by id."""
+        return {} if self.remainder is None else self.remainder.appears
 
 
 NO_BASELINE = HealthyBaseline({}, {})
@@ -66,22 +76,37 @@ def cells_of(evidence: Evidence, judged: Sequence[Judged], model: EffectiveModel
     return tuple(result)
 
 
-def baseline_of(pool: Pool) -> HealthyBaseline:
-    """The baseline that healthy recordings set; never below what noise alone leaves."""
-    keys = [(signal, phase) for signal in pool for phase in Phase]
+def baseline_of(pool: Pool, remainder: HealthyRemainder, trusted: bool = True) -> HealthyBaseline:
+    """The baseline that healthy recordings set; never below what noise alone leaves. pool: of the measured rate."""
+    keys = [(Signal.INJECTION_RATE, phase) for phase in Phase if Signal.INJECTION_RATE in pool]
+    line = _of_line(remainder.variance, remainder.colour)
     return HealthyBaseline(
-        {(s, p): max(1.0, pool[s].variance(p)) for s, p in keys},
-        {(s, p): max(1.0, pool[s].colour(p)) for s, p in keys},
+        line[0] | {(s, p): max(1.0, pool[s].variance(p)) for s, p in keys},
+        line[1] | {(s, p): max(1.0, pool[s].colour(p)) for s, p in keys},
+        trusted,
+        remainder,
     )
 
 
-def baseline_of_fit(baseline: Baseline) -> HealthyBaseline:
-    """What a fitted injector file remembers; nothing is named by a model whose fit was not adequate."""
+def baseline_of_fit(baseline: Baseline, comparable: bool) -> HealthyBaseline:
+    """What a fitted injector file remembers; nothing is named by a model whose fit was not adequate.
+
+    comparable: whether the recordings have the sample rate of the fit's, so that innovations mean the same.
+    """
+    healthy = baseline.healthy if comparable else None
+    if healthy is None:
+        return HealthyBaseline(*_of_line(baseline.variance, baseline.colour), trusted=False)
+    return HealthyBaseline(*_of_line(healthy.variance, healthy.colour), baseline.adequate, healthy)
+
+
+_Figures = dict[tuple[Signal, Phase], float]
+
+
+def _of_line(variance: PhaseFigures, colour: PhaseFigures) -> tuple[_Figures, _Figures]:
     keys = [(Signal.LINE_PRESSURE, phase) for phase in Phase]
-    return HealthyBaseline(
-        {key: max(1.0, baseline.variance.at(key[1].name)) for key in keys},
-        {key: max(1.0, baseline.colour.at(key[1].name)) for key in keys},
-        trusted=baseline.adequate,
+    return (
+        {key: max(1.0, variance.at(key[1].name)) for key in keys},
+        {key: max(1.0, colour.at(key[1].name)) for key in keys},
     )
 
 

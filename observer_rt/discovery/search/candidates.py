@@ -1,9 +1,10 @@
 """Fitting candidates: the effects alone, then what a second one could add to the leaders."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
+from types import MappingProxyType
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -11,8 +12,10 @@ from numpy.typing import NDArray
 
 from observer_rt.discovery.search.hypothesis import Hypothesis, Sizing, minimum_from
 from observer_rt.discovery.search.result import Candidate
-from observer_rt.evidence.bounded_fit import MAX_ITERATIONS, Residuals, linearise
+from observer_rt.evidence.appearance import Reference, Signature, reference, signatures, smallest_visible
+from observer_rt.evidence.bounded_fit import MAX_ITERATIONS, Minimum, Residuals, linearise
 from observer_rt.evidence.likelihood import Evidence
+from observer_rt.model.baseline import Appearance
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 
@@ -59,13 +62,18 @@ class Fitter:
         workers: int = 1,
         memory: FitMemory | None = None,
         fitted: Callable[[Candidate], None] | None = None,
+        appears: Mapping[str, Appearance] = MappingProxyType({}),
     ) -> None:
-        """fitted: called with every fit as soon as it is there."""
+        """fitted: called with every fit as soon as it is there; appears: what the healthy injector
+        appears to have."""
         self.evidence = evidence
         self.nominal = nominal
         self._workers = workers
         self._memory = memory or NoMemory()
         self._fitted = fitted
+        self._appears = appears
+        self._signatures: dict[str, Signature] = {}
+        self._sigmas: dict[tuple[tuple[str, ...], tuple[float, ...]], NDArray[np.float64]] = {}
 
     def nothing(self) -> Candidate:
         """The nominal model."""
@@ -73,6 +81,41 @@ class Fitter:
         if residuals is None:
             raise ArithmeticError("the nominal model has no finite solution on these recordings")
         return Candidate(Hypothesis(), (), residuals.statistic)
+
+    def measure(self, effects: Sequence[Effect]) -> None:
+        """What a small size of every effect does to the residuals of the nominal model."""
+        judged = self.evidence.judge(self.nominal)
+        if judged is None:
+            raise ArithmeticError("the nominal model has no finite solution on these recordings")
+        found = self._each(lambda effect: signatures(self.evidence, self.nominal, judged, [effect]), effects)
+        self._signatures = {one.effect.id: one for each in found for one in each}
+
+    @property
+    def signatures(self) -> Sequence[Signature]:
+        """Of the effects measured."""
+        return tuple(self._signatures.values())
+
+    def reference(self, effect: Effect) -> Reference:
+        """The size an effect appears to have on the healthy injector, as these recordings see it."""
+        signature = self._signatures.get(effect.id)
+        return Reference(0.0, 0.0) if signature is None else reference(self._appears, signature)
+
+    def smallest_visible(self, signature: Signature) -> float:
+        """Size [SI] from which on an effect would have been told from noise and from the healthy injector."""
+        return smallest_visible(self._appears, signature)
+
+    def sigmas(self, candidate: Candidate) -> NDArray[np.float64]:
+        """Standard deviations of a candidate's sizes by noise, from the information there; inf where it has none."""
+        key = (candidate.ids, candidate.sizes)
+        if key not in self._sigmas:
+            sizing = Sizing(self.evidence, self.nominal, candidate.hypothesis)
+            residuals = sizing.residuals(candidate.theta)
+            if residuals is None or not candidate.hypothesis.effects:
+                return np.full(len(candidate.sizes), np.inf)
+            ranges = candidate.hypothesis.ranges()
+            at = Minimum(linearise(sizing, candidate.theta, residuals, ranges), converged=True)
+            self._sigmas[key] = at.sigmas() * np.sqrt(max(1.0, float(np.mean(residuals.z**2))))
+        return self._sigmas[key]
 
     def _fit_all(self, tasks: Sequence[_Task], max_iterations: int) -> list[Candidate]:
         """Fit hypotheses, each from its starts; those without a solution are left out."""

@@ -155,6 +155,15 @@ class Unexplained:
 
 
 @dataclass(frozen=True)
+class SmallestVisible:
+    """The size [SI] from which on an effect would have been seen in these recordings, by its first parameter."""
+
+    id: str
+    parameter: str
+    size: float
+
+
+@dataclass(frozen=True)
 class Discovery:
     """The answer to: which effect is missing?
 
@@ -162,7 +171,8 @@ class Discovery:
     same, but for `unknown` what explains most, which is not enough; effects: those of the named; rivals: combinations
     that explain the recordings as well; ranking: leaders, best first, with the nominal model; samples: independent
     innovations all this rests on; gain: of the winner over the nominal model, threshold: what it had to exceed;
-    before, after: cells of the nominal model and of the best; confidence: that the verdict is right.
+    before, after: cells of the nominal model and of the best; confidence: that the verdict is right;
+    smallest_visible: of every effect that has a size.
     """
 
     verdict: Verdict
@@ -182,3 +192,4 @@ class Discovery:
     after: tuple[Cell, ...]
     noise: NoiseLevels
     rate_noise: float | None  # m3/s, None without a measured rate
+    smallest_visible: tuple[SmallestVisible, ...] = ()

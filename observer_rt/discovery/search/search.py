@@ -1,5 +1,6 @@
 """The search for the missing effect: singles, pairs, and the verdict."""
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -8,13 +9,16 @@ import numpy as np
 
 from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, worst
 from observer_rt.discovery.search.candidates import Fitter
+from observer_rt.discovery.search.held_out import HeldOut
 from observer_rt.discovery.search.result import Candidate
 from observer_rt.evidence.pooled import pool_of
 from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effects import VOCABULARY
 
 ACCEPT = 25.0  # of -2 log L that an effect must gain, times the variance of the innovations left
-HEALTHY_GAIN = 1.5  # times what is gained, in vain, on healthy recordings
+DIFFERENT = (
+    5.0  # standard deviations by which a size must differ from what it appears to be on the healthy injector
+)
 RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
 TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
 LEADERS = 3  # singles that a second effect is added to
@@ -86,6 +90,7 @@ class Search:
         self._fitter = fitter
         self._effects = effects
         self._baseline = baseline
+        self._held_out = HeldOut(fitter.evidence, fitter.nominal)
 
     def run(self) -> Outcome:
         """Fit candidates until nothing more is worth adding; see `Outcome`."""
@@ -151,7 +156,11 @@ class Search:
             if gain <= threshold or candidate.statistic > limit:
                 continue
             if candidate.plausible:
-                return candidate
+                if self._is_new(candidate) and self._held_out.pays(
+                    candidate, min((smaller, *own), key=_statistic)
+                ):
+                    return candidate
+                continue
             if len(candidate.hypothesis.effects) == 1 and candidate.within_bounds:
                 # too small to matter, and yet it explains better than what would follow
                 limit = min(limit, candidate.statistic + TIE)
@@ -166,15 +175,31 @@ class Search:
             and len(other.hypothesis.effects) == size
             and other.statistic < winner.statistic + TIE
             and other.plausible
+            and self._is_new(other)
         )
 
+    def _is_new(self, candidate: Candidate) -> bool:
+        """Whether every size differs from what the effect appears to be on the healthy injector."""
+        if not self._baseline.appears:
+            return True
+        sigmas, place = self._fitter.sigmas(candidate), 0
+        for effect, values in zip(
+            candidate.hypothesis.effects, candidate.hypothesis.split(candidate.theta), strict=True
+        ):
+            healthy = self._fitter.reference(effect)
+            if values.size and abs(values[0] - healthy.mean) < DIFFERENT * math.hypot(
+                float(sigmas[place]), healthy.sigma
+            ):
+                return False
+            place += values.size
+        return True
+
     def _threshold(self, candidate: Candidate) -> float:
-        """What an effect must gain beside what a candidate leaves unexplained, and what healthy recordings gain."""
+        """What an effect must gain beside what a candidate leaves unexplained."""
         residuals = self._fitter.evidence.residuals(candidate.model(self._fitter.nominal))
         if residuals is None:
             return np.inf
-        variance = max(1.0, float(np.mean(residuals.z**2)))
-        return max(ACCEPT * variance, HEALTHY_GAIN * self._baseline.gain * residuals.z.size)
+        return ACCEPT * max(1.0, float(np.mean(residuals.z**2)))
 
     def _ratio(self, candidate: Candidate) -> float:
         """Of a candidate's worst phase to its limit."""
@@ -190,6 +215,10 @@ def _best_of_each(pairs: Sequence[Candidate]) -> list[Candidate]:
     for pair in sorted(pairs, key=price):
         best.setdefault(frozenset(pair.ids), pair)
     return list(best.values())
+
+
+def _statistic(candidate: Candidate) -> float:
+    return candidate.statistic
 
 
 def price(candidate: Candidate) -> float:

@@ -1,6 +1,5 @@
 """Which effect is missing: from recordings to the verdict."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,22 +16,24 @@ from observer_rt.discovery.search.candidates import FitMemory, Fitter
 from observer_rt.discovery.search.confidence import METHOD, WITH_A_WRONG_MODEL, confidence_of
 from observer_rt.discovery.search.consequences import consequence
 from observer_rt.discovery.search.decisive import decide_by
-from observer_rt.discovery.search.hypothesis import Sizing
+from observer_rt.discovery.search.held_out import HeldOut
 from observer_rt.discovery.search.result import (
     Candidate,
     Cell,
     Consequence,
     Discovery,
     FittedEffect,
+    SmallestVisible,
     Unexplained,
     Verdict,
 )
 from observer_rt.discovery.search.search import Outcome, Search, indistinguishable, representatives
 from observer_rt.discovery.search.unexplained import unexplained
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.evidence.bounded_fit import NORMAL_975, Minimum, fit, linearise
-from observer_rt.evidence.likelihood import Evidence, evidence_of
-from observer_rt.evidence.measurement import Measurement, every_second_point
+from observer_rt.evidence.appearance import healthy_remainder
+from observer_rt.evidence.bounded_fit import NORMAL_975
+from observer_rt.evidence.likelihood import evidence_of
+from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.pooled import pool_of
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.effective import EffectiveModel
@@ -69,7 +70,7 @@ def name_effects(
     answer to them.
     """
     options = options or SearchOptions()
-    evidence = evidence_of(found, nominal)
+    evidence = evidence_of(found, nominal, options.baseline.shape)
     effects = representatives()
     done = 0
 
@@ -81,7 +82,8 @@ def name_effects(
 
     if evidence.judge(nominal) is None:
         raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
-    fitter = Fitter(evidence, nominal, options.workers, options.memory, count)
+    fitter = Fitter(evidence, nominal, options.workers, options.memory, count, options.baseline.appears)
+    fitter.measure(effects)
     outcome = Search(fitter, effects, options.baseline).run()
     if options.chosen:
         outcome = _led_by(outcome, options.chosen)
@@ -108,23 +110,29 @@ def _led_by(found: Outcome, chosen: Sequence[str]) -> Outcome:
 
 
 def healthy_baseline(
-    nominal: EffectiveModel, found: Sequence[Measurement], workers: int = 1
+    nominal: EffectiveModel,
+    found: Sequence[Measurement],
+    workers: int = 1,
+    known: HealthyBaseline = NO_BASELINE,
 ) -> tuple[HealthyBaseline, Discovery]:
-    """What healthy recordings leave unexplained, and what discovery says of them: `none` for an adequate model."""
-    evidence = evidence_of(found, nominal)
+    """What healthy recordings leave unexplained, and what discovery says of them: `none` for an adequate model.
+
+    known: what the model's own fit remembers of the healthy injector.
+    """
+    evidence = evidence_of(found, nominal, known.shape)
     judged = evidence.judge(nominal)
     if judged is None:
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
-    discovery = name_effects(nominal, found, SearchOptions(workers))
-    baseline = baseline_of(pool_of(evidence, judged))
-    gain = discovery.gain / discovery.samples
-    return replace(baseline, trusted=discovery.verdict is Verdict.NONE, gain=gain), discovery
+    discovery = name_effects(nominal, found, SearchOptions(workers, baseline=known))
+    remainder = healthy_remainder(evidence, nominal, representatives(), known.remainder)
+    return baseline_of(pool_of(evidence, judged), remainder, discovery.verdict is Verdict.NONE), discovery
 
 
 class _Verdict:
     """The result of a search in the words of a `Discovery`."""
 
     def __init__(self, fitter: Fitter, found: Outcome, baseline: HealthyBaseline) -> None:
+        self._fitter = fitter
         self._nominal = fitter.nominal
         self._evidence = fitter.evidence
         self._found = found
@@ -166,6 +174,13 @@ class _Verdict:
                 )
             ),
             rate_noise=self._rate_noise(),
+            smallest_visible=self._smallest_visible(),
+        )
+
+    def _smallest_visible(self) -> tuple[SmallestVisible, ...]:
+        return tuple(
+            SmallestVisible(one.effect.id, one.effect.parameters[0].name, self._fitter.smallest_visible(one))
+            for one in self._fitter.signatures
         )
 
     def _samples(self) -> int:
@@ -208,14 +223,15 @@ class _Verdict:
         return without.statistic - winner.statistic
 
     def _with_intervals(self, one: Candidate) -> Candidate:
-        """A candidate with the intervals of its sizes, from the information at the minimum."""
-        sizing = Sizing(self._evidence, self._nominal, one.hypothesis)
-        residuals = sizing.residuals(one.theta)
-        if residuals is None or not one.hypothesis.effects:
-            return replace(one, half=(math.inf,) * len(one.sizes))
-        at = Minimum(linearise(sizing, one.theta, residuals, one.hypothesis.ranges()), converged=True)
-        spread = math.sqrt(max(1.0, float(np.mean(residuals.z**2))))
-        return replace(one, half=tuple((INTERVAL_MARGIN * NORMAL_975 * at.sigmas() * spread).tolist()))
+        """A candidate with the intervals of its sizes: by the information at the minimum, and by how much the effect
+        appears to be now more, now less, on the healthy injector."""
+        variances = (INTERVAL_MARGIN * self._fitter.sigmas(one)) ** 2
+        place = 0
+        for effect in one.hypothesis.effects:
+            if effect.parameters:
+                variances[place] += self._fitter.reference(effect).sigma ** 2
+            place += len(effect.parameters)
+        return replace(one, half=tuple((NORMAL_975 * np.sqrt(variances)).tolist()))
 
     def _moves(self, before: EffectiveModel, after: EffectiveModel) -> Consequence:
         return consequence([trial.measurement for trial in self._evidence.trials], before, after)
@@ -225,24 +241,15 @@ class _Verdict:
         found = self._found
         leaders = sorted(found.fitted, key=lambda one: one.statistic)[:RANKED]
         chosen = dict.fromkeys((*leaders, found.winner, *found.rivals, found.nominal))
-        first, second = every_second_point([trial.measurement for trial in self._evidence.trials])
-        fitted, held = (Evidence([self._evidence.trials[i] for i in part]) for part in (first, second))
+        held_out = HeldOut(self._evidence, self._nominal)
         return tuple(
             replace(
                 self._with_intervals(one),
-                held_out=self._held_out(one, fitted, held) if second else math.nan,
+                held_out=held_out.statistic(one),
                 moves=self._moves(self._nominal, one.model(self._nominal)),
             )
             for one in sorted(chosen, key=lambda one: one.statistic)
         )
-
-    def _held_out(self, one: Candidate, fitted: Evidence, held: Evidence) -> float:
-        """-2 log L on the held-out recordings with the sizes fitted to the others."""
-        again = fit(Sizing(fitted, self._nominal, one.hypothesis), one.theta, one.hypothesis.ranges())
-        if again is None:
-            return math.inf
-        residuals = held.residuals(one.hypothesis.model(self._nominal, again.at.theta))
-        return math.inf if residuals is None else residuals.statistic
 
     def _cells(self, one: Candidate) -> tuple[Cell, ...]:
         model = one.model(self._nominal)

@@ -13,7 +13,7 @@ from observer_rt.discovery.search.adequacy import (
 )
 from observer_rt.estimation.phases import Phase, phase_statistics
 from observer_rt.evidence.pooled import Pool, Signal
-from observer_rt.model.baseline import Baseline
+from observer_rt.model.baseline import Baseline, HealthyRemainder, HealthyShape
 
 N = 5000
 
@@ -25,6 +25,13 @@ def _pool(scale: float = 1.0, shift: float = 0.0, phase: Phase = Phase.OPEN) -> 
     chosen = phases == phase
     z[chosen] = scale * z[chosen] + shift
     return {Signal.LINE_PRESSURE: phase_statistics(z, 1.0, phases, 0)}
+
+
+def _remainder(variance: float) -> HealthyRemainder:
+    """Of a healthy injector whose open phase leaves this much."""
+    left = dict.fromkeys(("standstill", "opening", "open", "closing", "after"), 1.0) | {"open": variance}
+    nothing = dict.fromkeys(HealthyShape.model_fields, ())
+    return HealthyRemainder.model_validate({"variance": left, "colour": left, "shape": nothing})
 
 
 def test_white_innovations_are_adequate() -> None:
@@ -45,23 +52,32 @@ def test_a_small_lasting_shift_shows_in_the_means_of_blocks() -> None:
 
 
 def test_what_healthy_recordings_leave_is_adequate_again() -> None:
-    baseline = baseline_of(_pool(scale=1.4))
+    baseline = baseline_of({}, _remainder(1.4**2))
     assert worst(_pool(scale=1.4), baseline).ratio <= 1.0
     assert worst(_pool(scale=2.0), baseline).ratio > 1.0
 
 
 def test_a_baseline_is_never_below_noise() -> None:
-    assert baseline_of(_pool(scale=0.5)).variance[Signal.LINE_PRESSURE, Phase.OPEN] == 1.0
+    assert baseline_of({}, _remainder(0.25)).variance[Signal.LINE_PRESSURE, Phase.OPEN] == 1.0
 
 
-def test_no_baseline_is_trusted_and_gains_nothing() -> None:
+def test_a_measured_rate_has_a_baseline_of_its_own() -> None:
+    of_rate = {Signal.INJECTION_RATE: _pool(scale=1.4)[Signal.LINE_PRESSURE]}
+    baseline = baseline_of(of_rate, _remainder(1.0))
+    assert worst(of_rate, baseline).ratio <= 1.0
+    assert worst(_pool(scale=1.4), baseline).ratio > 1.0
+
+
+def test_no_baseline_is_trusted_and_knows_nothing() -> None:
     assert HealthyBaseline({}, {}) == NO_BASELINE
     assert NO_BASELINE.trusted
-    assert NO_BASELINE.gain == 0.0
+    assert NO_BASELINE.shape is None
+    assert not NO_BASELINE.appears
 
 
 @pytest.mark.parametrize("adequate", [True, False])
-def test_a_fitted_file_is_a_baseline(adequate: bool) -> None:
+@pytest.mark.parametrize("comparable", [True, False])
+def test_a_fitted_file_is_a_baseline(adequate: bool, comparable: bool) -> None:
     left = dict.fromkeys(("standstill", "opening", "open", "closing", "after"), 1.0)
     of_file = Baseline.model_validate(
         {
@@ -71,13 +87,33 @@ def test_a_fitted_file_is_a_baseline(adequate: bool) -> None:
             "sample_rate_Hz": 1e5,
             "injections": 36,
             "rail_pressure_MPa": (60.0, 140.0),
-            "variance": left | {"open": 1.96},
+            "variance": left | {"after": 1.96},
             "chi2": left,
-            "colour": left | {"open": 1.96},
+            "colour": left | {"after": 1.96},
+            "noise": {"rail_pressure_MPa": 0.1, "line_pressure_MPa": 0.15, "needle_lift_um": 0.4},
+            "healthy": _remainder(1.96),
+        }
+    )
+    baseline = baseline_of_fit(of_file, comparable)
+    explained, other = (Phase.OPEN, Phase.AFTER) if comparable else (Phase.AFTER, Phase.OPEN)
+    assert baseline.trusted is (adequate and comparable)
+    assert worst(_pool(scale=1.4, phase=explained), baseline).ratio <= 1.0
+    assert worst(_pool(scale=1.4, phase=other), baseline).ratio > 1.0
+
+
+def test_a_file_fitted_before_the_healthy_injector_was_kept_is_not_trusted() -> None:
+    of_file = Baseline.model_validate(
+        {
+            "adequate": True,
+            "level": "file",
+            "mass_share": 0.002,
+            "sample_rate_Hz": 1e5,
+            "injections": 36,
+            "rail_pressure_MPa": (60.0, 140.0),
+            "variance": {},
+            "chi2": {},
+            "colour": {},
             "noise": {"rail_pressure_MPa": 0.1, "line_pressure_MPa": 0.15, "needle_lift_um": 0.4},
         }
     )
-    baseline = baseline_of_fit(of_file)
-    assert baseline.trusted is adequate
-    assert worst(_pool(scale=1.4), baseline).ratio <= 1.0
-    assert worst(_pool(scale=1.4, phase=Phase.AFTER), baseline).ratio > 1.0
+    assert not baseline_of_fit(of_file, comparable=True).trusted

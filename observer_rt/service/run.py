@@ -73,7 +73,7 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         if trouble := compiled_code().trouble:
             log.say(Topic.START, f"warning: {trouble}\n  remedy: {compiled_code().remedy}")
         for alone, bus in zip(bench.each, mapped.injectors, strict=True):
-            warm_up(alone, bus)
+            warm_up(alone, bus, stop)
         notifier.ready()
         granted = lock_memory(rights())
         leave_to_loops(own)

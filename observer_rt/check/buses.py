@@ -1,23 +1,36 @@
 """Findings about the buses of a bench: what is on which, whose stamps can be compared, names and identifiers."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.mapping.bench_map import BenchMap, in_common
+from observer_rt.bus.mapping.bench_map import BenchMap, in_common, map_bench
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.timing import Joining, Numbering
-from observer_rt.check.findings import Finding, Level, graded
+from observer_rt.check.findings import Finding, Level, graded, refused
 from observer_rt.check.load import load_findings
 from observer_rt.config.bench import Bench
+from observer_rt.foundation.errors import UserError
 
 _OUTPUT_KEYS = " (of results: outputs.injection_rate_id, injection_summary_id, status_id in the bench file)"
+
+
+def refuse_errors(bench: Bench) -> None:
+    """Raise `UserError` for the first of all errors about the buses of a bench."""
+    errors = [each.error for each in buses_findings(bench, map_bench(bench)) if each.error is not None]
+    if not errors:
+        return
+    first, *others = errors
+    more = f"; `observer-rt check` names {len(others)} more" if others else ""
+    raise UserError(first.place, first.problem, first.remedy + more)
 
 
 def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
     """All findings about the buses, those of their load where every message fits its kind of frame."""
     findings = _carried(bench, mapped) + _stamps(bench, mapped)
-    findings += _results(bench, mapped) + _identifiers(mapped) + _databases(mapped)
+    findings += _results(bench, mapped) + _identifiers(bench, mapped) + _databases(mapped)
     frames = [
         finding for number in range(len(bench.config.buses)) for finding in _frames(bench, mapped, number)
     ]
@@ -71,24 +84,31 @@ def _needs_stamps(bus: BusMap) -> bool:
 
 
 def _results(bench: Bench, mapped: BenchMap) -> list[Finding]:
-    """What several injectors cannot have in common: the messages of their results, and what tells these apart."""
-    return [
-        Finding("outputs", Level.ERROR, f"{' and '.join(names)} have one {what}; give each its own")
-        for what, names in in_common(bench, mapped)
-    ]
+    """What results cannot have in common: their messages and, of several injectors, what tells them apart."""
+    findings = []
+    for what, names in in_common(bench, mapped):
+        is_of_one = len(set(names)) == 1
+        owners = f"{len(names)} results" if is_of_one else " and ".join(names)
+        place = f"{bench.path}: {'outputs' if is_of_one else 'injectors'}"
+        findings.append(
+            refused("outputs", UserError(place, f"{owners} have one {what}", "give each its own"))
+        )
+    return findings
 
 
-def _identifiers(mapped: BenchMap) -> list[Finding]:
+def _identifiers(bench: Bench, mapped: BenchMap) -> list[Finding]:
     owners: dict[int, list[MessageLayout]] = {}
     for layout in mapped.layouts:
         key = frame_key(layout.frame_id, layout.is_extended, layout.bus)
         owners.setdefault(key, []).append(layout)
     clashes = [
-        Finding(
+        refused(
             "identifiers",
-            Level.ERROR,
-            f"{' and '.join(map(mapped.name_of, layouts))} share 0x{key & 0x1FFFFFFF:X}; give every message its own "
-            f"identifier{_OUTPUT_KEYS}",
+            UserError(
+                _place_of(bench, mapped, layouts),
+                f"{' and '.join(map(mapped.name_of, layouts))} share 0x{key & 0x1FFFFFFF:X}",
+                f"give every message its own identifier{_OUTPUT_KEYS}",
+            ),
         )
         for key, layouts in owners.items()
         if len(layouts) > 1
@@ -106,6 +126,23 @@ def _identifiers(mapped: BenchMap) -> list[Finding]:
         if message.key in owners and (message.name, message.bus) not in used
     ]
     return clashes + others or [Finding("identifiers", Level.OK, f"{len(owners)} messages, all different")]
+
+
+def _place_of(bench: Bench, mapped: BenchMap, layouts: Sequence[MessageLayout]) -> str:
+    """The key to change where messages share an identifier: that of a result, one that is stated before others."""
+    place = f"{bench.path}: signals"
+    for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
+        outputs = injector.config.outputs
+        for layout, key, stated in (
+            (bus.rate and bus.rate.layout, "injection_rate_id", outputs.injection_rate_id),
+            (bus.summary.layout, "injection_summary_id", outputs.injection_summary_id),
+            (bus.status.layout, "status_id", outputs.status_id),
+        ):
+            if layout in layouts:
+                place = injector.place(f"outputs.{key}")
+                if stated is not None:
+                    return place
+    return place
 
 
 def _databases(mapped: BenchMap) -> list[Finding]:
@@ -128,8 +165,8 @@ def _frames(bench: Bench, mapped: BenchMap, number: int) -> list[Finding]:
     link = bench.config.buses[number]
     for layout in (layout for layout in mapped.layouts if layout.bus == number):
         if layout.is_fd and not link.config.fd:
-            problem = (
-                f"{layout.name} is a CAN FD message, but {link.place}.fd is false; set {link.place}.fd = true"
-            )
-            findings.append(Finding("frames", Level.ERROR, problem))
+            place = f"{link.place}.fd"
+            problem = f"{layout.name} is a CAN FD message, but {place} is false"
+            error = UserError(f"{bench.path}: {place}", problem, f"set {place} = true")
+            findings.append(refused("frames", error))
     return findings

@@ -1,7 +1,7 @@
 """What a check found, for the screen and for programs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -31,6 +31,8 @@ class Finding:
     topic: str
     level: Level
     text: str
+    error: UserError | None = field(default=None, compare=False)
+    """What a command raises that does not go on with it."""
 
 
 def graded(topic: str, is_good: bool, text: str, remedy: str = "") -> Finding:
@@ -42,8 +44,16 @@ def graded(topic: str, is_good: bool, text: str, remedy: str = "") -> Finding:
 
 def failed(topic: str, error: UserError) -> Finding:
     """The finding that a file of the user must change."""
-    remedy = f"; {error.remedy}" if error.remedy else ""
-    return Finding(topic, Level.ERROR, f"{error.place}: {error.problem}{remedy}")
+    return Finding(topic, Level.ERROR, f"{error.place}: {_said(error)}", error)
+
+
+def refused(topic: str, error: UserError) -> Finding:
+    """The same, of a bench file that is known: its text says no place."""
+    return Finding(topic, Level.ERROR, _said(error), error)
+
+
+def _said(error: UserError) -> str:
+    return f"{error.problem}; {error.remedy}" if error.remedy else error.problem
 
 
 def as_table(findings: Sequence[Finding]) -> Table:

@@ -6,15 +6,17 @@ from dataclasses import dataclass
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bench_map import BenchMap
 from observer_rt.bus.mapping.load import frame_time
-from observer_rt.check.findings import Finding, Level
+from observer_rt.check.findings import Finding, Level, refused
 from observer_rt.config.bench import Bench
 from observer_rt.config.links import LinkConfig
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.recording.replay.framing import message_timing
 
 INJECTIONS_PER_SECOND = 17.0
 WINDOW = 6 * MILLISECOND  # of samples that a windowed source sends for an injection
 HIGH_LOAD = 0.6
+_LESS = "state the rates this bus has, sample slower, or spread the messages over several buses"
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ def load_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
     findings = []
     for number, link in enumerate(links):
         on = f"{link.label}, " if len(links) > 1 else ""
-        findings += _load_findings(expected_load(bench, mapped, number), link.config, on)
+        place = f"{bench.path}: {link.place}"
+        findings += _load_findings(expected_load(bench, mapped, number), link.config, on, place)
     return findings
 
 
@@ -100,26 +103,27 @@ def _results(bench: Bench, mapped: BenchMap) -> Iterator[_Traffic]:
         yield _Traffic(bus.status.layout, len(bus.status.pages), often=1 / period)
 
 
-def _load_findings(load: BusLoad, link: LinkConfig, on: str) -> list[Finding]:
-    """on: which bus it is, where there are several."""
+def _load_findings(load: BusLoad, link: LinkConfig, on: str, place: str) -> list[Finding]:
+    """on: which bus it is, where there are several; place: its section of the bench file."""
     rates = f"at {link.bit_rate / 1e3:g}k{f'/{link.data_bit_rate / 1e6:g}M' if link.fd else ''} bit/s"
     windowed = (
         f"{on}windowed, {INJECTIONS_PER_SECOND:g} injections/s of {WINDOW / MILLISECOND:g} ms: "
         f"{load.windowed:.0%} {rates}"
     )
     continuous = f"{on}continuous: {load.continuous:.0%} {rates}"
+    if load.windowed > 1.0:
+        key = f"{place}.{'data_bit_rate' if link.fd else 'bit_rate'}"
+        return [refused("bus load", UserError(key, text, _LESS)) for text in (windowed, continuous)]
     return [
-        Finding("bus load", _level(load.windowed, load.windowed), windowed),
+        Finding("bus load", _level(load.windowed), windowed),
         Finding(
             "bus load",
-            _level(load.continuous, load.windowed),
+            _level(load.continuous),
             f"{continuous}; the source must send windowed" if load.continuous > 1.0 else continuous,
         ),
     ]
 
 
-def _level(load: float, at_least: float) -> Level:
-    """Of a load [share], when another way of sending would need `at_least`."""
-    if load <= HIGH_LOAD:
-        return Level.OK
-    return Level.ERROR if at_least > 1.0 else Level.WARNING
+def _level(load: float) -> Level:
+    """Of a load [share] that can be carried in one way of sending or the other."""
+    return Level.OK if load <= HIGH_LOAD else Level.WARNING

@@ -159,7 +159,7 @@ class Demo:
         inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]
         with contextlib.ExitStack() as stack:
             interrupted = stack.enter_context(stop_on_signals())
-            warm_up(self.bench, bus)
+            warm_up(self.bench, bus, interrupted)
             player_link = stack.enter_context(_open(self.link, []))
             daemon_link = stack.enter_context(_open(self.link, inputs))
             assert bus.rate is not None  # the example bench publishes it

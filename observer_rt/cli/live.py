@@ -85,9 +85,11 @@ def run(
             "is missing",
             "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from",
         )
+    from observer_rt.check.buses import refuse_errors
     from observer_rt.service.run import RunOptions, serve
 
     chosen = load_bench(bench, lenient=lenient).of(injector)
+    refuse_errors(chosen)
     serve(chosen, RunOptions(state, view, as_json, log, journal), messages)
 
 

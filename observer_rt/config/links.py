@@ -20,7 +20,7 @@ class LinkConfig(Section):
     interface: str = "socketcan"
     channel: str = "can0"
     fd: bool = True
-    bit_rate: Positive = 500e3  # bit/s, for `check`
+    bit_rate: Positive = 500e3  # bit/s, for the rules of `check`
     data_bit_rate: Positive = 5e6
 
 

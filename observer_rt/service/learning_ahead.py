@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 
@@ -29,11 +30,18 @@ from observer_rt.service.own_injections import BEFORE, INJECTIONS, own_injection
 _PACKAGE_FOLDER = Path(__file__).parents[2]
 _LEAD = 500  # samples of a window before its opening
 _OPEN = 5e-6  # m
+_LOOK = 0.05  # s between two looks whether the other process has ended
 
 
 @contextmanager
-def learning_compiled_beside(fitted: BenchInjector) -> Iterator[Callable[[], object]]:
-    """Have another process compile what an injector's learning calls; to be called: waits until it has."""
+def learning_compiled_beside(
+    fitted: BenchInjector, stop: Event | None = None
+) -> Iterator[Callable[[], object]]:
+    """Have another process compile what an injector's learning calls; to be called: waits until it has.
+
+    It waits no longer once `stop` is set.
+    """
+    stop = stop or Event()
     paths = (str(_PACKAGE_FOLDER), os.environ.get("PYTHONPATH", ""))
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", f"from {__name__} import serve; serve()"],
@@ -47,7 +55,14 @@ def learning_compiled_beside(fitted: BenchInjector) -> Iterator[Callable[[], obj
         assert process.stdin is not None
         with suppress(BrokenPipeError), process.stdin as pipe:
             pickle.dump(fitted, pipe)
-        yield process.wait
+
+        def wait() -> int | None:
+            """Its exit code; None: it goes on."""
+            while process.poll() is None and not stop.wait(_LOOK):
+                pass
+            return process.returncode
+
+        yield wait
     finally:
         process.kill()
         process.wait()

@@ -51,7 +51,7 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
     Raises `UserError` for files that do not fit, `RunError` when links fail.
     """
     mapped = map_bench(bench)
-    refuse_shared(bench, mapped, options.state, options.journal)
+    refuse_shared(bench, options.state, options.journal)
     has_view = options.view and console.is_terminal
     notifier = Notifier()
     with ExitStack() as stack:
@@ -73,7 +73,7 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         if trouble := compiled_code().trouble:
             log.say(Topic.START, f"warning: {trouble}\n  remedy: {compiled_code().remedy}")
         for alone, bus in zip(bench.each, mapped.injectors, strict=True):
-            warm_up(alone, bus)
+            warm_up(alone, bus, stop)
         notifier.ready()
         granted = lock_memory(rights())
         leave_to_loops(own)

@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 
 from observer_rt.bus.links.shared import SharedBus
-from observer_rt.bus.mapping.bench_map import BenchMap, in_common
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import NAME_PLACE
@@ -39,11 +38,8 @@ def shared_buses(bench: Bench, maps: Iterable[BusMap]) -> dict[int, SharedBus]:
     return shared
 
 
-def refuse_shared(bench: Bench, mapped: BenchMap, state: Path | None, journal: Path | None) -> None:
-    """Raise `UserError` where injectors would have one message of results or one file.
-
-    state, journal: files given on the command line.
-    """
+def refuse_shared(bench: Bench, state: Path | None, journal: Path | None) -> None:
+    """Raise `UserError` where several injectors would have one file of the command line."""
     names = [injector.name for injector in bench.injectors]
     for option, key, path in (("--state", "file", state), ("--journal", "journal", journal)):
         if path is not None and len(names) > 1:
@@ -52,9 +48,3 @@ def refuse_shared(bench: Bench, mapped: BenchMap, state: Path | None, journal: P
                 f"is one file for {len(names)} injectors: {', '.join(names)}",
                 f'leave it out, and state [state] {key} = "{path.stem}_{NAME_PLACE}{path.suffix}" in the bench file',
             )
-    for what, owners in in_common(bench, mapped):
-        raise UserError(
-            f"{bench.path}: injectors",
-            f"{' and '.join(owners)} have one {what}",
-            "give each its own; `observer-rt check` names all of them",
-        )

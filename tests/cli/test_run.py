@@ -230,6 +230,69 @@ def test_bench_file_is_required(command: Command) -> None:
     assert "--print-example-bench" in outcome.err
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "place", "said"),
+    [
+        (
+            "# injection_rate_id = 0x200",
+            "injection_rate_id = 0x100",
+            "outputs.injection_rate_id",
+            "SampleBlock and InjectionRate share 0x100",
+        ),
+        (
+            "# injection_rate_id = 0x200",
+            "injection_rate_id = 0x201",
+            "outputs.injection_rate_id",
+            "InjectionRate and InjectionSummary share 0x201",
+        ),
+        (
+            "# status_id = 0x211",
+            "status_id = 0x200",
+            "outputs.status_id",
+            "InjectionRate and ObserverStatus share",
+        ),
+        (
+            'status = "ObserverStatus"',
+            'status = "InjectionSummary"',
+            "outputs",
+            "2 results have one the message",
+        ),
+        ('status = "ObserverStatus"', 'status = "SampleBlock"', "outputs.status_id", "share 0x100"),
+        (
+            'status = "ObserverStatus"',
+            'status = "Nothing"',
+            "outputs.status",
+            "message Nothing not in the bus database",
+        ),
+        ("fd = true", "fd = false", "link.fd", "SampleBlock is a CAN FD message, but link.fd is false"),
+        ("rate_hz = 50e3", "rate_hz = 500e3", "link.data_bit_rate", "17 injections/s of 6 ms: 130%"),
+        ("rate_hz = 50e3", "rate_hz = 1e3", "sampling.rate_hz", "integration steps a sample"),
+    ],
+)
+def test_what_check_calls_an_error_does_not_start(
+    command: Command, bench: Path, old: str, new: str, place: str, said: str
+) -> None:
+    text = bench.read_text()
+    assert old in text
+    bench.write_text(text.replace(old, new, 1))
+    assert command("check", "--bench", bench).code == 1
+    outcome = command("run", "--bench", bench)
+    assert outcome.code == 2
+    error, remedy = outcome.err.splitlines()
+    assert error.startswith(f"error: {bench}: {place}: ")
+    assert said in error
+    assert remedy.startswith("  remedy: ")
+
+
+def test_what_check_only_warns_of_starts(
+    command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.write_text(bench.read_text().replace("needle_lift_um = 0.4", "needle_lift_um = 10"))
+    give_link(monkeypatch, ScriptedLink((), RunError("that was it")))
+    outcome = command("run", "--bench", bench)
+    assert (outcome.code, "INFO start: ready" in outcome.err) == (1, True)
+
+
 @pytest.mark.parametrize("state", ["no/learned.json", "."])
 def test_state_that_could_not_be_saved_is_refused_at_the_start(
     command: Command, bench: Path, tmp_path: Path, state: str

@@ -153,6 +153,8 @@ class CompiledPump(FramePump):
                     self._take_input()
                     continue
                 self._may_go_on.clear()
+                if self._pump.memory["is_to_stop"][0]:  # nobody answers any more
+                    return
                 self._waits.set()
                 os.eventfd_write(self._wake, 1)
                 self._may_go_on.wait()

@@ -223,6 +223,22 @@ def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
     assert not it.unsent
 
 
+def test_it_ends_while_the_stream_waits_for_a_verdict(tmp_path: Path) -> None:
+    """Nobody gives one any more: the loop is not to wait for it."""
+    path = bench_file(tmp_path, "0")
+    worn = worn_recording(2)
+    with pumped(path) as it:
+        for frame in Framer(map_bus(load_bench(path))).frames(worn, whole(worn)):
+            if it.core.compiled.observer.memory["waiting"][0] or not it.device.has_room():
+                break
+            it.device.send([frame])
+        until(lambda: bool(it.core.compiled.observer.memory["waiting"][0]))
+        closing = threading.Thread(target=it.pump.finish, daemon=True)
+        closing.start()
+        closing.join(60.0)
+        assert not closing.is_alive()
+
+
 def test_a_device_that_goes_away_is_said(tmp_path: Path) -> None:
     with connected(bench_file(tmp_path, "0")) as (device, daemon):
         device.close()

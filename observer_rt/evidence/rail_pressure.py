@@ -23,8 +23,8 @@ def smoothing_of(interval: float) -> float:
 def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.float64]:
     """Rail pressure [Pa] (n,), smoothed, of a channel that records it `delay` [s] late.
 
-    The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass as they are. A rail at rest during
-    events is not moved: to move its noise is to draw another noise, which some delay always likes.
+    The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass as they are. A rail at rest
+    during events is not moved: to move its noise is to draw another noise, which some delay always likes.
     """
     rail = measurement.recording.rail_pressure
     late, width = delay / measurement.interval, smoothing_of(measurement.interval) / measurement.interval

@@ -11,8 +11,9 @@ import pytest
 
 LIB = Path(__file__).parents[2] / "tools" / "lib"
 OBTAIN = """
-import sys
+import os, platform, sys
 from pathlib import Path
+platform.freedesktop_os_release = lambda: {"ID": os.environ["SYSTEM"]}
 sys.path.insert(0, sys.argv[1])
 from say import UnableError
 from uml_choice import obtain_kernel
@@ -25,8 +26,16 @@ except UnableError as error:
 PANICS = 'echo "ptrace set fp regs failed, errno = 14"; echo "Kernel panic - not syncing"; exit 134'
 # The command's exit code goes to the last descriptor of the third serial line.
 BOOTS = "for word; do case $word in ssl2=*) answer=${word##*fd:};; esac; done; echo 0 >/proc/self/fd/$answer"
-# As apt-get download and dpkg-deb -x would: "packages" are folders.
-APT = 'for word; do last=$word; done; [ -d "$SHELF/$last" ] && cp -r "$SHELF/$last" "${last}_1.deb"; exit 0'
+# As apt-get and dpkg-deb -x would: "packages" are folders. Archives beside the system's go into "sources".
+APT = """
+case " $* " in *" indextargets "*) echo $MIRRORS; exit;; esac
+for word; do
+    case $word in Dir::Etc::SourceList=*) cat "${word#*=}" >>"$SHELF/sources";; esac
+    last=$word
+done
+[ -d "$SHELF/$last" ] && cp -r "$SHELF/$last" "${last}_1.deb"
+exit 0
+"""
 DPKG = 'mkdir -p "$3"; cp -r "$2"/. "$3"'
 ASKS_FOR_LOADER = "# /lib64/ld-linux-x86-64.so.2\0"
 MODULES = ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan")
@@ -50,7 +59,7 @@ def write_kernel(root: Path, script: str) -> Path:
 
 
 class Machine:
-    """A machine of its own: its cache, its installed system, what its archives have."""
+    """A machine of its own: its cache, its installed system, what its archives have, and where they are."""
 
     def __init__(self, folder: Path) -> None:
         self.cache = folder / "cache/observer_rt_tools/user-mode-linux"
@@ -58,6 +67,9 @@ class Machine:
         self.shelf = folder / "shelf"
         self._programs = folder / "programs"
         self._folder = folder
+        self.mirrors = "http://mirror.invalid/debian/"
+        self.variables: dict[str, str] = {}
+        self.shelf.mkdir()
         write_program(self._programs / "apt-get", APT)
         write_program(self._programs / "dpkg-deb", DPKG)
 
@@ -69,6 +81,11 @@ class Machine:
         loader.touch()
         (self.shelf / "debian-archive-keyring").mkdir()
 
+    def sources(self) -> set[str]:
+        """Archives asked beside the system's own, as in sources.list without the options."""
+        noted = self.shelf / "sources"
+        return {line.split("] ")[1] for line in noted.read_text().splitlines()} if noted.exists() else set()
+
     def start(self) -> subprocess.Popen[str]:
         return subprocess.Popen(
             [sys.executable, "-c", OBTAIN, str(LIB), str(self.system)],
@@ -77,7 +94,11 @@ class Machine:
                 "XDG_CACHE_HOME": str(self._folder / "cache"),
                 "PATH": f"{self._programs}:{os.environ['PATH']}",
                 "SHELF": str(self.shelf),
-            },
+                "SYSTEM": "debian",
+                "MIRRORS": self.mirrors,
+                "VCAN_DEBIAN_ARCHIVE": "",
+            }
+            | self.variables,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -126,6 +147,39 @@ def test_newest_brings_its_c_library(machine: Machine) -> None:
     assert chosen.parents[2].name == "newest"
     assert b"/lib64/" not in chosen.read_bytes()
     assert ASKS_FOR_LOADER.encode()[len("# /lib64/") :] in chosen.read_bytes()
+
+
+def test_newest_comes_from_the_mirrors_of_a_debian_system(machine: Machine) -> None:
+    machine.mirrors = "http://a.invalid/debian/ http://b.invalid/debian http://a.invalid/debian"
+    (machine.shelf / "debian-archive-keyring").mkdir()  # and nothing else, so that each is asked
+    machine.obtain()
+    assert machine.sources() == {f"http://{mirror}.invalid/debian testing main" for mirror in "ab"}
+
+
+def test_newest_comes_from_the_archive_named(machine: Machine) -> None:
+    machine.variables = {"SYSTEM": "ubuntu", "VCAN_DEBIAN_ARCHIVE": "http://c.invalid/debian sid main"}
+    machine.offer(BOOTS)
+    assert machine.obtain()[0] == str(machine.cache / "newest/usr/bin/linux.uml")
+    assert machine.sources() == {"http://c.invalid/debian sid main"}
+
+
+@pytest.mark.parametrize("system", ["debian", "ubuntu"])
+def test_where_no_archive_is_known_the_systems_own_kernel_is_taken(machine: Machine, system: str) -> None:
+    """One line says what names an archive; none is asked that neither the system nor the user names."""
+    machine.variables = {"SYSTEM": system}
+    machine.mirrors = "http://a.invalid/ubuntu" if system == "ubuntu" else ""
+    machine.offer(BOOTS)
+    chosen, said = machine.obtain()
+    assert chosen == str(machine.cache / "distribution/usr/bin/linux.uml")
+    assert said.count('VCAN_DEBIAN_ARCHIVE takes one: "URL suite component"\n') == 1
+    assert machine.sources() == set()
+
+
+def test_where_no_archive_is_known_and_the_system_has_no_kernel(machine: Machine) -> None:
+    machine.variables = {"SYSTEM": "ubuntu"}
+    chosen, said = machine.obtain()
+    assert chosen == ""
+    assert 'MEND export VCAN_DEBIAN_ARCHIVE="URL suite component"' in said
 
 
 def test_none_boots(machine: Machine) -> None:

@@ -7,14 +7,14 @@ import platform
 import subprocess
 from pathlib import Path
 
-from say import KernelError
+from say import KernelError, say
 from uml_kernel import bring_library
 
 PACKAGE = "user-mode-linux"
 LIBRARY_PACKAGE = "libc6"  # the newest kernel asks for a newer one than older systems have
-# A Debian archive as in sources.list, that is "URL suite component", instead of those tried in turn.
+# A Debian archive as in sources.list, that is "URL suite component", instead of a Debian system's own.
 ARCHIVE_VARIABLE = "VCAN_DEBIAN_ARCHIVE"
-PUBLIC_ARCHIVE, NEWEST = "http://deb.debian.org/debian", "testing main"
+NEWEST = "testing main"
 # Ubuntu carries Debian's keys, so that the chain of signatures stays whole.
 KEYRING_PACKAGE = "debian-archive-keyring"
 KEYRING = "usr/share/keyrings/debian-archive-keyring.gpg"
@@ -22,6 +22,12 @@ KEYRING = "usr/share/keyrings/debian-archive-keyring.gpg"
 
 def unpack_newest(folder: Path) -> Path:
     """Root of Debian testing's kernel with its C library, unpacked below `folder`; raises KernelError."""
+    sources = archives()
+    if not sources:
+        # Said at once, for an older kernel may be found elsewhere, and boot.
+        say(f'this system names no archive of Debian; {ARCHIVE_VARIABLE} takes one: "URL suite component"')
+        mend = f'export {ARCHIVE_VARIABLE}="URL suite component"'
+        raise KernelError(f"no archive to fetch Debian testing's {PACKAGE} from", mend)
     log = folder / "log"
     keyring = Path("/", KEYRING)
     if not keyring.exists():
@@ -30,13 +36,13 @@ def unpack_newest(folder: Path) -> Path:
             mend = f"sudo apt-get update && sudo apt-get install -y {KEYRING_PACKAGE}"
             raise failure(log, f"no keys to check Debian's signatures with: {keyring} is missing", mend)
         keyring = unpack(package, folder / "keyring") / KEYRING
-    for number, archive in enumerate(archives()):
+    for number, archive in enumerate(sources):
         own = folder / str(number)
         own.mkdir()
-        sources = own / "sources.list"
-        sources.write_text(f"deb [signed-by={keyring}] {archive}\n")
+        source_list = own / "sources.list"
+        source_list.write_text(f"deb [signed-by={keyring}] {archive}\n")
         only_debian = [
-            f"Dir::Etc::SourceList={sources}",
+            f"Dir::Etc::SourceList={source_list}",
             "Dir::Etc::SourceParts=-",
             "Dir::State::Status=/dev/null",  # what is installed is no alternative
         ]
@@ -47,7 +53,7 @@ def unpack_newest(folder: Path) -> Path:
             unpack(library, own / "root")
             bring_library(own / "root")
             return own / "root"
-    raise failure(log, f"cannot download {PACKAGE} from {' nor '.join(archives())}, see above")
+    raise failure(log, f"cannot download {PACKAGE} from {' nor '.join(sources)}, see above")
 
 
 def unpack_distribution(folder: Path) -> Path:
@@ -65,17 +71,16 @@ def failure(log: Path, problem: str, mend: str = "sudo modprobe vcan") -> Kernel
 
 
 def archives() -> list[str]:
-    """Debian archives that may have the newest kernel, as in sources.list: the system's mirror goes first."""
+    """Debian archives that may have the newest kernel, as in sources.list: the one named, or the system's mirrors."""
     if named := os.environ.get(ARCHIVE_VARIABLE):
         return [named]
     system = platform.freedesktop_os_release()
-    mirrors: list[str] = []
-    if system["ID"] == "debian":
-        wanted = ["Created-By: Packages", "Component: main", f"Release: {system.get('VERSION_CODENAME', '')}"]
-        command = ["apt-get", "indextargets", "--format", "$(REPO_URI)", *wanted]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        mirrors = [uri.rstrip("/") for uri in done.stdout.split()]
-    return [f"{uri} {NEWEST}" for uri in dict.fromkeys([*mirrors, PUBLIC_ARCHIVE])]
+    if system["ID"] != "debian":
+        return []
+    wanted = ["Created-By: Packages", "Component: main", f"Release: {system.get('VERSION_CODENAME', '')}"]
+    command = ["apt-get", "indextargets", "--format", "$(REPO_URI)", *wanted]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return [f"{uri} {NEWEST}" for uri in dict.fromkeys(uri.rstrip("/") for uri in done.stdout.split())]
 
 
 def download_from_system(folder: Path, log: Path, name: str) -> Path | None:

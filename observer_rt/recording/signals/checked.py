@@ -84,7 +84,7 @@ class GridSignals(SignalStream):
 
     @abstractmethod
     def _parts(self) -> Iterator[Arrays]:
-        """Read the file, part by part."""
+        """Read the file, in parts of any length."""
 
     @abstractmethod
     def _place(self, row: int) -> str:
@@ -101,9 +101,21 @@ class GridSignals(SignalStream):
         else:
             deque(parts, 0)
 
+    def _filled_parts(self) -> Iterator[Arrays]:
+        """All parts, joined so that none is empty and none but the last a single sample, which has no rate."""
+        waiting: Arrays = {}
+        for arrays in self._parts():
+            if waiting:
+                arrays = {name: np.concatenate((waiting[name], values)) for name, values in arrays.items()}
+            waiting = arrays if arrays["time"].size < 2 else {}
+            if not waiting:
+                yield arrays
+        if waiting and waiting["time"].size:
+            yield waiting
+
     def _checked_parts(self, checked: CheckedGrid) -> Iterator[Arrays]:
         """All parts, each checked before it is given."""
-        for arrays in self._parts():
+        for arrays in self._filled_parts():
             self.has_rate = "injection_rate" in arrays
             checked.take(arrays)
             yield arrays
@@ -115,7 +127,7 @@ class GridSignals(SignalStream):
     def chunks(self) -> Iterator[Chunk]:
         """Read anew, or in the one go."""
         first = 0
-        for arrays in self._coming if self._in_one_go else self._parts():
+        for arrays in self._coming if self._in_one_go else self._filled_parts():
             yield Chunk(
                 arrays["time"],
                 arrays["rail_pressure"],

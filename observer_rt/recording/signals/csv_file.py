@@ -125,19 +125,13 @@ def _read_header(path: Path) -> list[Column]:
 
 
 def _tables(path: Path, columns: list[Column]) -> Iterator[NDArray[np.float64]]:
-    """Cells as printed, (n, columns) at a time, n >= 2 unless there is only one row."""
+    """Cells as printed, (n, columns) at a time; blank lines hold none."""
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         file.readline()
         before = 1
-        held = np.empty((0, len(columns)))
         while lines := list(islice(file, SAMPLES_AT_ONCE)):
-            held = np.concatenate((held, _table(lines, before, columns, path)))
+            yield _table(lines, before, columns, path)
             before += len(lines)
-            if len(held) > 1:
-                yield held
-                held = held[:0]
-        if len(held):
-            yield held
 
 
 def _table(lines: list[str], before: int, columns: list[Column], path: Path) -> NDArray[np.float64]:

@@ -48,7 +48,7 @@ def parts(path: Path, group: int, places: Mapping[str, Place], at_once: int) -> 
                     signal = part_of(file, *place, first, at_once)
                 signals[name] = _numbers(signal, path)
                 time = signal.timestamps.astype(np.float64)
-            if time is not None and time.size:
+            if time is not None:
                 yield Part(time, signals)
 
 

@@ -39,9 +39,7 @@ class ParquetTable(Table):
         """Batches of rows."""
         for columns in batches(self.path, list(dict.fromkeys(self._names.values()))):
             signals = {name: columns[column] for name, column in self._names.items()}
-            time = signals.pop(TIME)
-            if time.size:
-                yield Part(time, signals)
+            yield Part(signals.pop(TIME), signals)
 
     def place(self, row: int, raster: int) -> str:
         """By its number."""

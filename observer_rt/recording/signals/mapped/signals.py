@@ -175,8 +175,10 @@ class MappedSignals(SignalStream):
         return column.factor * unit, column.offset * unit
 
     def _parts(self, raster: int) -> Iterator[Part]:
-        """In SI units."""
+        """In SI units, none empty."""
         for part in self._table.parts(raster):
+            if not part.time.size:
+                continue
             time_factor, time_offset = self._scales.get(TIME, (1.0, 0.0))
             signals = {}
             for name, values in part.signals.items():

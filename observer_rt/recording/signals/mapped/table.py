@@ -18,7 +18,7 @@ Values = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Rows that follow one another: time and signals by name as printed in the file, each (n,), n >= 1."""
+    """Rows that follow one another: time and signals by name as printed in the file, each (n,)."""
 
     time: Values
     signals: Mapping[str, Values]

@@ -1,0 +1,62 @@
+"""Files on an even grid are the same whatever parts a reader gives them in."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.recording.formats import read_recording, write_recording
+from observer_rt.recording.signals.checked import Arrays, GridSignals
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
+
+SIGNALS = ("rail_pressure", "needle_lift", "line_pressure")
+
+
+class InParts(GridSignals):
+    """A file whose reader gives so many samples at once."""
+
+    def __init__(self, sizes: list[int], in_one_go: bool = False) -> None:
+        super().__init__(Path("parts"), in_one_go)
+        self._sizes = sizes
+        self._look()
+
+    def _parts(self) -> Iterator[Arrays]:
+        first = 0
+        for size in self._sizes:
+            values = np.arange(first, first + size, dtype=np.float64)
+            first += size
+            yield {"time": values / 1e5, **dict.fromkeys(SIGNALS, values)}
+
+    def _place(self, row: int) -> str:
+        return f"parts, row {row}"
+
+
+@given(st.lists(st.integers(0, 3), max_size=8), st.booleans())
+def test_parts_of_any_length(sizes: list[int], in_one_go: bool) -> None:
+    samples = sum(sizes)
+    if samples < 2:
+        with pytest.raises(UserError, match=r"holds (no sample|one sample only)"):
+            InParts(sizes, in_one_go)
+        return
+    chunks = list(InParts(sizes, in_one_go).chunks())
+    assert np.concatenate([chunk.rail_pressure for chunk in chunks]).tolist() == list(range(samples))
+    assert [chunk.first for chunk in chunks] == np.cumsum([0, *(c.samples for c in chunks[:-1])]).tolist()
+    assert all(chunk.samples for chunk in chunks)
+
+
+def test_a_heading_that_counts_more_samples_than_there_are_parts(tmp_path: Path) -> None:
+    """As damage of its bytes leaves it: later parts are empty."""
+    path = tmp_path / "counted.mf4"
+    values = np.arange(20.0)
+    write_recording(path, Recording(values / 1e5, values * 1e5, values * 1e-6, values * 1e5))
+    data = bytearray(path.read_bytes())
+    count = data.index(b"##CG") + 24 + 6 * 8 + 8
+    assert data[count] == 20
+    data[count : count + 8] = (20 + 3 * SAMPLES_AT_ONCE).to_bytes(8, "little")
+    path.write_bytes(data)
+    assert read_recording(path).samples == 20

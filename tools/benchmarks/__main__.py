@@ -23,6 +23,11 @@ from tools.benchmarks.discovery import figures as discovery_figures
 from tools.benchmarks.discovery import tables as discovery_tables
 from tools.benchmarks.discovery.generator import HidingPlan
 from tools.benchmarks.discovery.hidden import HIDDEN
+from tools.benchmarks.discovery.real_line.command import CASES as REAL_CASES
+from tools.benchmarks.discovery.real_line.command import plan_of as real_plan
+from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
+from tools.benchmarks.discovery.real_line.generator import RealPlan
+from tools.benchmarks.discovery.real_line.record_only import record_only as record_real_lines
 from tools.benchmarks.discovery.run import Plan as DiscoveryPlan
 from tools.benchmarks.discovery.run import print_results as print_discovery
 from tools.benchmarks.discovery.run import run_discovery
@@ -62,6 +67,7 @@ messages = Console(stderr=True)
 PROCESSES = os.cpu_count() or 1
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
 CASES, ABLATION_CASES, WAVE_CASES = 60, 10, 20  # per class
+DISCOVERY_CASES = 300
 INTERRUPTED = 130  # exit code
 TABLE_WIDTH = 210  # where stdout is no terminal
 RATES = {"without": (False,), "with": (True,), "both": (False, True)}
@@ -127,32 +133,54 @@ def accuracy(
 
 
 @app.command(
-    epilog="Example: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without"
+    epilog="Examples: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without; "
+    "tools/bench discovery --tier B --cases 20 --discrepancy taper"
 )
 def discovery(
-    cases: Annotated[int, typer.Option(min=0, help="Faulty cases, and as many healthy ones.")] = 300,
-    effects: Annotated[str, typer.Option(help="Hidden effects, by commas (default: all).")] = "",
+    cases: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help=f"Faulty cases, and as many healthy ones ({DISCOVERY_CASES}; tier B: of all kinds, {REAL_CASES}).",
+        ),
+    ] = None,
+    effects: Annotated[
+        str, typer.Option(help="Hidden effects, by commas (default: all; tier B: also a+b, healthy).")
+    ] = "",
     rate: Annotated[str, typer.Option(help="Measured rate: without, with or both.")] = "both",
+    tier: Annotated[
+        Tier, typer.Option(help="A: plants of the nominal structure. B: others, to which `fit` fits first.")
+    ] = Tier.A,
+    healthy: Annotated[int | None, typer.Option(min=0, help="Tier B: healthy cases.")] = None,
+    discrepancy: Annotated[
+        list[Discrepancy] | None, typer.Option(help="Tier B: of the plants; again for more (default: all).")
+    ] = None,
+    record_only: Annotated[
+        bool, typer.Option("--record-only", help="Tier B: only record and fit, into --out; nothing is asked.")
+    ] = False,
     seed: SeedOption = 1,
     workers: WorkersOption = PROCESSES,
-    out: OutOption = Path("build/discovery"),
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for results (default: in build/); a run interrupted goes on."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Whether `discover` names effects hidden in recordings of independent plants."""
     if rate not in RATES:
         raise UserError("--rate", f"is '{rate}'", f"give {', '.join(RATES)}")
-    hiding = HidingPlan(_chosen(effects, "--effects", HIDDEN, HIDDEN), cases, cases, RATES[rate], seed)
     try:
-        found = run_discovery(DiscoveryPlan(hiding, workers, out), messages)
+        if tier is Tier.B:
+            plan = real_plan(cases, healthy, effects, RATES[rate], discrepancy, seed)
+            _discovery_on_real_lines(plan, workers, out or Path("build/discovery-b"), record_only, as_json)
+        else:
+            hidden = _chosen(effects, "--effects", HIDDEN, HIDDEN)
+            count = DISCOVERY_CASES if cases is None else cases
+            hiding = HidingPlan(hidden, count, count, RATES[rate], seed)
+            _discovery(DiscoveryPlan(hiding, workers, out or Path("build/discovery")), as_json)
     except KeyboardInterrupt:
         messages.print("interrupted; the answers are kept, the same command goes on")
         raise typer.Exit(INTERRUPTED) from None
-    for figure in discovery_figures.save_figures(found.results, out):
-        messages.print(f"figure: {figure}", highlight=False)
-    if as_json:
-        print(json.dumps(discovery_tables.json_document(found.results, found.crashes), indent=2))
-    else:
-        print_discovery(found, screen(TABLE_WIDTH))
 
 
 @app.command(epilog="Example: tools/bench formats --frames 100000")
@@ -264,6 +292,25 @@ def _show(found: Results, plan: Plan, as_json: bool) -> None:
         print(json.dumps(json_document(found.scores, crashes, found.sample_time, found.missed), indent=2))
     else:
         print_results(found, screen(TABLE_WIDTH))
+
+
+def _discovery(plan: DiscoveryPlan, as_json: bool) -> None:
+    found = run_discovery(plan, messages)
+    for figure in discovery_figures.save_figures(found.results, plan.out):
+        messages.print(f"figure: {figure}", highlight=False)
+    if as_json:
+        print(json.dumps(discovery_tables.json_document(found.results, found.crashes), indent=2))
+    else:
+        print_discovery(found, screen(TABLE_WIDTH))
+
+
+def _discovery_on_real_lines(
+    plan: RealPlan, workers: int, out: Path, only_record: bool, as_json: bool
+) -> None:
+    if only_record:
+        record_real_lines(plan, out, messages)
+        return
+    raise NotImplementedError
 
 
 def _ablation(plan: Plan, as_json: bool) -> None:

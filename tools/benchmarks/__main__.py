@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated
 
@@ -18,19 +17,9 @@ from tools.benchmarks.ablation import CLASSES_TRIED, run_ablation
 from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
 from tools.benchmarks.accuracy import Results, print_results, run_accuracy
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES
+from tools.benchmarks.chosen import chosen_names
 from tools.benchmarks.damage import damage_document, damage_table, run_damage
-from tools.benchmarks.discovery import figures as discovery_figures
-from tools.benchmarks.discovery import tables as discovery_tables
-from tools.benchmarks.discovery.generator import HidingPlan
-from tools.benchmarks.discovery.hidden import HIDDEN
-from tools.benchmarks.discovery.real_line.command import CASES as REAL_CASES
-from tools.benchmarks.discovery.real_line.command import plan_of as real_plan
-from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
-from tools.benchmarks.discovery.real_line.generator import RealPlan
-from tools.benchmarks.discovery.real_line.record_only import record_only as record_real_lines
-from tools.benchmarks.discovery.run import Plan as DiscoveryPlan
-from tools.benchmarks.discovery.run import print_results as print_discovery
-from tools.benchmarks.discovery.run import run_discovery
+from tools.benchmarks.discovery import command as discovery_command
 from tools.benchmarks.figures import save_figures
 from tools.benchmarks.formats import formats_document, formats_table, measure_formats
 from tools.benchmarks.frame_time import frame_lines, measure_frame_times
@@ -54,6 +43,7 @@ from tools.benchmarks.wave_plant import Variant
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 app.command(epilog=wave_command.EXAMPLE)(wave_command.wave_recordings)
+app.command(epilog=discovery_command.EXAMPLE)(discovery_command.discovery)
 app.command(epilog=realism_command.EXAMPLE)(realism_command.realism)
 app.command(epilog=speed_command.EXAMPLE)(speed_command.speed)
 app.command(epilog=speed_command.SOAK_EXAMPLE)(speed_command.soak)
@@ -67,10 +57,8 @@ messages = Console(stderr=True)
 PROCESSES = os.cpu_count() or 1
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
 CASES, ABLATION_CASES, WAVE_CASES = 60, 10, 20  # per class
-DISCOVERY_CASES = 300
 INTERRUPTED = 130  # exit code
 TABLE_WIDTH = 210  # where stdout is no terminal
-RATES = {"without": (False,), "with": (True,), "both": (False, True)}
 
 
 @app.callback()
@@ -118,7 +106,7 @@ def accuracy(
         default, usual = CLASSES_TRIED, ABLATION_CASES
     elif tier is Tier.B:
         default, usual, folder = WAVE_CLASSES, WAVE_CASES, f"accuracy-{variant}"
-    chosen = _chosen(classes, "--classes", CLASSES, default)
+    chosen = chosen_names(classes, "--classes", CLASSES, default)
     plan = Plan(chosen, cases or usual, seed, workers, out or Path("build") / folder, not no_peers)
     try:
         if ablation:
@@ -129,57 +117,6 @@ def accuracy(
             _show(run_accuracy(plan, messages), plan, as_json)
     except KeyboardInterrupt:
         messages.print("interrupted; what is scored is kept, the same command goes on")
-        raise typer.Exit(INTERRUPTED) from None
-
-
-@app.command(
-    epilog="Examples: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without; "
-    "tools/bench discovery --tier B --cases 20 --discrepancy taper"
-)
-def discovery(
-    cases: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            help=f"Faulty cases, and as many healthy ones ({DISCOVERY_CASES}; tier B: of all kinds, {REAL_CASES}).",
-        ),
-    ] = None,
-    effects: Annotated[
-        str, typer.Option(help="Hidden effects, by commas (default: all; tier B: also a+b, healthy).")
-    ] = "",
-    rate: Annotated[str, typer.Option(help="Measured rate: without, with or both.")] = "both",
-    tier: Annotated[
-        Tier, typer.Option(help="A: plants of the nominal structure. B: others, to which `fit` fits first.")
-    ] = Tier.A,
-    healthy: Annotated[int | None, typer.Option(min=0, help="Tier B: healthy cases.")] = None,
-    discrepancy: Annotated[
-        list[Discrepancy] | None, typer.Option(help="Tier B: of the plants; again for more (default: all).")
-    ] = None,
-    record_only: Annotated[
-        bool, typer.Option("--record-only", help="Tier B: only record and fit, into --out; nothing is asked.")
-    ] = False,
-    seed: SeedOption = 1,
-    workers: WorkersOption = PROCESSES,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for results (default: in build/); a run interrupted goes on."),
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Whether `discover` names effects hidden in recordings of independent plants."""
-    if rate not in RATES:
-        raise UserError("--rate", f"is '{rate}'", f"give {', '.join(RATES)}")
-    try:
-        if tier is Tier.B:
-            plan = real_plan(cases, healthy, effects, RATES[rate], discrepancy, seed)
-            _discovery_on_real_lines(plan, workers, out or Path("build/discovery-b"), record_only, as_json)
-        else:
-            hidden = _chosen(effects, "--effects", HIDDEN, HIDDEN)
-            count = DISCOVERY_CASES if cases is None else cases
-            hiding = HidingPlan(hidden, count, count, RATES[rate], seed)
-            _discovery(DiscoveryPlan(hiding, workers, out or Path("build/discovery")), as_json)
-    except KeyboardInterrupt:
-        messages.print("interrupted; the answers are kept, the same command goes on")
         raise typer.Exit(INTERRUPTED) from None
 
 
@@ -294,25 +231,6 @@ def _show(found: Results, plan: Plan, as_json: bool) -> None:
         print_results(found, screen(TABLE_WIDTH))
 
 
-def _discovery(plan: DiscoveryPlan, as_json: bool) -> None:
-    found = run_discovery(plan, messages)
-    for figure in discovery_figures.save_figures(found.results, plan.out):
-        messages.print(f"figure: {figure}", highlight=False)
-    if as_json:
-        print(json.dumps(discovery_tables.json_document(found.results, found.crashes), indent=2))
-    else:
-        print_discovery(found, screen(TABLE_WIDTH))
-
-
-def _discovery_on_real_lines(
-    plan: RealPlan, workers: int, out: Path, only_record: bool, as_json: bool
-) -> None:
-    if only_record:
-        record_real_lines(plan, out, messages)
-        return
-    raise NotImplementedError
-
-
 def _ablation(plan: Plan, as_json: bool) -> None:
     scores, crashes = run_ablation(plan, messages)
     if as_json:
@@ -323,14 +241,6 @@ def _ablation(plan: Plan, as_json: bool) -> None:
         console.print(table)
     for crash in crashes:
         console.print(f"crash: {crash.task}: {crash.message}", highlight=False, markup=False)
-
-
-def _chosen(text: str, option: str, known: Collection[str], default: Collection[str]) -> tuple[str, ...]:
-    names = tuple(name for name in text.split(",") if name) or tuple(default)
-    for name in names:
-        if name not in known:
-            raise UserError(option, f"unknown name '{name}'", f"known: {', '.join(known)}")
-    return names
 
 
 def main() -> None:

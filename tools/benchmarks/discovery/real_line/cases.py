@@ -164,11 +164,10 @@ def make_case(names: Sequence[str], rig: Rig, number: int) -> RealCase:
     return RealCase(hashlib.sha256(repr(key).encode()).hexdigest()[:12], kind, parts, rig, seed)
 
 
-def hidden_text(case: RealCase) -> str:
+def hidden_text(parts: Parts) -> str:
     """What is in a case, sizes in SI."""
-    if not case.parts:
-        return str(Kind.HEALTHY)
-    return " + ".join(f"{name} {' '.join(f'{v:.4g}' for v in values)}" for name, values in case.parts)
+    sized = (f"{name} {' '.join(f'{value:.4g}' for value in values)}" for name, values in parts)
+    return " + ".join(sized) or str(Kind.HEALTHY)
 
 
 def healthy_benches(rig: Rig) -> tuple[Bench, ...]:

@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated
 
@@ -18,14 +17,9 @@ from tools.benchmarks.ablation import CLASSES_TRIED, run_ablation
 from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
 from tools.benchmarks.accuracy import Results, print_results, run_accuracy
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES
+from tools.benchmarks.chosen import chosen_names
 from tools.benchmarks.damage import damage_document, damage_table, run_damage
-from tools.benchmarks.discovery import figures as discovery_figures
-from tools.benchmarks.discovery import tables as discovery_tables
-from tools.benchmarks.discovery.generator import HidingPlan
-from tools.benchmarks.discovery.hidden import HIDDEN
-from tools.benchmarks.discovery.run import Plan as DiscoveryPlan
-from tools.benchmarks.discovery.run import print_results as print_discovery
-from tools.benchmarks.discovery.run import run_discovery
+from tools.benchmarks.discovery import command as discovery_command
 from tools.benchmarks.figures import save_figures
 from tools.benchmarks.formats import formats_document, formats_table, measure_formats
 from tools.benchmarks.frame_time import frame_lines, measure_frame_times
@@ -49,6 +43,7 @@ from tools.benchmarks.wave_plant import Variant
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 app.command(epilog=wave_command.EXAMPLE)(wave_command.wave_recordings)
+app.command(epilog=discovery_command.EXAMPLE)(discovery_command.discovery)
 app.command(epilog=realism_command.EXAMPLE)(realism_command.realism)
 app.command(epilog=speed_command.EXAMPLE)(speed_command.speed)
 app.command(epilog=speed_command.SOAK_EXAMPLE)(speed_command.soak)
@@ -64,7 +59,6 @@ FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
 CASES, ABLATION_CASES, WAVE_CASES = 60, 10, 20  # per class
 INTERRUPTED = 130  # exit code
 TABLE_WIDTH = 210  # where stdout is no terminal
-RATES = {"without": (False,), "with": (True,), "both": (False, True)}
 
 
 @app.callback()
@@ -112,7 +106,7 @@ def accuracy(
         default, usual = CLASSES_TRIED, ABLATION_CASES
     elif tier is Tier.B:
         default, usual, folder = WAVE_CLASSES, WAVE_CASES, f"accuracy-{variant}"
-    chosen = _chosen(classes, "--classes", CLASSES, default)
+    chosen = chosen_names(classes, "--classes", CLASSES, default)
     plan = Plan(chosen, cases or usual, seed, workers, out or Path("build") / folder, not no_peers)
     try:
         if ablation:
@@ -124,35 +118,6 @@ def accuracy(
     except KeyboardInterrupt:
         messages.print("interrupted; what is scored is kept, the same command goes on")
         raise typer.Exit(INTERRUPTED) from None
-
-
-@app.command(
-    epilog="Example: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without"
-)
-def discovery(
-    cases: Annotated[int, typer.Option(min=0, help="Faulty cases, and as many healthy ones.")] = 300,
-    effects: Annotated[str, typer.Option(help="Hidden effects, by commas (default: all).")] = "",
-    rate: Annotated[str, typer.Option(help="Measured rate: without, with or both.")] = "both",
-    seed: SeedOption = 1,
-    workers: WorkersOption = PROCESSES,
-    out: OutOption = Path("build/discovery"),
-    as_json: JsonOption = False,
-) -> None:
-    """Whether `discover` names effects hidden in recordings of independent plants."""
-    if rate not in RATES:
-        raise UserError("--rate", f"is '{rate}'", f"give {', '.join(RATES)}")
-    hiding = HidingPlan(_chosen(effects, "--effects", HIDDEN, HIDDEN), cases, cases, RATES[rate], seed)
-    try:
-        found = run_discovery(DiscoveryPlan(hiding, workers, out), messages)
-    except KeyboardInterrupt:
-        messages.print("interrupted; the answers are kept, the same command goes on")
-        raise typer.Exit(INTERRUPTED) from None
-    for figure in discovery_figures.save_figures(found.results, out):
-        messages.print(f"figure: {figure}", highlight=False)
-    if as_json:
-        print(json.dumps(discovery_tables.json_document(found.results, found.crashes), indent=2))
-    else:
-        print_discovery(found, screen(TABLE_WIDTH))
 
 
 @app.command(epilog="Example: tools/bench formats --frames 100000")
@@ -276,14 +241,6 @@ def _ablation(plan: Plan, as_json: bool) -> None:
         console.print(table)
     for crash in crashes:
         console.print(f"crash: {crash.task}: {crash.message}", highlight=False, markup=False)
-
-
-def _chosen(text: str, option: str, known: Collection[str], default: Collection[str]) -> tuple[str, ...]:
-    names = tuple(name for name in text.split(",") if name) or tuple(default)
-    for name in names:
-        if name not in known:
-            raise UserError(option, f"unknown name '{name}'", f"known: {', '.join(known)}")
-    return names
 
 
 def main() -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import Rail, State, run
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
+from tools.benchmarks.plant_phases import phases_of
 from tools.benchmarks.sampling import Measured, Step, sampled
 from tools.benchmarks.wave_plant import WaveLine, WavePlant
 
@@ -206,8 +207,13 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
     for number, event in enumerate(bench.events):
         first, end = firsts[number : number + 2]
         strokes = motion(event, bench.starts[number], bench.needle, part.max_lift)
-        drive = Rail(float(time[first]), 1.0 / SAMPLE_RATE, rail[first : end + 1])
-        plant.advance(event.faults, strokes, drive, result[first + 1 : end + 1])
+        phases = phases_of(event.faults, strokes)
+        turns = [first, *(min(round(t * SAMPLE_RATE), end) for t, _ in phases), end]
+        for faults, (begin, turn) in zip(
+            (event.faults, *(f for _, f in phases)), pairwise(turns), strict=True
+        ):
+            drive = Rail(float(time[begin]), 1.0 / SAMPLE_RATE, rail[begin : turn + 1])
+            plant.advance(faults, strokes, drive, result[begin + 1 : turn + 1])
         lateness[first + 1 : end + 1] = math.floor(event.faults.channel_skew * SAMPLE_RATE)
     return result, lateness
 

@@ -42,6 +42,8 @@ class Lattice(NamedTuple):
     added: Array
     pull: Array
     end_volume: float  # m3, the gallery in front of the seat
+    laminar: float = 0.0  # 1/s, resistance over inertance
+    inlet_loss: float = 0.0  # Pa s2/m6, of an orifice between rail and line
 
 
 class WaveState(NamedTuple):
@@ -74,6 +76,9 @@ def line_rates(
     even = faults.bulk_modulus_slope == 0.0 and faults.entrained_air == 0.0
     stiffness = line_stiffness(p_end, part, faults)
     pressure0, flow0 = rail, y[0] + (rail - y[n]) / lattice.impedance[0]
+    if lattice.inlet_loss > 0.0:
+        flow0 = _through_inlet(flow0, lattice.impedance[0], lattice.inlet_loss)
+        pressure0 = rail - lattice.inlet_loss * flow0 * math.fabs(flow0)
     stress0 = 0.0  # the rail holds its pressure
     s = _stresses(y, 0, lattice)
     for e in range(elements):
@@ -108,6 +113,13 @@ def line_rates(
         pressure0, flow0, stress0, s = pressure1, flow1, stress1, s_after
     leak = faults.guide_leakage * (p_end - part.chamber_pressure)
     rate[2 * n] = (flow0 - drain - leak) * stiffness / lattice.end_volume
+
+
+@njit(cache=True, nogil=True)
+def _through_inlet(flow: float, impedance: float, loss: float) -> float:
+    """Flow q [m3/s] of loss q |q| + impedance q = impedance flow: what an orifice leaves of a flow."""
+    drop = impedance * flow
+    return 2.0 * drop / (impedance + math.sqrt(impedance * impedance + 4.0 * loss * math.fabs(drop)))
 
 
 @njit(cache=True, nogil=True)
@@ -159,7 +171,7 @@ def line_step(
         remembered = 0.0
         for j in range(parts):
             remembered += memory[i, j]
-        pull[i] = lattice.pull[i // NODES] * remembered
+        pull[i] = lattice.pull[i // NODES] * remembered + lattice.laminar * y[i]
     middle = 0.5 * (rail0 + rail1)
     line_rates(y, rate, pull, rail0, drain, lattice, part, faults)
     for i in range(size):

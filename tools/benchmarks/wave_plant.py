@@ -42,6 +42,9 @@ class WaveLine(NamedTuple):
     viscosity: float = 0.0  # m2/s, of the friction that remembers; 0: none
     end_share: float = 0.013  # of the line's volume, as gallery in front of the seat
     elements: int = 12
+    taper: float = 0.0  # of the area, from the rail to the seat, as share of its mean
+    inlet_ratio: float = 1.0  # of the first element's area to the others: a room behind the rail
+    inlet_loss: float = 0.0  # Pa s2/m6, of an orifice between rail and line
 
 
 LINES = {
@@ -75,6 +78,8 @@ def lattice_of(part: Injector, faults: Faults, line: WaveLine, step: float) -> L
     """The line in elements, its friction for steps of `step` [s]."""
     area = np.ones(line.elements)
     area[line.elements - line.wide_elements :] = line.area_ratio
+    area[0] *= line.inlet_ratio
+    area *= 1.0 + line.taper * ((np.arange(line.elements) + 0.5) / line.elements - 0.5)
     inertance = part.density * part.line_length * (1.0 + faults.line_inertance) / part.line_area
     share = 1.0 / area / np.sum(1.0 / area)
     inertances = inertance * share
@@ -95,6 +100,8 @@ def lattice_of(part: Injector, faults: Faults, line: WaveLine, step: float) -> L
         added=shares * np.exp(-0.5 * np.outer(rates, active) * step),
         pull=4.0 * rates * (1.0 + faults.line_friction),
         end_volume=part.line_volume * line.end_share,
+        laminar=faults.line_laminar,
+        inlet_loss=line.inlet_loss,
     )
 
 

@@ -39,10 +39,21 @@ class Claim:
 
 
 @dataclass(frozen=True)
+class Smallest:
+    """The smallest size of an effect's parameter that could have been seen, in its printed unit."""
+
+    id: str
+    parameter: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class Answer:
     """What findings.json says; `listed`: all ids an ambiguous answer leaves open.
 
-    amended_model: the text of the file; seconds: of wall time; core_seconds: of processor time, all its processes.
+    amended_model: the text of the file, or of the model given where nothing is amended; seconds: of wall time;
+    core_seconds: of processor time, all its processes.
     """
 
     label: str
@@ -52,24 +63,32 @@ class Answer:
     amended_model: str
     seconds: float
     core_seconds: float
+    smallest: tuple[Smallest, ...] = ()
 
 
-def ask(program: Sequence[str], label: str, recordings: Sequence[Path], folder: Path) -> Answer:
-    """Call `program discover` with the nominal model on recordings, its output in `folder`.
+def ask(
+    program: Sequence[str],
+    label: str,
+    recordings: Sequence[Path],
+    folder: Path,
+    model: Path = NOMINAL_INJECTOR,
+    choose: bool = True,
+) -> Answer:
+    """Call `program discover` with a model on recordings, its output in `folder`.
 
-    Of several effects that are tied the first is chosen, by a second call whose time is not counted.
+    choose: of several effects that are tied the first is chosen, by a second call whose time is not counted.
     Raises RuntimeError when it fails.
     """
-    command = [*program, "discover", "--model", str(NOMINAL_INJECTOR), "--out", str(folder)]
+    command = [*program, "discover", "--model", str(model), "--out", str(folder)]
     command += map(str, recordings)
     before, begin = _core_seconds(), time.perf_counter()
     findings = _findings(command, folder)
     seconds, used = time.perf_counter() - begin, _core_seconds() - before
-    if findings["verdict"] == AMBIGUOUS:
+    if choose and findings["verdict"] == AMBIGUOUS:
         leading = "+".join(effect["id"] for effect in findings["effects"])
         findings = _findings([*command, "--force", "--choose", leading], folder)
     name = findings.get("amended_model")
-    amended = (folder / name).read_text() if name else NOMINAL_INJECTOR.read_text()
+    amended = (folder / name).read_text() if name else model.read_text()
     return read_answer(label, findings, amended, seconds, used)
 
 
@@ -91,7 +110,11 @@ def read_answer(
     )
     others = [other for effect in findings["effects"] for other in effect["indistinguishable_from"]]
     listed = tuple(dict.fromkeys([claim.id for claim in claims] + others))
-    return Answer(label, findings["verdict"], claims, listed, amended_model, seconds, core_seconds)
+    smallest = tuple(
+        Smallest(entry["id"], entry["parameter"], float(entry["value"]), entry["unit"])
+        for entry in findings.get("smallest_visible", [])
+    )
+    return Answer(label, findings["verdict"], claims, listed, amended_model, seconds, core_seconds, smallest)
 
 
 def _parameter(item: tuple[str, dict[str, Any]]) -> ClaimedParameter:

@@ -54,11 +54,12 @@ def write_recordings(case: HiddenCase, folder: Path) -> tuple[Path, ...]:
     files = []
     for number, bench in enumerate(benches(case, GIVEN), start=1):
         files.append(folder / f"recording_{number}.csv")
-        _write(files[-1], bench, case.with_rate)
+        write_recording(files[-1], bench, case.with_rate)
     return tuple(files)
 
 
-def _write(path: Path, bench: Bench, with_rate: bool) -> None:
+def write_recording(path: Path, bench: Bench, with_rate: bool) -> None:
+    """What a bench records, as CSV file."""
     outcome = record(bench)
     measured = outcome.measured
     columns: list[NDArray[np.float64]] = [

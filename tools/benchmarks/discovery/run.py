@@ -4,16 +4,14 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Protocol, TypeVar
 
 from rich.console import Console
 
 import observer_rt
-from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.discovery.answers import OUR_PROGRAM, Answer, ask
+from tools.benchmarks.discovery.asking import ask_and_keep, worked_through
 from tools.benchmarks.discovery.cases import HiddenCase, make_case
 from tools.benchmarks.discovery.generator import LABELS, HidingPlan, opened, write_recordings
 from tools.benchmarks.discovery.hidden import HEALTHY
@@ -21,7 +19,6 @@ from tools.benchmarks.discovery.result import CaseResult
 from tools.benchmarks.discovery.scoring import score_case
 from tools.benchmarks.discovery.summary import violations
 from tools.benchmarks.discovery.tables import confusion_table, effect_table, misses, reliability_table
-from tools.benchmarks.pool import Crash, run_tasks
 from tools.benchmarks.store import Store, digest_of
 
 BENCHMARKS = Path(__file__).parents[1]
@@ -33,6 +30,7 @@ HIDING_SOURCES = tuple(
         "plant.py",
         "plant_equations.py",
         "plant_parameters.py",
+        "plant_phases.py",
         "discovery/hidden.py",
         "discovery/cases.py",
         "discovery/generator.py",
@@ -41,19 +39,6 @@ HIDING_SOURCES = tuple(
 )
 """What, with the package, an answer depends on."""
 WARM_UP_RECORDINGS = 2
-
-Part = TypeVar("Part", Answer, CaseResult)
-
-
-class Labelled(Protocol):
-    """What is worked on case by case."""
-
-    @property
-    def label(self) -> str:
-        """Label of the case."""
-
-
-Item = TypeVar("Item", bound=Labelled)
 
 
 @dataclass(frozen=True)
@@ -91,13 +76,13 @@ def run_discovery(plan: Plan, console: Console) -> Results:
     if {answer.label for answer in answers.load()}.isdisjoint(labels):
         console.print("first call of discover, which compiles")
         _warm_up(plan)
-    given = _done("answers", answers, ask_question, questions, plan.workers, console, crashes)
+    given = worked_through("answers", answers, ask_question, questions, plan.workers, console, crashes)
 
     results = Store(plan.out / "results.jsonl", CaseResult, digest_of((PACKAGE, BENCHMARKS)))
     answered = [
         Answered(case.label, case, given[case.label]) for case in opened(hidden) if case.label in given
     ]
-    scored = _done("scores", results, score_answered, answered, plan.workers, console, crashes)
+    scored = worked_through("scores", results, score_answered, answered, plan.workers, console, crashes)
     return Results(tuple(scored[label] for label in labels if label in scored), tuple(crashes))
 
 
@@ -125,17 +110,8 @@ class Question:
 def ask_question(question: Question) -> Answer:
     """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
     label, plan = question.label, question.plan
-    recordings, answer = plan.hidden / label, plan.out / "asked" / label
-    files = _generate("record", plan.hidden, label).split("\n")
-    try:
-        found = ask(plan.program, label, [Path(file) for file in files if file], answer)
-        kept = plan.out / "findings" / f"{label}.json"
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(answer / "findings.json", kept)
-        return found
-    finally:
-        for folder in (recordings, answer):
-            shutil.rmtree(folder, ignore_errors=True)
+    files = _generate("record", plan.hidden, label).splitlines()
+    return ask_and_keep(plan.program, label, [Path(file) for file in files], plan.out)
 
 
 @dataclass(frozen=True)
@@ -165,35 +141,3 @@ def _warm_up(plan: Plan) -> None:
         files = write_recordings(make_case(HEALTHY, with_rate, 0, 0), folder / "recordings")
         ask(plan.program, "warm-up", files[:WARM_UP_RECORDINGS], folder / "answer")
         shutil.rmtree(folder)
-
-
-def _ready() -> None:
-    """A process needs nothing before its first case."""
-
-
-def _done(
-    what: str,
-    store: Store[Part],
-    work: Callable[[Item], Part],
-    items: Sequence[Item],
-    workers: int,
-    console: Console,
-    crashes: list[str],
-) -> dict[str, Part]:
-    """Results by label: those in the store, and the missing ones worked out."""
-    labels = {item.label for item in items}
-    done = {part.label: part for part in store.load() if part.label in labels}
-    missing = [item for item in items if item.label not in done]
-    if done and missing:
-        console.print(f"{what}: {len(done)} of {len(items)} are there already")
-    if not missing:
-        return done
-    with progress_bar(console, what, float(len(missing))) as progress:
-        for number, result in enumerate(run_tasks(work, missing, workers, _ready)):
-            if isinstance(result, Crash):
-                crashes.append(f"{what}: {result.task.label}: {result.message}")
-            else:
-                store.add(result)
-                done[result.label] = result
-            progress(float(number + 1))
-    return done

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.parameters import InjectorParameters
 from tools.benchmarks.discovery.answers import Answer, Claim
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, HiddenCase, benches, without_noise
-from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, same_effect
+from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, HiddenEffect, same_effect
 from tools.benchmarks.discovery.oracle import Recorded, record_all, simulated, statistic
 from tools.benchmarks.discovery.product_model import open_loop
 from tools.benchmarks.discovery.result import AMBIGUOUS, CaseResult, Gap, Interval, Visibility
@@ -46,7 +47,7 @@ def score_case(case: HiddenCase, answer: Answer) -> CaseResult:
         core_seconds=answer.core_seconds,
     )
     if result.named_right:
-        result = replace(result, intervals=intervals(case, answer.claims[0]))
+        result = replace(result, intervals=intervals(HIDDEN[case.effect], case.values, answer.claims[0]))
     if result.above_noise and not _is_of_the_bench(case):
         line_pressure, injected_mass = gaps(case, answer.amended_model)
         result = replace(result, line_pressure=line_pressure, injected_mass=injected_mass)
@@ -85,11 +86,11 @@ def rivalry(case: HiddenCase, answer: Answer) -> tuple[tuple[str, float], ...]:
     return tuple((name, best_statistic(noisy, name) - true) for name in others)
 
 
-def intervals(case: HiddenCase, claim: Claim) -> tuple[Interval, ...]:
+def intervals(hidden: HiddenEffect, values: Sequence[float], claim: Claim) -> tuple[Interval, ...]:
     """The claimed intervals, SI, beside the true values; where an exact equivalent was named, its 1 + r inverted."""
-    hidden, named = HIDDEN[case.effect], VOCABULARY[claim.id]
-    true = {p.name: value for p, value in zip(hidden.parameters, case.values, strict=True)}
-    if claim.id != case.effect:
+    named = VOCABULARY[claim.id]
+    true = {p.name: value for p, value in zip(hidden.parameters, values, strict=True)}
+    if claim.id != hidden.id:
         true = {name: 1.0 / (1.0 + value) - 1.0 for name, value in true.items()}
     factors = {p.name: p.si for p in named.parameters}
     return tuple(
@@ -101,23 +102,26 @@ def intervals(case: HiddenCase, claim: Claim) -> tuple[Interval, ...]:
 def gaps(case: HiddenCase, amended_model: str) -> tuple[Gap, Gap]:
     """Gap of line pressure [MPa] and injected mass [mg] on recordings that were not given."""
     nominal = load_injector()
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "amended.toml"
-        path.write_text(amended_model)
-        amended = load_injector(path)
+    amended = injector_of(amended_model)
     before, after, oracle = [], [], []
     for r, outcome in record_all(without_noise(case, FURTHER), with_rate=False):
         windows = windows_of(outcome, SAMPLE_RATE)
         density = with_faults(r.bench.injector, case.faults).density
         plant = r.line, outcome.truth.injection_rate * density
         recording = recording_of(outcome)
-        before.append(_differences(open_loop(nominal, recording), plant, windows))
-        after.append(_differences(open_loop(amended, recording), plant, windows))
-        oracle.append(_differences(_oracle(r, case.faults), plant, windows))
-    pressures, masses = (
-        Gap(*(_rms(differences, signal) for differences in (before, after, oracle))) for signal in (0, 1)
-    )
+        before.append(differences_of(open_loop(nominal, recording), plant, windows))
+        after.append(differences_of(open_loop(amended, recording), plant, windows))
+        oracle.append(differences_of(_oracle(r, case.faults), plant, windows))
+    pressures, masses = (Gap(*(rms(found, signal) for found in (before, after, oracle))) for signal in (0, 1))
     return pressures, masses
+
+
+def injector_of(text: str) -> InjectorParameters:
+    """The injector of an injector file's text."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "injector.toml"
+        path.write_text(text)
+        return load_injector(path)
 
 
 def _oracle(r: Recorded, faults: Faults) -> Model:
@@ -127,12 +131,13 @@ def _oracle(r: Recorded, faults: Faults) -> Model:
     return line, rate * with_faults(r.bench.injector, faults).density
 
 
-def _differences(model: Model, plant: Model, windows: Windows) -> Model:
+def differences_of(model: Model, plant: Model, windows: Windows) -> Model:
     """Differences of the line pressure at the windows' samples [MPa], and of every injection's mass [mg]."""
     samples = np.concatenate([np.arange(r.start, r.stop) for r in windows.ranges])
     pressure = (model[0] - plant[0])[samples] / MEGAPASCAL
     return pressure, windows.masses(model[1] - plant[1], 1.0) / MILLIGRAM
 
 
-def _rms(differences: Sequence[Model], signal: int) -> float:
+def rms(differences: Sequence[Model], signal: int) -> float:
+    """Of the line pressure (0) or the masses (1)."""
     return float(np.sqrt(np.mean(np.concatenate([d[signal] for d in differences]) ** 2)))

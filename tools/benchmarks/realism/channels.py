@@ -60,12 +60,12 @@ def butterworth_delay(order: int, corner: float) -> float:
     return float(np.sum(np.sin(angles)) / (2.0 * math.pi * corner))
 
 
-def resonance(frequency: float) -> Response:
+def resonance(frequency: float, damping: float = DAMPING) -> Response:
     """A weakly damped sensor [Hz]."""
 
     def response(f: Array) -> NDArray[np.complex128]:
         s = 1j * f / frequency
-        return np.asarray(1.0 / (1.0 + 2.0 * DAMPING * s + s * s), np.complex128)
+        return np.asarray(1.0 / (1.0 + 2.0 * damping * s + s * s), np.complex128)
 
     return response
 
@@ -189,7 +189,12 @@ DISTURBANCES = (
         stated=stated_anti_alias(2, LIFT),
     ),
     Disturbance(
-        "resonance_line", _L, "kHz", (25.0, 40.0), before_noise(through(resonance), KHZ, LINE), reasons.SENSOR
+        "resonance_line",
+        _L,
+        "kHz",
+        (25.0, 40.0),
+        before_noise(through(resonance), KHZ, LINE),
+        reasons.SENSOR,
     ),
     Disturbance("late_line", _T, "us", (10.0, 20.0), late_line, _LATE_LINE, stated=stated_delay(LINE)),
     Disturbance(

@@ -1,0 +1,299 @@
+"""Plants of discovery's tier B: unlike each other, blind, true to the vocabulary; old ones unchanged."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.model.effects import VOCABULARY
+from observer_rt.recording.formats import read_recording
+from tests.tools.blocked import run_alone
+from tools.benchmarks.discovery.real_line.cases import (
+    Kind,
+    Numbers,
+    Rig,
+    further_benches,
+    given_benches,
+    healthy_benches,
+    kind_of,
+    make_case,
+    make_cases,
+    names_of,
+    shared_out,
+)
+from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy, Plant, plant_of
+from tools.benchmarks.discovery.real_line.hidden import (
+    EFFECTS,
+    OUTSIDE,
+    PAIR_FROM,
+    PAIRS,
+    bent_sensor,
+    faults_of,
+    late_rail,
+    steps_of,
+)
+from tools.benchmarks.discovery.real_line.rail import LONGEST, drawn_rail
+from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, record
+from tools.benchmarks.plant_parameters import ADDED_LATER, Faults, Injector, key_of
+from tools.benchmarks.plant_phases import phases_of
+from tools.benchmarks.sampling import Measured
+from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, new_part, real_part
+
+STRUCTURES = {"seat_outflow"}
+SEVERAL_FAULTS = Faults(
+    orifice_area=0.1,
+    guide_leakage=2e-14,
+    seat_lift_loss=0.2,
+    line_friction=0.3,
+    channel_skew=13e-6,
+    line_pressure_sensor_lag=5e-6,
+    entrained_air=1e-3,
+)
+NOTHING_ELSE = Surroundings()
+BEFORE = {
+    None: (0.006942198538450987, 399837045000.0, 7661614.087476721),
+    Variant.PLAIN: (0.00664627819060693, 399859775000.0, 3775682.2872905787),
+    Variant.STEP: (0.006622109491546135, 399842025000.0, 4395929.794300052),
+    Variant.FRICTION: (0.006628727683195443, 399861115000.0, 3633873.0413206527),
+}
+"""Sums of rate and line pressure, and the pressure's swing, before plants had what tier B of discovery needs."""
+ALONE = """
+import io, json, pathlib
+from tools.benchmarks.discovery.real_line import cases, generator
+sys.stdin = io.StringIO(sys.argv[2])
+generator.main(["seal", sys.argv[1]])
+folder = pathlib.Path(sys.argv[1])
+case = generator.opened(folder)[0]
+for file in generator.write_all(cases.given_benches(case)[:1], True, folder / "recordings"):
+    print(file)
+assert not [name for name in sys.modules if name.startswith("observer_rt")]
+"""
+
+
+def short(
+    part: Injector,
+    line: WaveLine | None,
+    faults: Faults = SEVERAL_FAULTS,
+    around: Surroundings = NOTHING_ELSE,
+    duration: float = 0.6e-3,
+    noise: float = 1.0,
+) -> Outcome:
+    """Two openings within 40 ms."""
+    events = (Event(100e6, (Shot(3e-6, duration),), faults),) * 2
+    around = replace(around, starts=(0.01, 0.02))
+    return record(Bench(part, Needle(), events, seed=3, line=line, around=around, noise=noise))
+
+
+@pytest.mark.parametrize("variant", BEFORE)
+def test_plants_of_other_benchmarks_are_as_before(variant: Variant | None) -> None:
+    part, line = (Injector(), None) if variant is None else (real_part(1), LINES[variant])
+    outcome = short(part, line)
+    assert (
+        float(np.sum(outcome.truth.injection_rate)),
+        float(np.sum(outcome.measured.line_pressure)),
+        float(np.std(outcome.truth.line_pressure[1100:2200])),
+    ) == pytest.approx(BEFORE[variant], rel=1e-10)
+
+
+def test_draws_for_faults_are_as_before() -> None:
+    old = {name: value for name, value in SEVERAL_FAULTS._asdict().items() if name not in ADDED_LATER}
+    assert key_of(SEVERAL_FAULTS) == f"Faults({', '.join(f'{n}={v!r}' for n, v in old.items())})"
+    assert "hole_closing=0.1" in key_of(Faults(hole_closing=0.1))
+    assert not any(getattr(Faults(), name) for name in ADDED_LATER)
+
+
+@pytest.mark.parametrize("discrepancy", Discrepancy)
+def test_every_discrepancy_is_one(discrepancy: Discrepancy) -> None:
+    plant = plant_of(discrepancy, 1)
+    nominal = new_part()
+    plain = plant.part._replace(
+        line_length=nominal.line_length,
+        line_volume=nominal.line_volume,
+        line_loss=plant.part.line_loss * nominal.line_length / plant.part.line_length,
+    )
+    here = short(plant.part, plant.line, Faults(), Surroundings(before_noise=plant.mounting), noise=0.0)
+    without = short(plain, LINES[Variant.PLAIN], Faults(), noise=0.0)
+    assert all(np.isfinite(values).all() for values in vars(here.measured).values())
+    off = np.max(np.abs(here.measured.line_pressure - without.measured.line_pressure))
+    assert bool(off > 0.3e6) is (discrepancy is not Discrepancy.PLAIN)
+
+
+def test_plants_are_drawn_by_discrepancy_and_seed() -> None:
+    assert plant_of(Discrepancy.TAPER, 1) == plant_of(Discrepancy.TAPER, 1)
+    plants = [plant_of(d, seed) for d in Discrepancy for seed in range(6)]
+    assert len({plant.part for plant in plants}) == len({plant.rail for plant in plants}) == len(plants)
+
+    def drawn(discrepancy: Discrepancy) -> list[Plant]:
+        return [plant_of(discrepancy, seed) for seed in range(30)]
+
+    lengths = [round(p.part.line_length / new_part().line_length - 1.0, 6) for p in drawn(Discrepancy.LENGTH)]
+    assert set(lengths) == {-0.02, 0.02}
+    tapers = np.array([p.line.taper for p in drawn(Discrepancy.TAPER)])
+    assert np.all((np.abs(tapers) >= 0.15) & (np.abs(tapers) <= 0.25))
+    assert 0.2 < np.mean(tapers > 0.0) < 0.8
+    assert [d.number for d in Discrepancy] == list(range(len(Discrepancy)))
+
+
+def test_an_orifice_behind_the_rail_takes_its_pressure() -> None:
+    part, line = new_part(), LINES[Variant.PLAIN]
+    loss = 1e15  # Pa s2/m6
+
+    def mean_pressure(line: WaveLine) -> float:
+        outcome = short(part, line, Faults(), duration=4e-3, noise=0.0)
+        return float(np.mean(outcome.truth.line_pressure[1150:1350]))
+
+    flow = float(np.mean(short(part, line, Faults(), duration=4e-3).truth.injection_rate[1150:1350]))
+    taken = mean_pressure(line) - mean_pressure(line._replace(inlet_loss=loss))
+    assert taken == pytest.approx(loss * flow**2, rel=0.15)
+
+
+def test_the_rail_dips_ripples_and_recovers() -> None:
+    rng = np.random.default_rng(1)
+    time = 1e-5 * np.arange(8000.0)
+    for rail in (drawn_rail(rng) for _ in range(20)):
+        still = replace(rail, ripple=0.0, pump=0.0)
+        dip = -still.supply([(0.01, LONGEST)], 100e6, 0.0)(time)
+        assert np.max(dip[:1001]) == 0.0
+        assert 0.7e6 < np.max(dip) <= 1.5e6
+        assert int(np.argmax(dip)) == pytest.approx(1000 + LONGEST / 1e-5, abs=1)
+        assert dip[-1] < 0.01 * np.max(dip)
+        half = -still.supply([(0.01, 0.5 * LONGEST)], 100e6, 0.0)(time)
+        assert 0.45 < np.max(half) / np.max(dip) < 0.62
+        ripple = replace(rail, dip=0.0, pump=0.0).supply([(0.01, LONGEST)], 100e6, 0.0)(time)
+        assert 0.1e6 < np.max(np.abs(ripple)) < 0.4e6
+    pump = replace(rail, dip=0.0, ripple=0.0).supply([], 100e6, 0.25)(time)
+    assert np.max(pump) == pytest.approx(rail.pump, rel=1e-3)
+
+
+def test_the_rail_of_a_recording_moves_and_is_measured() -> None:
+    rig = Rig(Discrepancy.PLAIN.number, False, 1)
+    bench = healthy_benches(rig)[3]
+    assert len(bench.events) == 6
+    outcome = short(bench.injector, bench.line, Faults(), Surroundings(supply=bench.around.supply), noise=0.0)
+    assert np.ptp(outcome.truth.rail_pressure) > 0.3e6  # the pump's
+    assert np.max(np.abs(outcome.measured.rail_pressure - outcome.truth.rail_pressure)) < 0.003e6
+
+
+def test_effects_are_those_of_the_vocabulary_within_its_bounds() -> None:
+    assert set(EFFECTS) == set(VOCABULARY) - STRUCTURES
+    assert not set(OUTSIDE) & set(VOCABULARY)
+    assert len(OUTSIDE) >= 5
+    assert {name for pair in PAIRS for name in pair} <= set(EFFECTS)
+    for name, effect in EFFECTS.items():
+        known = VOCABULARY[name].parameters
+        assert [p.name for p in effect.hidden.parameters] == [p.name for p in known]
+        for drawn, bounds in zip(effect.hidden.parameters, known, strict=True):
+            assert drawn.highest <= bounds.highest
+            assert bounds.lowest <= (drawn.most_negative or drawn.lowest)
+            assert drawn.most_negative == 0.0 or bounds.lowest < 0.0
+
+
+def test_pairs_are_of_larger_sizes_and_faults_add_up() -> None:
+    rig = Rig(0, False, 1)
+    case = make_case(PAIRS[0], rig, 4)
+    (first, (size,)), (second, (leak,)) = case.parts
+    assert (case.kind, first, second) == (Kind.PAIR, *PAIRS[0])
+    (drawn,) = EFFECTS[first].hidden.parameters
+    assert abs(size) >= drawn.lowest ** (1.0 - PAIR_FROM) * drawn.highest**PAIR_FROM * (1.0 - 1e-12)
+    assert faults_of(case.parts) == Faults(orifice_area=size, guide_leakage=leak)
+    assert faults_of((("rail_pressure_skew", (2e-5,)),)) == Faults()
+    assert len(steps_of((("rail_pressure_skew", (2e-5,)), ("bent_sensor", (1e6,))))) == 2
+
+
+def test_cases_are_spread_reproducible_and_in_an_order_that_tells_nothing() -> None:
+    every = list(Discrepancy)
+    many, few = (make_cases(shared_out(n), (False, True), every, 3) for n in (300, 100))
+    assert many == make_cases(shared_out(300), (False, True), every, 3)
+    assert {c.label for c in few} < {c.label for c in many}
+    assert not {c.label for c in many} & {c.label for c in make_cases(shared_out(300), (False,), every, 4)}
+    kinds = [sum(c.kind is kind for c in many) for kind in Kind]
+    assert kinds == [60, 150, 45, 45]
+    for name in EFFECTS:
+        assert len({c.rig.number for c in many if c.kind is Kind.SINGLE and c.parts[0][0] == name}) >= 5
+    for number in range(len(every)):
+        assert 35 <= sum(c.rig.number == number for c in many) <= 50
+    assert 0.4 < np.mean([c.rig.with_rate for c in many]) < 0.6
+    chosen = make_cases(Numbers(1, 1, 1, 1), (False,), every[:1], 3, ("healthy", "seat_area+line_friction"))
+    assert sorted(c.kind for c in chosen) == ["healthy", "healthy", "pair", "pair"]
+
+
+def test_names_tell_their_kind() -> None:
+    assert [kind_of(names_of(n)) for n in ("healthy", "seat_area", "seat_area+line_friction", "lift_leakage")] == [
+        Kind.HEALTHY, Kind.SINGLE, Kind.PAIR, Kind.OUTSIDE,
+    ]  # fmt: skip
+    with pytest.raises(KeyError):
+        names_of("seat_area+nothing")
+
+
+def test_given_and_further_recordings_share_plant_and_faults_and_nothing_else() -> None:
+    case = make_case(("seat_area",), Rig(2, False, 1), 0)
+    given, further, healthy = given_benches(case), further_benches(case), healthy_benches(case.rig)
+    assert {b.events[0].faults for b in given + further} == {faults_of(case.parts)}
+    assert {b.events[0].faults for b in healthy} == {Faults()}
+    assert len({(b.injector, b.needle, b.line) for b in given + further + healthy}) == 1
+    assert len({b.seed for b in given + further + healthy}) == len(given + further + healthy)
+    assert not {b.events[0].rail_pressure for b in given} & {b.events[0].rail_pressure for b in further}
+    assert {b.noise for b in further} == {0.0}
+
+
+def test_generator_runs_where_the_package_cannot_be_imported(tmp_path: Path) -> None:
+    plan = {
+        "numbers": {"healthy": 0, "singles": 0, "pairs": 1, "outside": 0},
+        "rates": [True],
+        "discrepancies": ["mounting"],
+        "master_seed": 1,
+        "chosen": [],
+    }
+    done = run_alone(ALONE, str(tmp_path), json.dumps(plan))
+    (file,) = done.stdout.split()
+    read = read_recording(Path(file))
+    assert read.injection_rate is not None
+    assert np.isfinite(read.line_pressure).all()
+    labels = (tmp_path / "labels.json").read_text()
+    assert not any(word in labels for word in (*EFFECTS, *Kind, *Discrepancy))
+
+
+def test_outside_faults_of_the_plant_are_what_they_say() -> None:
+    part, line = new_part(), LINES[Variant.PLAIN]
+
+    def rate(faults: Faults) -> np.ndarray:
+        return short(part, line, faults, duration=1.2e-3, noise=0.0).truth.injection_rate[1000:1125]
+
+    healthy = rate(Faults())
+    closing = rate(Faults(hole_closing=0.25)) / np.maximum(healthy, 1e-9)
+    assert np.all(closing[:60] == 1.0)
+    assert 0.74 < np.min(closing[65:85]) < 0.8
+    hysteresis = rate(Faults(seat_hysteresis=0.5)) - healthy
+    assert np.all(hysteresis[:70] == 0.0)
+    assert np.max(hysteresis[90:]) > 1e-6
+    for fault in (Faults(line_laminar=300.0), Faults(lift_leakage=1e-13)):
+        pressure = short(part, line, fault, noise=0.0).truth.line_pressure
+        assert np.max(np.abs(pressure - short(part, line, Faults(), noise=0.0).truth.line_pressure)) > 0.2e6
+
+
+def test_phases_of_an_opening_come_in_order() -> None:
+    stroke = np.array([[0.0, 0.4e-3, 1e-3, 1.3e-3, 0.8, 0.9]])
+    assert phases_of(Faults(orifice_area=0.1), stroke) == ()
+    both = Faults(orifice_area=0.1, hole_closing=0.2, seat_hysteresis=0.3)
+    times, faults = zip(*phases_of(both, stroke), strict=True)
+    assert times == (0.6e-3, 1e-3, 1.3e-3)
+    assert [f.seat_lift_loss for f in faults] == [0.0, -0.3, 0.0]
+    assert [f.orifice_area for f in faults] == pytest.approx([1.1 * 0.8 - 1.0, 1.1 * 0.8 - 1.0, 0.1])
+    short_stroke = np.array([[0.0, 0.2e-3, 0.3e-3, 0.5e-3, 0.8, 0.9]])
+    assert [t for t, _ in phases_of(both, short_stroke)] == [0.3e-3, 0.5e-3]
+
+
+def test_sensors_are_late_or_bent() -> None:
+    time = 1e-5 * np.arange(100.0)
+    ramp = 60e6 + 80e6 * time / time[-1]
+    seen = Measured(time, ramp, np.zeros(100), ramp)
+    late = late_rail(25e-6)(seen)
+    np.testing.assert_allclose(late.rail_pressure[3:], ramp[3:] - 25e-6 * 80e6 / time[-1], rtol=1e-12)
+    assert late.line_pressure is seen.line_pressure
+    bow = bent_sensor(2e6)(seen).line_pressure - ramp
+    assert (bow[0], bow[-1]) == pytest.approx((0.0, 0.0), abs=1.0)
+    assert np.min(bow) == pytest.approx(-2e6, rel=1e-3)
+    assert math.isclose(float(ramp[np.argmin(bow)]), 100e6, rel_tol=0.01)

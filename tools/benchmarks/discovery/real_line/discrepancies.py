@@ -1,0 +1,111 @@
+"""What no parameter of the model takes up: plants, each with a discrepancy of its own.
+
+Imports nothing of `observer_rt`.
+"""
+
+import zlib
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.random import Generator
+
+from tools.benchmarks.discovery.real_line.rail import MovingRail, drawn_rail
+from tools.benchmarks.plant_parameters import Injector
+from tools.benchmarks.realism.channels import filtered, resonance
+from tools.benchmarks.sampling import Measured, Step
+from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, real_part
+
+
+class Discrepancy(StrEnum):
+    """What sets a plant apart from every model, beside its discretisation; all rails move."""
+
+    PLAIN = "plain"
+    LENGTH = "length"  # another one than the injector file says
+    TAPER = "taper"  # of the line's area
+    END_VOLUMES = (
+        "end_volumes"  # a room and an orifice behind the rail, a larger gallery in front of the seat
+    )
+    FRICTION = "friction"  # depends on frequency
+    MOUNTING = "mounting"  # of the line-pressure sensor, in a hole that resonates
+    STEP = "step"  # of the line's area
+
+    @property
+    def number(self) -> int:
+        """What stands for it where its name would tell something."""
+        return list(Discrepancy).index(self)
+
+
+LENGTH_CHANGE = 0.02
+TAPERS = (0.15, 0.25)
+END_SHARES = (0.03, 0.06)  # of the line's volume in the gallery
+INLET_RATIOS = (1.5, 3.0)  # area of the line's first element to that of the others
+INLET_LOSSES = (1e14, 3e14)  # Pa s2/m6: 0.25 to 0.75 MPa at 50 mm3/ms
+MOUNTING_FREQUENCIES = (18e3, 30e3)  # Hz
+MOUNTING_DAMPINGS = (0.1, 0.3)
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A real injector with its line, its rail, and what its line-pressure sensor's mounting does to the signal."""
+
+    part: Injector
+    line: WaveLine
+    rail: MovingRail
+    mounting: tuple[Step, ...] = ()
+
+
+def plant_of(discrepancy: Discrepancy, seed: int) -> Plant:
+    """The plant with a discrepancy and a seed, from which all else of it is drawn."""
+    rng = np.random.default_rng([seed, zlib.crc32(discrepancy.encode())])
+    part, rail = real_part(int(rng.integers(2**62))), drawn_rail(rng)
+    plant = Plant(part, LINES[Variant.PLAIN], rail)
+    match discrepancy:
+        case Discrepancy.PLAIN:
+            return plant
+        case Discrepancy.LENGTH:
+            return replace(plant, part=_of_length(part, 1.0 + LENGTH_CHANGE * _sign(rng)))
+        case Discrepancy.TAPER:
+            return replace(plant, line=plant.line._replace(taper=_sign(rng) * rng.uniform(*TAPERS)))
+        case Discrepancy.END_VOLUMES:
+            return replace(plant, line=_with_ends(plant.line, rng))
+        case Discrepancy.FRICTION:
+            return replace(plant, line=LINES[Variant.FRICTION])
+        case Discrepancy.STEP:
+            return replace(plant, line=LINES[Variant.STEP])
+        case Discrepancy.MOUNTING:
+            frequency, damping = rng.uniform(*MOUNTING_FREQUENCIES), rng.uniform(*MOUNTING_DAMPINGS)
+            return replace(plant, mounting=(resonant_line(frequency, damping),))
+
+
+def resonant_line(frequency: float, damping: float) -> Step:
+    """A line-pressure sensor behind something that resonates [Hz]."""
+
+    def step(seen: Measured) -> Measured:
+        interval = float(seen.time[1] - seen.time[0])
+        return replace(
+            seen, line_pressure=filtered(seen.line_pressure, interval, resonance(frequency, damping))
+        )
+
+    return step
+
+
+def _of_length(part: Injector, factor: float) -> Injector:
+    """The part with a longer pipe; rooms at its ends, which the line's volume counts too, stay."""
+    return part._replace(
+        line_length=part.line_length * factor,
+        line_volume=part.line_volume + part.line_area * part.line_length * (factor - 1.0),
+        line_loss=part.line_loss * factor,
+    )
+
+
+def _with_ends(line: WaveLine, rng: Generator) -> WaveLine:
+    return line._replace(
+        end_share=rng.uniform(*END_SHARES),
+        inlet_ratio=rng.uniform(*INLET_RATIOS),
+        inlet_loss=rng.uniform(*INLET_LOSSES),
+    )
+
+
+def _sign(rng: Generator) -> float:
+    return 1.0 if rng.random() < 0.5 else -1.0

@@ -1,0 +1,166 @@
+"""What is printed of cases on real lines, and the same as data."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from tools.benchmarks.discovery.real_line import summary
+from tools.benchmarks.discovery.real_line.cases import Kind, hidden_text
+from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
+from tools.benchmarks.discovery.real_line.hidden import EFFECTS
+from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
+from tools.benchmarks.discovery.tables import NOTHING, printed_size
+
+KINDS = (Kind.HEALTHY, Kind.SINGLE, Kind.PAIR, Kind.OUTSIDE)
+
+
+def discrepancy_table(results: Sequence[RealResult], adequate: dict[str, bool]) -> Table:
+    """Discrepancy by discrepancy: right of counted, by kind; adequate: what `fit` says, by the rig's open name."""
+    table = Table(title="plants, right of those counted", title_justify="left")
+    table.add_column("discrepancy", no_wrap=True)
+    for heading in (
+        "fit\nadequate", "healthy", "singles", "pairs", "outside", "wrong\nand sure", "gap\nlarger",
+        "seconds\nmedian", "\nmax", "of core\nmax",
+    ):  # fmt: skip
+        table.add_column(heading, justify="right", no_wrap=True)
+    for discrepancy in Discrepancy:
+        if cases := [r for r in results if r.discrepancy == discrepancy]:
+            fits = [good for name, good in adequate.items() if name.startswith(discrepancy)]
+            table.add_row(discrepancy, _of(sum(fits), len(fits)), *_row(cases))
+    if results:
+        table.add_row("all", _of(sum(adequate.values()), len(adequate)), *_row(results))
+    return table
+
+
+def effect_table(results: Sequence[RealResult]) -> Table:
+    """Effect by effect, single cases: those counted, and below them what became of smaller ones."""
+    table = Table(title="single effects", title_justify="left")
+    table.add_column("effect", no_wrap=True)
+    for heading in (
+        "right of\ncounted", "of them\nambiguous", "smaller,\nright", "\nwrong", "smallest visible,\nstated",
+        "smallest\nnamed", "intervals\nhold",
+    ):  # fmt: skip
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name, cases in summary.by_effect(results).items():
+        judged, smaller = [r for r in cases if r.counted], [r for r in cases if not r.counted]
+        covered = summary.coverage(cases)
+        table.add_row(
+            name,
+            _of(sum(r.right for r in judged), len(judged)),
+            str(sum(r.ambiguous_right for r in judged)),
+            _of(sum(r.right for r in smaller), len(smaller)),
+            _of(summary.named_as_others(smaller), len(smaller)),
+            printed_size(name, summary.smallest_visible(results, name)),
+            printed_size(name, summary.smallest_named(cases)),
+            _of(sum(covered), len(covered)),
+        )
+    return table
+
+
+def kind_lines(results: Sequence[RealResult]) -> list[str]:
+    """What the tables leave out."""
+    pairs, outside = (summary.of_kind(results, kind) for kind in (Kind.PAIR, Kind.OUTSIDE))
+    lines = []
+    if pairs:
+        lines.append(f"pairs, one of both named: {sum(r.half_right for r in pairs)} of {len(pairs)}")
+    if outside:
+        answers = ", ".join(
+            f"{verdict} {n}" for verdict, n in Counter(r.verdict for r in outside).most_common()
+        )
+        unsure = sum(r.named_unsure for r in outside)
+        lines.append(f"outside the vocabulary: {answers}; named, but not surely: {unsure}")
+    return lines
+
+
+def misses(results: Sequence[RealResult]) -> list[str]:
+    """A line for every case that was answered wrongly or left a larger gap; sizes in SI."""
+    return [_miss(r) for r in results if (r.counted and not r.right) or r.wrong_and_sure or r.gap_larger]
+
+
+def json_document(
+    results: Sequence[RealResult], adequate: dict[str, bool], crashes: Sequence[str]
+) -> dict[str, Any]:
+    """`figures` with names other benchmarks share, `details` behind them; null: no case of it."""
+    covered = summary.coverage(results)
+    healthy = summary.of_kind(results, Kind.HEALTHY)
+    right = {kind: _share(summary.counted(results, kind)) for kind in KINDS}
+    return {
+        "figures": {
+            "cases": len(results),
+            "named_right_share": right[Kind.SINGLE],
+            "false_alarm_share": 1.0 - summary.share(healthy) if healthy else None,
+            "accused_with_confidence": len(summary.accused(results)),
+            "pairs_right_share": right[Kind.PAIR],
+            "pairs_half_right": sum(r.half_right for r in results),
+            "unknown_right_share": right[Kind.OUTSIDE],
+            "wrong_and_sure": sum(r.wrong_and_sure for r in results),
+            "gap_larger": sum(r.gap_larger for r in results),
+            "coverage_share": float(np.mean(covered)) if covered else None,
+            "exceptions": len(crashes),
+            "seconds_max": max((r.seconds for r in results), default=None),
+            "core_seconds_max": max((r.core_seconds for r in results), default=None),
+            "smallest_visible": {
+                name: None if size is None else printed_size(name, size)
+                for name in EFFECTS
+                for size in [summary.smallest_visible(results, name)]
+            },
+        },
+        "details": {
+            "fit_adequate": adequate,
+            "counted": {kind: len(summary.counted(results, kind)) for kind in KINDS},
+            "cases": [_case(r) for r in results],
+            "violations": summary.violations(results, len(crashes)),
+            "misses": misses(results),
+            "crashes": list(crashes),
+        },
+    }
+
+
+def _row(cases: Sequence[RealResult]) -> list[str]:
+    counted = [summary.counted(cases, kind) for kind in KINDS]
+    seconds = [r.seconds for r in cases]
+    return [
+        *(_of(sum(r.right for r in found), len(found)) for found in counted),
+        str(sum(r.wrong_and_sure for r in cases)),
+        str(sum(r.gap_larger for r in cases)),
+        f"{np.median(seconds):.1f}",
+        f"{max(seconds):.1f}",
+        f"{max(r.core_seconds for r in cases):.1f}",
+    ]
+
+
+def _of(some: int, count: int) -> str:
+    return f"{some}/{count}" if count else NOTHING
+
+
+def _share(cases: Sequence[RealResult]) -> float | None:
+    return summary.share(cases) if cases else None
+
+
+def _case(r: RealResult) -> dict[str, Any]:
+    """A case as data; its sizes in multiples of the smallest visible one where that is stated."""
+    entry = asdict(r) | {"right": r.right, "counted": r.counted, "gap_larger": r.gap_larger}
+    del entry["smallest"]
+    visible = {name: r.times_smallest(name) for name in r.effects}
+    return entry | {"times_smallest": {n: t if np.isfinite(t) else None for n, t in visible.items()}}
+
+
+def _miss(r: RealResult) -> str:
+    answer = ", ".join(f"{name} ({confidence:.2f})" for name, confidence in r.claims)
+    times = [f"{r.times_smallest(n):.1f}" for n in r.effects if np.isfinite(r.times_smallest(n))]
+    visible = f" ({' and '.join(times)} times the smallest visible)" if times else ""
+    marks = [mark for mark, given in (("SURE", r.wrong_and_sure), ("GAP", r.gap_larger)) if given]
+    gaps = [_gap(gap, unit) for gap, unit in ((r.line_pressure, "MPa"), (r.injected_mass, "mg")) if gap]
+    rate = " with rate" if r.with_rate else ""
+    return (
+        f"{r.label} {r.discrepancy}{rate}: {hidden_text(r.parts)}{visible}: {r.verdict} {answer}"
+        f"{'; gap ' + ', '.join(gaps) if gaps else ''}{' ' + ' '.join(marks) if marks else ''}"
+    )
+
+
+def _gap(gap: RealGap, unit: str) -> str:
+    return f"{gap.before:.3f} to {gap.after:.3f} {unit}"

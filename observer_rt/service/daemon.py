@@ -13,6 +13,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.state import Reason, State
+from observer_rt.service.contest import contested
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.core.status import OutsideFigures, status_values
@@ -129,6 +130,7 @@ class Daemon:
             self._lose(error.bus, error)
             return
         now = time.monotonic_ns()
+        self.core.note_contest(self.arrivals.is_contested(now))
         if self.core.frames_taken != self._frames_seen:
             self._frames_seen, self._last_input = self.core.frames_taken, now
         if results or self._is_waiting:
@@ -152,7 +154,7 @@ class Daemon:
         if not self._down:
             for notice in self._watch.look(now):
                 self._tell(notice)
-        for notice in self._state_watch.look(now, self.state(now)):
+        for notice in self._state_watch.look(now, self.standing(now)):
             self._tell(notice)
         if self._pump.goes_round():
             self._on_alive()
@@ -184,9 +186,19 @@ class Daemon:
                 self._lose(bus, error)
 
     def state(self, now: int) -> tuple[State, Reason]:
-        """State and reason at a monotonic time [ns], inputs that stay away included."""
+        """State and its most severe reason at a monotonic time [ns]."""
+        state, reasons = self.standing(now)
+        return state, reasons[0] if reasons else Reason.NONE
+
+    def standing(self, now: int) -> tuple[State, tuple[Reason, ...]]:
+        """State and all its reasons, the most severe first, at a monotonic time [ns]."""
+        state, reason = self._own_state(now)
         if self.arrivals.is_contested(now):
-            return State.DEGRADED, Reason.SECOND_SENDER
+            return contested(state, reason)
+        return state, (reason,) if reason else ()
+
+    def _own_state(self, now: int) -> tuple[State, Reason]:
+        """Whoever else sends: state and reason, inputs that stay away included."""
         if self._frames_seen == 0:
             return State.WAITING_FOR_DATA, Reason.STARTING
         if any(self.ports[bus].has_inputs for bus in self._down):

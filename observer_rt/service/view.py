@@ -58,11 +58,11 @@ class View:
         name = Text(self._name)
         if self._daemon is None:
             return name, Text("starting", "dim")
-        state, reason = self._daemon.state(now)
+        state, reasons = self._daemon.standing(now)
         cells = (
             name,
             Text(state.name, "green" if is_good(state) else "red"),
-            Text(reason.name if reason else "", "yellow"),
+            Text(", ".join(reason.name for reason in reasons), "yellow"),
         )
         return (*cells, *last_injection(self._shown[-1])) if self._shown else cells
 
@@ -102,4 +102,4 @@ class View:
 
 
 def _heading_lines(daemon: Daemon, now: int) -> int:
-    return 2 if daemon.state(now)[1] else 1
+    return 1 + len(daemon.standing(now)[1])

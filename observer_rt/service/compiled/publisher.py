@@ -13,13 +13,14 @@ from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, RateMessage
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.referenced import referenced
 from observer_rt.foundation.units import MM3_PER_MS
-from observer_rt.observer.stream.state import RING, Observer
+from observer_rt.observer.stream.state import RING, Observer, State
 
 FRAMES = 512  # that one input frame can cause at the most, with a wide margin
 _SAMPLE_INDEX, _VALID, _LEARNING, _STATE = (
     HEADER_SIGNALS.index(name) for name in ("SampleIndex", "Valid", "Learning", "State")
 )
 _MASK = RING - 1
+_DEGRADED = int(State.DEGRADED)
 
 OUT_FRAME = np.dtype([("length", np.int64), ("payload", np.uint8, (LONGEST_FRAME,))], align=True)
 
@@ -31,6 +32,7 @@ PUBLISHER = np.dtype(
         ("block_valid", np.bool_),
         ("block_state", np.int64),
         ("learning", np.bool_),
+        ("contested", np.bool_),  # another node sends the same: nothing that goes out is valid
         ("header", np.int64, (len(HEADER_SIGNALS),)),  # their places among the values, -1: not in the message
         ("samples", np.int64),  # of a block, 0: no rates are published
         ("length", np.int64),
@@ -107,9 +109,9 @@ def flush(publisher: Publisher) -> None:
     if memory.filled == 0:
         return
     _put(publisher, _SAMPLE_INDEX, memory.block_start & 0xFFFFFFFF)
-    _put(publisher, _VALID, memory.block_valid)
+    _put(publisher, _VALID, memory.block_valid and not memory.contested)
     _put(publisher, _LEARNING, memory.learning)
-    _put(publisher, _STATE, memory.block_state)
+    _put(publisher, _STATE, _DEGRADED if memory.contested else memory.block_state)
     frame = publisher.out[memory.frames]
     frame.payload[:] = 0
     frame.length = memory.length

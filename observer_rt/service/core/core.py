@@ -28,6 +28,7 @@ from observer_rt.service.compiled.by_reference import CompiledPipeline
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
 from observer_rt.service.compiled.publisher import flush, make_publisher
+from observer_rt.service.contest import Contest
 from observer_rt.service.core.counters import Counters, counted
 from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner
 from observer_rt.service.core.messages import OutputFrame, ResultFrames
@@ -94,6 +95,7 @@ class Core:
         self._tell = to_all(listeners)
         self._writes_summaries = writes_summaries
         self._inputs = OptionalInputs(fitted, bus, self.compiled, self._tell, fuel_temperature, is_restored)
+        self._contest = Contest(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
         self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
 
     def handle(
@@ -148,6 +150,10 @@ class Core:
         self._follow()
         self._judging.answer()
         return self._results.reports()
+
+    def note_contest(self, is_contested: bool) -> None:
+        """Whether another node sends the same results: meanwhile none that goes out is valid."""
+        self._contest.note(is_contested)
 
     @property
     def is_idle(self) -> bool:
@@ -293,7 +299,8 @@ class Core:
     def _report(self, judged: Judged) -> None:
         """Say of the injections of a judged event what was found."""
         for injection in self._judging.injections(judged):
-            report = report_of(injection, judged, self._inputs.opening_of(injection))
+            commanded = self._inputs.opening_of(injection)
+            report = report_of(injection, judged, commanded, self._contest.concerns(injection))
             if self._writes_summaries:
                 self._results.add_summary(report, self.learning, self._pressure_scale)
             self._tell(report)

@@ -23,7 +23,7 @@ def injection_record(report: InjectionReport, c: Coefficients) -> dict[str, Any]
         "mass_mg": known(report.mass / MILLIGRAM),
         "mass_ci95_mg": report.mass_ci95 and [bound / MILLIGRAM for bound in report.mass_ci95],
         "valid": report.valid,
-        "reasons": [] if report.valid else [report.reason.name],
+        "reasons": [reason.name for reason in report.reasons],
         "state": report.state.name,
         "phi_version": report.phi_version,
         **fuel,

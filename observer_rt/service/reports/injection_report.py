@@ -11,6 +11,7 @@ from observer_rt.foundation.units import MICROSECOND
 from observer_rt.observer.learning.indicators import Estimate, Indicators, indicators_of
 from observer_rt.observer.learning.interval import is_revised, rate_sigma, volume_interval
 from observer_rt.observer.stream.state import Reason, State
+from observer_rt.service.contest import contested
 from observer_rt.service.reports.judging import Judged
 
 
@@ -42,7 +43,7 @@ class InjectionReport:
     known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard deviation of the published
     rate at the n samples from start to end; `rail_pressure` [Pa] at the opening; `density` [kg/m3] and
     `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is None where it is not
-    known.
+    known. reason: the most severe, further: others.
     """
 
     number: int
@@ -65,10 +66,21 @@ class InjectionReport:
     density: float
     fuel_temperature: float | None
     commanded: CommandedOpening | None
+    further: tuple[Reason, ...] = ()
+
+    @property
+    def reasons(self) -> tuple[Reason, ...]:
+        """All reasons why it is not valid, the most severe first."""
+        return () if self.valid else (self.reason, *self.further)
 
 
-def report_of(injection: np.void, judged: Judged, commanded: CommandedOpening | None) -> InjectionReport:
-    """What to say of an injection (row of dtype `stream.state.INJECTION`); commanded: by which command it opened."""
+def report_of(
+    injection: np.void, judged: Judged, commanded: CommandedOpening | None, is_contested: bool = False
+) -> InjectionReport:
+    """What to say of an injection (row of dtype `stream.state.INJECTION`).
+
+    commanded: by which command it opened; is_contested: another node sends the same results.
+    """
     event, outcome = judged.event, judged.outcome
     c = judged.fuel.constants.coefficients
     judgement = judged.objections[0].reason if judged.objections else Reason.NONE
@@ -96,6 +108,10 @@ def report_of(injection: np.void, judged: Judged, commanded: CommandedOpening | 
         sigma = rate_sigma(outcome.resimulated, window)
         if reason is Reason.NONE and is_revised(outcome.resimulated, window, volume):
             reason = Reason.REVISED
+    state = State(int(injection["state"]))
+    reasons: tuple[Reason, ...] = (reason,)
+    if is_contested:
+        state, reasons = contested(state, reason)
     return InjectionReport(
         number=int(injection["number"]),
         event=int(injection["event"]),
@@ -109,12 +125,13 @@ def report_of(injection: np.void, judged: Judged, commanded: CommandedOpening | 
         rail_pressure=float(injection["rail_pressure"]) * c.pressure_scale + c.chamber_pressure,
         mass_ci95=None if interval is None else (interval[0] * c.density, interval[1] * c.density),
         rate_sigma=sigma,
-        valid=reason is Reason.NONE,
-        reason=reason,
-        state=State(int(injection["state"])),
+        valid=reasons[0] is Reason.NONE,
+        reason=reasons[0],
+        state=state,
         phi_version=int(injection["phi_version"]),
         indicators=indicators,
         density=c.density,
         fuel_temperature=judged.fuel.temperature,
         commanded=commanded,
+        further=reasons[1:],
     )

@@ -54,7 +54,7 @@ class Teller:
 
 def line(report: InjectionReport) -> str:
     """An injection on one line."""
-    verdict = "valid" if report.valid else f"not valid: {named(report.reason)}"
+    verdict = "valid" if report.valid else f"not valid: {'; '.join(map(named, report.reasons))}"
     temperature = report.fuel_temperature
     fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
     return (

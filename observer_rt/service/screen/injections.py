@@ -50,7 +50,7 @@ def injections(shown: Sequence[Shown], width: int) -> Table:
 def last_injection(item: Shown) -> tuple[Text, ...]:
     """Number, mass [mg], its interval, wear of the nozzle and verdict: cells of a row."""
     report = item.report
-    verdict = Text("yes", "green") if report.valid else Text(report.reason.name, "yellow")
+    verdict = Text("yes", "green") if report.valid else Text(_names(report), "yellow")
     cells = str(report.number), f"{report.mass / MILLIGRAM:.2f}", _interval(report), _wear(report)
     return (*map(Text, cells), verdict)
 
@@ -72,7 +72,11 @@ def _verdict(report: InjectionReport, width: int) -> Text:
     if report.valid:
         return Text("valid", style="green")
     words = f": {REASONS[report.reason].what}" if width >= WITH_WORDS else ""
-    return Text(report.reason.name + words, style="yellow", overflow="ellipsis")
+    return Text(_names(report) + words, style="yellow", overflow="ellipsis")
+
+
+def _names(report: InjectionReport) -> str:
+    return ", ".join(reason.name for reason in report.reasons)
 
 
 def _measured(shown: Shown) -> tuple[str, str]:

@@ -19,12 +19,12 @@ PAUSE = 10 * MILLISECOND  # lateness that is none of a bus
 
 
 def heading(daemon: Daemon, now: int, width: int) -> Table:
-    """State and reason in words, and the clock."""
-    state, reason = daemon.state(now)
+    """State and reasons in words, and the clock."""
+    state, reasons = daemon.standing(now)
     line = Text()
     line.append(f" {state.name} ", "bold white on green" if is_good(state) else "bold white on red")
     line.append(f" {STATES[state].what}")
-    if reason:
+    for reason in reasons:
         line.append(f"\n {reason.name}: {REASONS[reason].what}", "yellow")
     grid = Table.grid(expand=False)
     clock = datetime.now(UTC).astimezone().strftime("%Y-%m-%d %H:%M:%S")

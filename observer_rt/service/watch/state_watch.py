@@ -14,19 +14,19 @@ class StateWatch:
 
     def __init__(self, arrivals: Arrivals) -> None:
         self._arrivals = arrivals
-        self._now: tuple[State, Reason] | None = None
+        self._now: tuple[State, tuple[Reason, ...]] | None = None
         self._since = 0
-        self._told: tuple[State, Reason] | None = None
+        self._told: tuple[State, tuple[Reason, ...]] | None = None
 
-    def look(self, now: int, state: tuple[State, Reason]) -> list[Notice]:
-        """News at a time [ns]."""
+    def look(self, now: int, state: tuple[State, tuple[Reason, ...]]) -> list[Notice]:
+        """News at a time [ns]; state: with all its reasons."""
         if state != self._now:
             self._now, self._since = state, now
         if state == self._told or now - self._since < LASTING * SECOND:
             return []
         self._told = state
         what, why = state
-        text = named(what) + (f"; {named(why)}" if why else "")
-        if why in _ABOUT_INPUTS and not is_good(what):
+        text = "; ".join([named(what), *map(named, why)])
+        if not is_good(what) and any(reason in _ABOUT_INPUTS for reason in why):
             text += f"; {self._arrivals.as_text(now)}"
         return [Notice(Topic.STATE, text, is_good(what))]

@@ -4,6 +4,7 @@ import select
 import socket
 import struct
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import RunError
+from observer_rt.observer.stream.state import Reason, State
 from observer_rt.observer.stream.verdict import Taken
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.service.core.core import Core
@@ -130,6 +132,37 @@ def test_same_frames_as_evaluate(tmp_path: Path) -> None:
     assert daemon.core.counters.adoptions >= 2
 
 
+def test_while_another_node_sends_the_same_no_rate_is_valid(tmp_path: Path) -> None:
+    """And nothing else of the frames differs, but for their protection."""
+    path = bench_file(tmp_path, "0")
+    worn = worn_recording()
+    frames = list(Framer(map_bus(load_bench(path))).frames(worn, whole(worn)))
+    history = [f.payload for f in evaluate(load_bench(path), [worn]).frames if f.frame_id == RATE.frame_id]
+    with connected(path) as (device, daemon):
+        with serving(daemon):
+            device.send(frames[:-200])
+            until(lambda: daemon.core.counters.frames == len(frames) - 200)
+            device.send([Frame(RATE.frame_id, bytes(64))])
+            until(lambda: daemon.arrivals.foreign_frames == 1)
+            until(lambda: daemon.state(time.monotonic_ns())[1] is Reason.SECOND_SENDER)
+            time.sleep(0.1)
+            device.read()
+            before = len(device.received[RATE.frame_id])
+            device.send(frames[-200:])
+            until(lambda: daemon.core.counters.frames == len(frames))
+        device.read()
+    received = [decoded(RATE, payload) for payload in device.received[RATE.frame_id]]
+    expected = [decoded(RATE, payload) for payload in history]
+    assert any(each["Valid"] for each in expected[before:])
+    marked = {"Valid": 0.0, "State": float(State.DEGRADED)}
+    crc = {"CRC": 0.0}
+    assert len(received) == len(expected)
+    assert [each | crc for each in received] == [
+        *(each | crc for each in expected[:before]),
+        *(each | marked | crc for each in expected[before:]),
+    ]
+
+
 def through_pump(path: Path, frames: Sequence[Frame]) -> dict[int, list[bytes]]:
     """What comes of frames in lockstep, to the end, by identifier."""
     out: list[OutputFrame] = []
@@ -228,11 +261,13 @@ def test_it_ends_while_the_stream_waits_for_a_verdict(tmp_path: Path) -> None:
     path = bench_file(tmp_path, "0")
     worn = worn_recording(2)
     with pumped(path) as it:
+        waiting = it.core.compiled.observer.memory["waiting"]
         for frame in Framer(map_bus(load_bench(path))).frames(worn, whole(worn)):
-            if it.core.compiled.observer.memory["waiting"][0] or not it.device.has_room():
+            until(lambda: waiting[0] or it.device.has_room())
+            if waiting[0]:
                 break
             it.device.send([frame])
-        until(lambda: bool(it.core.compiled.observer.memory["waiting"][0]))
+        assert waiting[0]
         closing = threading.Thread(target=it.pump.finish, daemon=True)
         closing.start()
         closing.join(60.0)

@@ -1,6 +1,7 @@
-"""A second sender of our identifiers, while the daemon runs: told, counted, in the state and the status frame."""
+"""A second sender of our identifiers, while the daemon runs: told, counted, and nothing that is sent is valid."""
 
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -9,11 +10,17 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.service.contest import contested
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.keeping.journal_columns import row_of
 from observer_rt.service.reports.news import Notes
+from observer_rt.service.reports.telling import line
 from observer_rt.service.words import Topic
-from tests.service.end_to_end import RATE, STATUS
+from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded
 from tests.service.participants import ScriptedLink, bench_file, serving, until, worn_recording
+
+INJECTIONS = 8
+AFTER_FOUR, AFTER_SIX = 0.348, 0.448  # s, when the last of as many was judged, just before the next one
 
 
 @pytest.fixture(scope="module")
@@ -61,3 +68,100 @@ def test_ages_of_the_inputs_are_in_the_status(bench: Path) -> None:
         until(lambda: link.statuses()[-1]["LinePressureAge"] >= 0.5)
     last = link.statuses()[-1]
     assert last["RailPressureAge"] == last["NeedleLiftAge"] == last["LinePressureAge"] < 25.0
+
+
+class FedLink(ScriptedLink):
+    """Delivers what it is fed, bit by bit."""
+
+    def feed(self, frames: Iterable[TimedFrame]) -> None:
+        """Deliver these, too, and wait until they are taken."""
+        self._frames.extend(frames)
+        until(lambda: not self._frames)
+        self.empty.clear()
+        until(self.empty.is_set)
+
+    def taken(self, identifier: int) -> list[bytes]:
+        """What was sent under an identifier since the last call."""
+        found = [frame.payload for frame in self.sent if frame.frame_id == identifier]
+        self.sent = [frame for frame in self.sent if frame.frame_id != identifier]
+        return found
+
+
+def marks(payloads: list[bytes]) -> set[tuple[int, int]]:
+    """(Valid, State) of rates."""
+    return {(int(s["Valid"]), int(s["State"])) for s in (decoded(RATE, payload) for payload in payloads)}
+
+
+def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
+    """In rates, summaries, reports and status alike, from its first frame until it is silent; then as before."""
+    loaded = load_bench(bench)
+    bus = map_bus(loaded)
+    recording = worn_recording(INJECTIONS)
+    frames = list(Framer(bus).frames(recording, whole(recording)))
+    first, second = (round(at * len(frames) / recording.time[-1]) for at in (AFTER_FOUR, AFTER_SIX))
+    other = TimedFrame(0.0, STATUS.frame_id, False, True, bytes(64))
+    notes, link = Notes(), FedLink()
+    daemon = Daemon(loaded, bus, [link], listeners=[notes])
+    with serving(daemon):
+        link.feed(frames[:first])
+        assert (1, State.ADAPTED) in marks(link.taken(RATE.frame_id))
+        link.feed([other, *frames[first:second]])
+        assert marks(link.taken(RATE.frame_id)) == {(0, State.DEGRADED)}
+        assert daemon.state(time.monotonic_ns()) == (State.DEGRADED, Reason.SECOND_SENDER)
+        until(lambda: daemon.standing(time.monotonic_ns())[1] == (Reason.INPUT_TIMEOUT, Reason.SECOND_SENDER))
+        until(lambda: any(each.is_over for each in notes.notices if each.topic is Topic.SENDER))
+        until(lambda: not daemon.arrivals.is_contested(time.monotonic_ns()))
+        link.feed(frames[second:])
+        until(lambda: len(notes.injections) == INJECTIONS)
+    last = marks(link.taken(RATE.frame_id))
+    assert last <= {(0, State.DEGRADED), (1, State.ADAPTED)}  # the block under way when it began, at the most
+    assert (1, State.ADAPTED) in last
+    summaries = [decoded(SUMMARY, payload) for payload in link.taken(SUMMARY.frame_id)]
+    said = [(int(s["Valid"]), int(s["State"]), int(s["Reason"])) for s in summaries]
+    assert said == [(each.valid, each.state, each.reason) for each in notes.injections]
+    early, other_sends = (Reason.TOO_FEW_EVENTS,), (Reason.SECOND_SENDER,)
+    reasons = [each.reasons for each in notes.injections]
+    assert reasons == [early, early, (), (), other_sends, other_sends, (), ()]
+    contested_one = notes.injections[4]
+    assert contested_one.state is State.DEGRADED
+    assert line(contested_one).endswith(
+        "not valid: SECOND_SENDER: another node sends what only this observer should"
+    )
+    row = row_of(contested_one, daemon.core.compiled.observer.constants.coefficients, 0)
+    assert (row["valid"], row["reasons"], row["state"]) == (0, "SECOND_SENDER", "DEGRADED")
+
+
+@pytest.mark.parametrize(
+    ("own", "both"),
+    [
+        ((State.ADAPTED, Reason.NONE), (State.DEGRADED, (Reason.SECOND_SENDER,))),
+        (
+            (State.RUNNING_NOMINAL, Reason.TOO_FEW_EVENTS),
+            (State.DEGRADED, (Reason.SECOND_SENDER, Reason.TOO_FEW_EVENTS)),
+        ),
+        (
+            (State.DEGRADED, Reason.MODEL_INADEQUATE),
+            (State.DEGRADED, (Reason.MODEL_INADEQUATE, Reason.SECOND_SENDER)),
+        ),
+        (
+            (State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT),
+            (State.WAITING_FOR_DATA, (Reason.INPUT_TIMEOUT, Reason.SECOND_SENDER)),
+        ),
+    ],
+)
+def test_it_hides_no_other_reason(own: tuple[State, Reason], both: tuple[State, tuple[Reason, ...]]) -> None:
+    assert contested(*own) == both
+
+
+def test_the_log_says_all_reasons(bench: Path) -> None:
+    """Of a bench whose inputs stay away while another node sends."""
+    loaded = load_bench(bench)
+    notes, link = Notes(), FedLink()
+    other = TimedFrame(0.0, STATUS.frame_id, False, True, bytes(64))
+    daemon = Daemon(loaded, map_bus(loaded), [link], listeners=[notes])
+    with serving(daemon):
+        link.feed([other])
+        until(lambda: any(notice.topic is Topic.STATE for notice in notes.notices))
+    told = next(notice.text for notice in notes.notices if notice.topic is Topic.STATE)
+    assert told.startswith("WAITING_FOR_DATA: no input comes in; SECOND_SENDER: another node sends")
+    assert "; STARTING: the observer has just begun; SampleBlock 0x100" in told

@@ -1,14 +1,19 @@
 """The campaign of damaged files: a share of it, and that it sees what it looks for."""
 
 import json
+from collections.abc import Iterator
+from itertools import count, islice
 
 import pytest
 from rich.console import Console
 
+from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.canlog.candump import CandumpLog
+from observer_rt.recording.canlog.mdf4.reader import Mdf4Log
 from observer_rt.recording.formats import log_formats, signal_formats, suffixes_of, written
 from tools.benchmarks import damage
 from tools.benchmarks.damage import Became, Task, damage_document, damage_table, one_file, run_damage
+from tools.benchmarks.damage_files import FRAMES
 
 SEED = 7
 
@@ -45,3 +50,21 @@ def test_what_a_reader_must_not_do_is_a_fault(monkeypatch: pytest.MonkeyPatch, m
     damage._whole_content("frames.log", ".log")
     monkeypatch.setattr(CandumpLog, "_entries", badly)
     assert one_file(Task("frames.log", SEED, 4)).became is Became.FAULT
+
+
+def test_frames_of_a_loggers_file_that_are_lost_in_silence_are_a_fault(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    entries = Mdf4Log._entries
+
+    def half(self: Mdf4Log) -> Iterator[tuple[int, LogFrame]]:
+        return islice(entries(self), FRAMES // 2)
+
+    tasks = (Task("card.mf4", SEED, number) for number in count())
+    harmless = next(task for task in tasks if one_file(task).became is Became.SAME)
+    monkeypatch.setattr(Mdf4Log, "_entries", half)
+    found = one_file(harmless)
+    assert (found.became, found.said) == (
+        Became.FAULT,
+        f"{FRAMES // 2} of {FRAMES} frames are lost, nothing told",
+    )

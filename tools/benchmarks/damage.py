@@ -30,6 +30,7 @@ from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.damage_files import DATABASE, makers, write_database
 from tools.benchmarks.pool import Crash, run_tasks
 
+JUDGED = (".mf4",)  # whose readers lose no frame in silence; text may lose whole lines
 LONG = 30.0  # s, for one of these small files, on a machine that has other work
 
 
@@ -69,7 +70,7 @@ class Campaign:
 
     @property
     def faults(self) -> list[Outcome]:
-        """Tracebacks, output on stdout, results that cannot be read, and files that took long."""
+        """Tracebacks, output on stdout, results that cannot be read, frames lost in silence, files that took long."""
         return [each for each in self.outcomes if each.became is Became.FAULT]
 
 
@@ -168,7 +169,18 @@ def _converted(path: Path, number: int) -> tuple[Became, str]:
         return Became.FAULT, f"writes what cannot be read: {error}"
     if err:
         return Became.TOLD, err
-    return (Became.SAME if content == _whole_content(path.name, target.suffix) else Became.CHANGED), ""
+    whole = _whole_content(path.name, target.suffix)
+    if content == whole:
+        return Became.SAME, ""
+    lost = len(whole) - len(content)
+    if path.suffix in JUDGED and formats.is_log(path) and lost > 0 and not _is_cut(path, content, whole):
+        return Became.FAULT, f"{lost} of {len(whole)} frames are lost, nothing told"
+    return Became.CHANGED, ""
+
+
+def _is_cut(path: Path, content: Sequence[object], whole: Sequence[object]) -> bool:
+    """Whether a file is shorter than it was, and so is what it holds: nobody can tell that from one that was cut."""
+    return path.stat().st_size < len(_whole(path.name)) and content == whole[: len(content)]
 
 
 def _mapped(path: Path, number: int) -> tuple[Became, str]:

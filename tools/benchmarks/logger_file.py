@@ -80,11 +80,12 @@ def write_logger_file(
     finalised: bool = False,
     errors: int = 0,
     data_width: int | None = None,
+    id_size: int = 1,
 ) -> None:
     """Write frames as a logger does: one group of data frames, one of error frames, one of data (VLSD).
 
     fields: without the data bytes; what is virtual has the value of its offset in every frame. data_width: bytes a
-    record has for them; None: they are of variable length, in records of their own.
+    record has for them; None: they are of variable length, in records of their own. id_size: bytes of a record's id.
     """
     flags = (
         0 if finalised else UPDATE_CYCLES | UPDATE_LAST_LENGTH | UPDATE_VARIABLE_BYTES * (data_width is None)
@@ -93,7 +94,7 @@ def write_logger_file(
     file = _File(mark + b"4.11    logger\0\0" + struct.pack("<4xH30xHH", 411, flags, 0))
     header = file.block("HD", [0] * 6, struct.pack("<QhhBBBBdd", start_ns, 0, 0, 0, 0, 0, 0, 0.0, 0.0))
     history = file.block("FH", [0, file.block("MD", [], b"<FHcomment><TX>log</TX></FHcomment>\0")], bytes(16))
-    records, size, data_bytes = _records(frames, fields, start_ns, errors, data_width)
+    records, size, data_bytes = _records(frames, fields, start_ns, errors, data_width, id_size)
 
     def cycles(count: int) -> int:
         return count if finalised else 0
@@ -127,7 +128,7 @@ def write_logger_file(
     second = file.group(ERROR_RECORDS, cycles(errors), BUS_EVENT | PLAIN, TIME_BYTES + 1, error_channels)
     file.link(first, 0, second)
     file.link(second, 0, data_group)
-    groups = file.block("DG", [0, first, 0, 0], bytes((1, *[0] * 7)))
+    groups = file.block("DG", [0, first, 0, 0], bytes((id_size, *[0] * 7)))
     file.link(header, 0, groups)
     file.link(header, 1, history)
     data = file.block("DT", [], records)
@@ -138,7 +139,12 @@ def write_logger_file(
 
 
 def _records(
-    frames: list[LogFrame], fields: list[Field], start_ns: int, errors: int, data_width: int | None
+    frames: list[LogFrame],
+    fields: list[Field],
+    start_ns: int,
+    errors: int,
+    data_width: int | None,
+    id_size: int,
 ) -> tuple[bytes, int, int]:
     """All records one after the other, the size of one with a frame, and the bytes of data of variable length."""
     records = bytearray()
@@ -156,12 +162,12 @@ def _records(
         data = struct.pack("<Q", data_bytes) if data_width is None else payload.ljust(data_width, b"\0")
         record = struct.pack("<Q", frame.frame.stamp_ns - start_ns) + fixed + data
         size = len(record)
-        records += bytes((FRAME_RECORDS,)) + record
+        records += FRAME_RECORDS.to_bytes(id_size, "little") + record
         if data_width is None:
-            records += bytes((DATA_RECORDS,)) + struct.pack("<I", len(payload)) + payload
+            records += DATA_RECORDS.to_bytes(id_size, "little") + struct.pack("<I", len(payload)) + payload
             data_bytes += 4 + len(payload)
     for number in range(errors):
-        records += bytes((ERROR_RECORDS,)) + struct.pack("<QB", number, 1)
+        records += ERROR_RECORDS.to_bytes(id_size, "little") + struct.pack("<QB", number, 1)
     return bytes(records), size, data_bytes
 
 

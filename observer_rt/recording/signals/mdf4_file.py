@@ -5,7 +5,7 @@ import logging
 import struct
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +20,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 from observer_rt.recording.mdf4_apart import READABLE
+from observer_rt.recording.mdf4_blocks import Counted, refuse_other_files
 from observer_rt.recording.signals.units import RATE_UNITS
 
 UNITS = {
@@ -29,8 +30,6 @@ UNITS = {
     "injection_rate": RATE_UNITS,
 }
 REQUIRED = ("rail_pressure", "needle_lift", "line_pressure")
-MAGICS = (b"MDF     ", b"UnFinMF ")  # complete, and as a logger leaves it
-MAJOR_VERSION = b"4."
 DAMAGE = (  # the ways in which asammdf fails on a damaged file
     MdfException,
     struct.error,
@@ -48,15 +47,20 @@ LARGEST = 1e30  # in SI: no measurement, but what can be written in any unit
 NO_DATE = datetime.fromtimestamp(0, UTC)
 
 
-def parts(path: Path, at_once: int) -> Iterator[dict[str, NDArray[np.float64]]]:
-    """Time [s] and signals in SI units by the names of their channels, so many samples at once, to be run apart.
+def parts(
+    path: Path, counted: Counted, at_once: int
+) -> Iterator[tuple[str, ...] | dict[str, NDArray[np.float64]]]:
+    """What is odd about the number of samples, then time [s] and signals in SI units by the names of their channels.
 
+    So many samples at once, as many as there are in the file, whatever its heading says; to be run apart.
     Channels beyond the recording's own are ignored. The samples that a channel marks as invalid become NaN. Raises
     `UserError` for a file that is not MDF, a missing channel, an unknown unit and channels on different time stamps.
     """
     with opened(path) as file:
         places = _places(file, path)
-        samples = max(file.groups[group].channel_group.cycles_nr for group, _ in places.values())
+        groups = {group for group, _ in places.values()}
+        samples = max(readable(file, group, counted) for group in groups)
+        yield remarks(file, groups, counted)
         for first in range(0, samples, at_once):
             with damage_told(path):
                 signals = {name: part_of(file, *place, first, at_once) for name, place in places.items()}
@@ -84,12 +88,7 @@ def opened(path: Path) -> Iterator[MDF]:
 
     One that is not finalised asammdf finalises in a temporary copy.
     """
-    with path.open("rb") as handle:
-        mark, version = handle.read(len(MAGICS[0])), handle.read(len(MAJOR_VERSION))
-    if mark not in MAGICS:
-        raise UserError(str(path), "not an MDF file", READABLE)
-    if version != MAJOR_VERSION:
-        raise UserError(str(path), f"is of MDF {version.decode('ascii', 'replace')}, not 4", READABLE)
+    refuse_other_files(path)
     with damage_told(path), MDF(path) as file:
         yield file
 
@@ -142,6 +141,18 @@ def part_of(file: MDF, group: int, index: int, first: int, count: int) -> Signal
         record_offset=first,
         record_count=count,
     )
+
+
+def readable(file: MDF, group: int, counted: Counted) -> int:
+    """How many samples of a group can be read."""
+    heading = file.groups[group].channel_group
+    return counted.readable(heading.address, heading.cycles_nr)
+
+
+def remarks(file: MDF, groups: Iterable[int], counted: Counted) -> tuple[str, ...]:
+    """What is odd about the number of samples."""
+    places = [file.groups[group].channel_group.address for group in groups]
+    return (*counted.remarks, *counted.contradictions(places, "samples"))
 
 
 def _places(file: MDF, path: Path) -> dict[str, tuple[int, int]]:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.recording.mdf4_apart import mdf4_apart
+from observer_rt.recording.mdf4_records import count_records
 from observer_rt.recording.signals.checked import GridSignals
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
@@ -25,7 +26,9 @@ class Mdf4Signals(GridSignals):
         return f"{self._file}, sample {row}"
 
     def _parts(self) -> Iterator[dict[str, NDArray[np.float64]]]:
-        return mdf4_apart(FILE, "parts", self._file, SAMPLES_AT_ONCE)
+        parts = mdf4_apart(FILE, "parts", self._file, count_records(self._file), SAMPLES_AT_ONCE)
+        self.notes = tuple(f"{self._file}: {remark}" for remark in next(parts))
+        yield from parts
 
 
 def read_mdf4(path: Path) -> Recording:

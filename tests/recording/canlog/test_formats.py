@@ -30,7 +30,7 @@ def test_whatever_is_written_is_read(tmp_path: Path, suffix: str) -> None:
         write_log(path, frames)
         log = open_log(path)
         assert list(log) == as_read(frames, suffix)
-        assert log.notes() == []
+        assert log.notes() == [] or not frames  # an empty one may be the rest of a damaged one
 
     check()
 

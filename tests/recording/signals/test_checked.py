@@ -8,12 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.formats import read_recording, write_recording
+from observer_rt.recording.formats import open_recording, write_recording
 from observer_rt.recording.signals.checked import Arrays, GridSignals
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
+MAPPED = "[recording]\n" + "\n".join(
+    f'[recording.{name}]\ncolumn = "{name}"' for name in ("rail_pressure", "needle_lift", "line_pressure")
+)
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure")
 
 
@@ -49,7 +53,17 @@ def test_parts_of_any_length(sizes: list[int], in_one_go: bool) -> None:
     assert all(chunk.samples for chunk in chunks)
 
 
-def test_a_heading_that_counts_more_samples_than_there_are_parts(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("stated", "told"),
+    [
+        (20 + 3 * SAMPLES_AT_ONCE, "counts 49152 samples that are not in it: its end may be missing"),
+        (12, "leaves out 8 samples that are in it: it may be damaged"),
+    ],
+)
+@pytest.mark.parametrize("layout", ["its own", "mapped"])
+def test_a_heading_that_counts_other_samples_than_there_are(
+    tmp_path: Path, stated: int, told: str, layout: str
+) -> None:
     """As damage of its bytes leaves it: later parts are empty."""
     path = tmp_path / "counted.mf4"
     values = np.arange(20.0)
@@ -57,6 +71,10 @@ def test_a_heading_that_counts_more_samples_than_there_are_parts(tmp_path: Path)
     data = bytearray(path.read_bytes())
     count = data.index(b"##CG") + 24 + 6 * 8 + 8
     assert data[count] == 20
-    data[count : count + 8] = (20 + 3 * SAMPLES_AT_ONCE).to_bytes(8, "little")
+    data[count : count + 8] = stated.to_bytes(8, "little")
     path.write_bytes(data)
-    assert read_recording(path).samples == 20
+    bench = tmp_path / "bench.toml"
+    bench.write_text(EXAMPLE_BENCH.read_text() + (MAPPED if layout == "mapped" else ""))
+    stream = open_recording(path, load_bench(bench).injector)
+    assert stream.samples == min(20, stated)
+    assert stream.notes == (f"{path}: its heading {told}",)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from observer_rt.recording.canlog.can_log import LogFrame, LogReader
 from observer_rt.recording.mdf4_apart import mdf4_apart
+from observer_rt.recording.mdf4_records import count_records
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,8 +16,8 @@ RECORDS = "observer_rt.recording.canlog.mdf4.records"
 
 
 def is_bus_log(path: Path) -> bool:
-    """Whether an MDF4 file holds CAN frames. Raises `UserError` for a file that is damaged or none of MDF."""
-    return any(totals.data > 0 for totals in mdf4_apart(RECORDS, "totals", path))
+    """Whether an MDF4 file is a log of a bus. Raises `UserError` for a file that is damaged or none of MDF."""
+    return any(mdf4_apart(RECORDS, "is_log", path))
 
 
 class Mdf4Log(LogReader):
@@ -25,11 +26,12 @@ class Mdf4Log(LogReader):
     unit = "frame"
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        parts = mdf4_apart(RECORDS, "records", self.path)
-        self._size, self.error_frames, self.remote_frames, uncounted = next(parts)
-        if uncounted:
+        parts = mdf4_apart(RECORDS, "records", self.path, count_records(self.path))
+        self._size, self.error_frames, self.remote_frames, self.other_entries, remarks = next(parts)
+        self.remarks += remarks
+        if not self._size:
             self.remarks.append(
-                f"its heading leaves out {uncounted} frames that are in it: it may be damaged"
+                "it is a CAN log without a data frame: nothing was recorded, or it is damaged"
             )
         for records in parts:
             for record in _frames(records):

@@ -4,27 +4,31 @@ ASAM's rules for bus logging: one record a frame, groups apart by data, error an
 virtual: not stored, but given by the number of the record through its conversion, which makes a constant of it.
 """
 
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from asammdf import MDF
-from asammdf.blocks.v4_constants import FLAG_CG_BUS_EVENT, VIRTUAL_TYPES
+from asammdf.blocks.v4_constants import (
+    CHANNEL_TYPE_VLSD,
+    FLAG_CG_PLAIN_BUS_EVENT,
+    FLAG_CG_VLSD,
+    VIRTUAL_TYPES,
+)
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, length_of
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.canlog.mdf4.merging import in_order_of_time
+from observer_rt.recording.mdf4_blocks import Counted
 from observer_rt.recording.signals.mdf4_file import opened, refuse_outside
 
-DATA, ERROR, REMOTE = "CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame"
+DATA, ERROR, REMOTE = KINDS = ("CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame")
 EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
 RECORDS_AT_ONCE = 50_000
 MAX_LENGTH = FD_LENGTHS[-1]
 _LARGEST_NUMBER = 0xFFFF_FFFF
-_BLOCK = struct.Struct("<4s4xQ8x")  # head of a block: kind, length with this head, links
 CHANNEL_NAME = 16  # characters
 _LARGEST_TIME = np.iinfo(np.int64).max
 _LENGTH_OF_CODE = np.array([length_of(code) for code in range(16)])
@@ -46,68 +50,77 @@ RECORD = np.dtype(
 
 
 class Totals(NamedTuple):
-    """How many frames of each kind a log has."""
+    """How many frames of each kind a log has, how many entries of other buses, and what is odd about their number."""
 
     data: int
     error: int
     remote: int
-    uncounted: int
-    """Records of data frames that are in the file, but beyond their number in its heading."""
+    other: int
+    remarks: tuple[str, ...]
 
 
-def totals(path: Path) -> Iterator[Totals]:
-    """How many frames a file has, once."""
+def is_log(path: Path) -> Iterator[bool]:
+    """Whether a file holds CAN frames, or can be nothing but a log whose frames were lost; once."""
     with opened(path) as file:
-        yield _totals(file, path)
+        frames = [number for number in _groups(file, DATA) if _cycles(file, number)]
+        buses = {number for number in range(len(file.groups)) if _is_of_bus(file, number)}
+        others = [
+            number
+            for number, group in enumerate(file.groups)
+            if number not in buses and _cycles(file, number) and not group.channel_group.flags & FLAG_CG_VLSD
+        ]
+        yield bool(frames or (buses and not others))
 
 
-def records(path: Path) -> Iterator[Totals | NDArray[np.void]]:
+def records(path: Path, counted: Counted) -> Iterator[Totals | NDArray[np.void]]:
     """How many frames a file has, then its data frames in arrays of dtype `RECORD`.
 
-    Frames of several groups are put in order of time; what steps back within one group stays as it is.
+    Frames of several groups are put in order of time; what steps back within one group stays as it is. counted: as
+    they are in the file, whatever asammdf finds.
     """
     with opened(path) as file:
-        yield _totals(file, path)
-        yield from in_order_of_time([_group_records(file, group) for group in _groups(file, DATA)])
+        counts = {
+            number: counted.readable(group.channel_group.address, _cycles(file, number))
+            for number, group in enumerate(file.groups)
+            if _is_of_bus(file, number)
+        }
+        yield _totals(file, counted, counts)
+        groups = [number for number in _groups(file, DATA) if counts[number]]
+        yield from in_order_of_time([_group_records(file, number, counts[number]) for number in groups])
 
 
-def _totals(file: MDF, path: Path) -> Totals:
-    data, error, remote = (
-        sum(file.groups[group].channel_group.cycles_nr for group in _groups(file, kind))
-        for kind in (DATA, ERROR, REMOTE)
-    )
-    return Totals(data, error, remote, sum(_uncounted(file, path, group) for group in _groups(file, DATA)))
-
-
-def _uncounted(file: MDF, path: Path, group: int) -> int:
-    """Records beyond the number in the heading, where they are in one plain block: asammdf passes them over."""
-    place, heading = file.groups[group].data_group, file.groups[group].channel_group
-    size = heading.samples_byte_nr + heading.invalidation_bytes_nr
-    with path.open("rb") as content:
-        content.seek(place.data_block_addr)
-        kind, length = _BLOCK.unpack(content.read(_BLOCK.size))
-    if kind != b"##DT" or place.record_id_len or not size:
-        return 0
-    uncounted: int = (length - _BLOCK.size) // size - heading.cycles_nr
-    return max(0, uncounted)
+def _totals(file: MDF, counted: Counted, counts: dict[int, int]) -> Totals:
+    data, error, remote = (sum(counts[number] for number in _groups(file, kind)) for kind in KINDS)
+    places = [file.groups[number].channel_group.address for number in _groups(file, DATA)]
+    remarks = (*counted.remarks, *counted.contradictions(places, "frames"))
+    return Totals(data, error, remote, sum(counts.values()) - data - error - remote, remarks)
 
 
 def _groups(file: MDF, kind: str) -> list[int]:
-    """Numbers of the groups that hold CAN frames of a kind."""
+    """Numbers of the groups for CAN frames of a kind."""
     return [
         number
         for number, group in enumerate(file.groups)
-        if group.channel_group.flags & FLAG_CG_BUS_EVENT
-        and group.channel_group.cycles_nr
-        and any(channel.name == kind for channel in group.channels)
+        if any(channel.name == kind for channel in group.channels)
     ]
 
 
-def _group_records(file: MDF, group: int) -> Iterator[NDArray[np.void]]:
+def _is_of_bus(file: MDF, number: int) -> bool:
+    """Whether a group is for what happens on a bus, as it came."""
+    group = file.groups[number]
+    is_plain = bool(group.channel_group.flags & FLAG_CG_PLAIN_BUS_EVENT)
+    return is_plain or any(channel.name in KINDS for channel in group.channels)
+
+
+def _cycles(file: MDF, number: int) -> int:
+    return int(file.groups[number].channel_group.cycles_nr)
+
+
+def _group_records(file: MDF, group: int, count: int) -> Iterator[NDArray[np.void]]:
     refuse_outside(file, group)
     fields = _Fields(file, group)
-    for offset in range(0, file.groups[group].channel_group.cycles_nr, RECORDS_AT_ONCE):
-        yield fields.read(offset)
+    for first in range(0, count, RECORDS_AT_ONCE):
+        yield fields.read(range(first, min(first + RECORDS_AT_ONCE, count)))
 
 
 class _Fields:
@@ -125,29 +138,32 @@ class _Fields:
         if missing or not {"DataLength", "DLC"} & self._places.keys():
             raise ValueError(f"its frames have no {(*missing, 'DataLength')[0]}")
 
-    def read(self, offset: int) -> NDArray[np.void]:
-        """The next records from a place on, at most `RECORDS_AT_ONCE`."""
-        identifiers = self._numbers("ID", offset)
+    @property
+    def _has_variable_data(self) -> bool:
+        channel = self._file.groups[self._group].channels[self._places["DataBytes"]]
+        return bool(channel.channel_type == CHANNEL_TYPE_VLSD)
+
+    def read(self, rows: range) -> NDArray[np.void]:
+        """Records that follow one another."""
+        identifiers = self._numbers("ID", rows)
         result = np.zeros(identifiers.size, RECORD)
-        result["stamp"] = self._stamps(offset)
+        result["stamp"] = self._stamps(rows)
         result["id"] = identifiers & EXTENDED_MASK
-        result["is_extended"] = self._flags("IDE", offset, identifiers >> EXTENDED_BIT)
-        self._read_data(offset, result)
-        result["is_fd"] = self._flags(
-            "EDL", offset, result["length"] > CLASSIC_LENGTH
-        )  # only FD carries more
-        result["bit_rate_switch"] = self._flags("BRS", offset, False)
-        result["error_state"] = self._flags("ESI", offset, False)
-        result["channel"] = self._channels(offset)
-        result["is_sent"] = self._are_sent(offset)
+        result["is_extended"] = self._flags("IDE", rows, identifiers >> EXTENDED_BIT)
+        self._read_data(rows, result)
+        result["is_fd"] = self._flags("EDL", rows, result["length"] > CLASSIC_LENGTH)  # only FD carries more
+        result["bit_rate_switch"] = self._flags("BRS", rows, False)
+        result["error_state"] = self._flags("ESI", rows, False)
+        result["channel"] = self._channels(rows)
+        result["is_sent"] = self._are_sent(rows)
         return result
 
-    def _stamps(self, offset: int) -> NDArray[np.int64]:
+    def _stamps(self, rows: range) -> NDArray[np.int64]:
         signal = self._file.get(
             group=self._group,
             index=self._places["ID"],
-            record_offset=offset,
-            record_count=RECORDS_AT_ONCE,
+            record_offset=rows.start,
+            record_count=len(rows),
             raw=True,
             ignore_invalidation_bits=True,
         )
@@ -159,22 +175,22 @@ class _Fields:
         stamps: NDArray[np.int64] = np.rint(seconds * NANOSECONDS).astype(np.int64) + start
         return stamps
 
-    def _raw(self, field: str, offset: int) -> NDArray[Any]:
+    def _raw(self, field: str, rows: range) -> NDArray[Any]:
         samples: NDArray[Any]
         samples, _ = self._file.get(
             group=self._group,
             index=self._places[field],
-            record_offset=offset,
-            record_count=RECORDS_AT_ONCE,
+            record_offset=rows.start,
+            record_count=len(rows),
             samples_only=True,
             raw=True,
             ignore_invalidation_bits=True,
         )
         return samples
 
-    def _values(self, field: str, offset: int, keeps_text: bool = False) -> NDArray[Any]:
+    def _values(self, field: str, rows: range, keeps_text: bool = False) -> NDArray[Any]:
         """A field after its conversion; text for a number only where nothing is stored, or `keeps_text`."""
-        raw = self._raw(field, offset)
+        raw = self._raw(field, rows)
         channel = self._file.groups[self._group].channels[self._places[field]]
         if channel.conversion is None:
             return raw
@@ -184,38 +200,42 @@ class _Fields:
         )
         return values
 
-    def _numbers(self, field: str, offset: int) -> NDArray[np.int64]:
-        return _whole(field, self._values(field, offset))
+    def _numbers(self, field: str, rows: range) -> NDArray[np.int64]:
+        return _whole(field, self._values(field, rows))
 
-    def _flags(self, field: str, offset: int, default: NDArray[Any] | bool) -> NDArray[np.bool_]:
-        return np.asarray(self._numbers(field, offset) if field in self._places else default).astype(np.bool_)
+    def _flags(self, field: str, rows: range, default: NDArray[Any] | bool) -> NDArray[np.bool_]:
+        return np.asarray(self._numbers(field, rows) if field in self._places else default).astype(np.bool_)
 
-    def _channels(self, offset: int) -> NDArray[np.str_]:
+    def _channels(self, rows: range) -> NDArray[np.str_]:
         if "BusChannel" not in self._places:
             return np.array("1")
-        values = self._values("BusChannel", offset)
+        values = self._values("BusChannel", rows)
         return _text(values) if _is_text(values) else _whole("BusChannel", values).astype(np.str_)
 
-    def _are_sent(self, offset: int) -> NDArray[np.bool_]:
+    def _are_sent(self, rows: range) -> NDArray[np.bool_]:
         if "Dir" not in self._places:
             return np.array(False)
-        values = self._values("Dir", offset, keeps_text=True)
+        values = self._values("Dir", rows, keeps_text=True)
         if _is_text(values):
             return np.array([text.strip().lower() == "tx" for text in _text(values).tolist()], np.bool_)
         return _whole("Dir", values).astype(np.bool_)
 
-    def _read_data(self, offset: int, result: NDArray[np.void]) -> None:
+    def _read_data(self, rows: range, result: NDArray[np.void]) -> None:
         if "DataLength" in self._places:
-            lengths = self._numbers("DataLength", offset)
+            lengths = self._numbers("DataLength", rows)
         else:
-            lengths = _LENGTH_OF_CODE[self._numbers("DLC", offset) & 0xF]
-        data = self._raw("DataBytes", offset)
+            lengths = _LENGTH_OF_CODE[self._numbers("DLC", rows) & 0xF]
+        data = self._raw("DataBytes", rows)
         data = data.view(np.uint8).reshape(len(data), -1)[:, :MAX_LENGTH]
         if len(data) != len(lengths):
             raise ValueError(f"only {len(data)} of {len(lengths)} frames have data")
         longest = int(lengths.max(initial=0))
         if longest > data.shape[1]:
             raise ValueError(f"it has frames of {longest} bytes in fields of {data.shape[1]}")
+        if self._has_variable_data and np.any(data[np.arange(data.shape[1]) >= lengths[:, np.newaxis]]):
+            raise ValueError(
+                "the data of one of its frames are longer than the frame"
+            )  # they hold other records
         result["length"] = lengths
         result["data"][:, : data.shape[1]] = data
 

@@ -10,22 +10,31 @@ from asammdf import MDF, Signal
 from observer_rt.config.recording import ColumnConfig, RecordingConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.misspelt import hint
+from observer_rt.recording.mdf4_blocks import Counted
 from observer_rt.recording.signals.mapped.table import Part, Values
-from observer_rt.recording.signals.mdf4_file import damage_told, opened, part_of, refuse_outside
+from observer_rt.recording.signals.mdf4_file import (
+    damage_told,
+    opened,
+    part_of,
+    readable,
+    refuse_outside,
+    remarks,
+)
 
 Place = tuple[int, int]
 """Group and index of a channel."""
 
 
 class Found(NamedTuple):
-    """Places and units of the mapped channels, units of all channels of the file; by name."""
+    """Places and units of the mapped channels, units of all channels of the file; by name; what is odd about it."""
 
     places: dict[str, Place]
     units: dict[str, str]
     columns: dict[str, str]
+    remarks: tuple[str, ...]
 
 
-def found(path: Path, config: RecordingConfig) -> Iterator[Found]:
+def found(path: Path, config: RecordingConfig, counted: Counted) -> Iterator[Found]:
     """One: what a file has of the channels named. Raises `UserError` where one is missing or in doubt."""
     with opened(path) as file:
         places = {name: _place(file, path, column) for name, column in config.signals}
@@ -33,14 +42,16 @@ def found(path: Path, config: RecordingConfig) -> Iterator[Found]:
             refuse_outside(file, group)
         columns = {name: _unit(file, *places[0]) for name, places in file.channels_db.items()}
         units = {name: _unit(file, *place) for name, place in places.items()}
-        yield Found(places, {name: unit for name, unit in units.items() if unit}, columns)
+        odd = remarks(file, {group for group, _ in places.values()}, counted)
+        yield Found(places, {name: unit for name, unit in units.items() if unit}, columns, odd)
 
 
-def parts(path: Path, group: int, places: Mapping[str, Place], at_once: int) -> Iterator[Part]:
+def parts(
+    path: Path, group: int, places: Mapping[str, Place], counted: Counted, at_once: int
+) -> Iterator[Part]:
     """Of channels of one group, so many samples at once."""
     with opened(path) as file:
-        samples = file.groups[group].channel_group.cycles_nr
-        for first in range(0, samples, at_once):
+        for first in range(0, readable(file, group, counted), at_once):
             time: Values | None = None
             signals = {}
             for name, place in places.items():

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from observer_rt.config.recording import RecordingConfig
 from observer_rt.recording.mdf4_apart import mdf4_apart
+from observer_rt.recording.mdf4_records import count_records
 from observer_rt.recording.signals.mapped.table import Part, Table
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
@@ -20,7 +21,9 @@ class Mdf4Table(Table):
         super().__init__(path, config)
         if config.time is not None:
             self.notes.append(f"{path}: [recording.time] is passed over, MDF4 channels have their own time")
-        (found,) = mdf4_apart(CHANNELS, "found", path, config)
+        self._counted = count_records(path)
+        (found,) = mdf4_apart(CHANNELS, "found", path, config, self._counted)
+        self.notes += [f"{path}: {remark}" for remark in found.remarks]
         self._places, self.units, self.columns = found.places, found.units, found.columns
         self._groups = sorted({group for group, _ in self._places.values()})
         self.rasters = tuple(
@@ -33,7 +36,8 @@ class Mdf4Table(Table):
     def parts(self, raster: int) -> Iterator[Part]:
         """Of a group."""
         places = {name: self._places[name] for name in self.rasters[raster]}
-        return mdf4_apart(CHANNELS, "parts", self.path, self._groups[raster], places, SAMPLES_AT_ONCE)
+        group = self._groups[raster]
+        return mdf4_apart(CHANNELS, "parts", self.path, group, places, self._counted, SAMPLES_AT_ONCE)
 
     def place(self, row: int, raster: int) -> str:
         """By its number in the group."""

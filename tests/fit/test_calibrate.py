@@ -18,7 +18,7 @@ from observer_rt.fit.words import level_words, verdict_words
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters, LineOutflow
 from observer_rt.simulation.simulate import Simulation
-from tests.fit.healthy import NOMINAL, of_independent_plant, off_by_ten_percent, simulations
+from tests.fit.healthy import NOMINAL, POINTS, of_independent_plant, off_by_ten_percent, simulations
 from tools.benchmarks.plant_parameters import Injector
 
 LUMPS = tuple(one for one in STRUCTURES if one.line == "lump")
@@ -124,6 +124,19 @@ def test_without_a_rate_the_inertance_is_seen_not_to_be_told() -> None:
     told = certainty(calibration, linearise(calibration, calibration.centre, here, calibration.ranges), 1.0)
     assert told.untold is not None
     assert told.directions[-1].sigma > 20.0 * told.directions[-2].sigma
+
+
+def test_what_is_faster_than_the_cells_carry_is_averaged() -> None:
+    """Every five innovations of 10 us are one, normalised again; a measured rate stays as it is."""
+    (part,) = parts_of(_found(simulations([POINTS[0]], measured_rate=True, injections=1)), {})
+    calibration = Calibration(NOMINAL, LUMPS[0].free, [part])
+    here, one = calibration.residuals(calibration.centre), calibration.judge(calibration.centre, 0)
+    assert here is not None
+    assert one is not None
+    blocks = one.z.size // 5
+    assert here.counts.tolist()[:2] == [blocks, one.rate_z.size]
+    np.testing.assert_allclose(here.z[1], np.sum(one.z[5:10]) / np.sqrt(5.0))
+    np.testing.assert_array_equal(here.z[blocks : blocks + one.rate_z.size], one.rate_z)
 
 
 def _wrong_inertance() -> InjectorParameters:

@@ -9,10 +9,11 @@ from observer_rt.config.recording import Meaning
 from observer_rt.evidence.measurement import Measurement, measurements
 from observer_rt.fit.calibrate import calibrate
 from observer_rt.fit.structures import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, values_of, with_values
+from observer_rt.model.parameters import InjectorParameters
 from tests.fit.healthy import NOMINAL
 from tools.benchmarks.plant import record
 from tools.benchmarks.scoring import recording_of
-from tools.benchmarks.wave_plant import Variant, real_part
+from tools.benchmarks.wave_plant import LINES, Variant, real_part
 from tools.benchmarks.wave_recordings import healthy_benches
 
 PART_SEED = 1
@@ -46,11 +47,17 @@ def test_means_at_a_fifth_of_the_rate(slow: Sequence[Measurement], shares: Seque
 
 @pytest.mark.slow
 def test_instants_from_a_file_with_wrong_stiffness_and_nozzle() -> None:
-    check_found(healthy(100e3, Meaning.INSTANT), FILES[1])
+    part, fitted = real_part(PART_SEED), check_found(healthy(100e3, Meaning.INSTANT), FILES[1])
+    along_pipe = part.bulk_modulus_line / (
+        1.0 - LINES[Variant.PLAIN].end_share
+    )  # our volume is without the end's
+    assert fitted.fluid.bulk_modulus_line == pytest.approx(along_pipe, rel=0.004)
+    assert fitted.nozzle.flow_coefficient * fitted.nozzle.area == pytest.approx(part.nozzle_area, rel=0.0015)
+    assert fitted.seat.flow_coefficient == pytest.approx(part.seat_coefficient, rel=0.005)
 
 
-def check_found(found: Sequence[Measurement], shares: Sequence[float]) -> None:
-    """The fit explains the recordings, and has the hidden numbers."""
+def check_found(found: Sequence[Measurement], shares: Sequence[float]) -> InjectorParameters:
+    """The fit explains the recordings, and has the hidden numbers, which are returned as found."""
     file = with_values(NOMINAL, WRONG, values_of(NOMINAL, WRONG) * shares)
     small = file.model_copy(update={"nozzle": file.nozzle.model_copy(update={"sac_volume": 3e-9})})
     by_seat = [one for one in STRUCTURES if one.line == "wave" and one.outflow == "seat"]
@@ -59,3 +66,4 @@ def check_found(found: Sequence[Measurement], shares: Sequence[float]) -> None:
     part, fitted = real_part(PART_SEED), done.injector
     assert fitted.fluid.bulk_modulus_line == pytest.approx(part.bulk_modulus_line, rel=0.02)
     assert fitted.nozzle.flow_coefficient * fitted.nozzle.area == pytest.approx(part.nozzle_area, rel=0.01)
+    return fitted

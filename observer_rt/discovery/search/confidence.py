@@ -7,8 +7,8 @@ from observer_rt.discovery.search.result import Candidate
 from observer_rt.discovery.search.search import Outcome, price
 
 METHOD = (
-    "share of exp(-X/(2 T)) among all candidates of the same size, X = -2 log L + 10 a parameter, T = 2 for what no "
-    "model knows of noise and line; at most 0.99"
+    "share of exp(-X/(2 T)) among candidates of the same size that might be right, X = -2 log L + 10 a parameter, "
+    "T = 2 for what no model knows of noise and line; at most 0.99"
 )
 TEMPER = 2.0
 HIGHEST = 0.99
@@ -19,14 +19,8 @@ def confidence_of(found: Outcome) -> float:
     """Probability that the winner is right; of the nominal model, that nothing is missing."""
     if not found.adequate:
         return HIGHEST * (1.0 - 0.5 / found.ratio)
-    size = max(1, len(found.winner.hypothesis.effects))
-    others = [
-        one
-        for one in found.fitted
-        if one is not found.winner and len(one.hypothesis.effects) == size and one.plausible
-    ]
     handicap = 0.0 if found.winner.hypothesis.effects else found.threshold  # of those who would be accepted
-    return HIGHEST * _share(found.winner, [*others, found.nominal], handicap)
+    return HIGHEST * _share(found.winner, [*found.contenders, found.nominal], handicap)
 
 
 def _share(winner: Candidate, others: Sequence[Candidate], handicap: float) -> float:

@@ -20,6 +20,7 @@ DIFFERENT = (
     5.0  # standard deviations by which a size must differ from what it appears to be on the healthy injector
 )
 RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
+NEAR = 40.0  # of -2 log L beyond which a candidate takes nothing from the confidence in another
 TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
 LEADERS = 3  # singles that a second effect is added to
 PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of two near-ties leads
@@ -30,13 +31,14 @@ class Outcome:
     """How the search ended. winner: the nominal model when nothing is accepted; rivals: as many effects, as good.
 
     ratio: of the winner's worst phase to its limit, above 1 when the winner does not explain the recordings;
-    fitted: all candidates; threshold: the gain an effect had to exceed; too_small: an effect within its dead zone
-    explains what is left.
+    contenders: candidates of the winner's size that might be right instead; fitted: all candidates; threshold: the
+    gain an effect had to exceed; too_small: an effect within its dead zone explains what is left.
     """
 
     nominal: Candidate
     winner: Candidate
     rivals: tuple[Candidate, ...]
+    contenders: tuple[Candidate, ...]
     fitted: tuple[Candidate, ...]
     threshold: float
     ratio: float
@@ -108,7 +110,26 @@ class Search:
             threshold = self._threshold(best)
         fitted = (nominal, *singles, *pairs)
         too_small = ratio > 1.0 and best is nominal and self._is_too_small(singles[0])
-        return Outcome(nominal, best, self._rivals(best, fitted), fitted, threshold, ratio, too_small)
+        contenders = self._contenders(best, fitted, threshold)
+        return Outcome(
+            nominal, best, self._rivals(best, fitted), contenders, fitted, threshold, ratio, too_small
+        )
+
+    def _contenders(
+        self, winner: Candidate, fitted: Sequence[Candidate], threshold: float
+    ) -> tuple[Candidate, ...]:
+        """What else might be right, of the same size (single effects beside the nominal model)."""
+        size = max(1, len(winner.hypothesis.effects))
+        limit = price(winner) + NEAR + (0.0 if winner.hypothesis.effects else threshold)
+        return tuple(
+            one
+            for one in fitted
+            if one is not winner
+            and len(one.hypothesis.effects) == size
+            and one.plausible
+            and price(one) < limit
+            and self._is_new(one)
+        )
 
     def _is_too_small(self, single: Candidate) -> bool:
         """Whether a single explains the recordings by an effect within its dead zone."""

@@ -76,7 +76,7 @@ def is_like_inertance(nominal: EffectiveModel, amended: EffectiveModel) -> bool:
 def _of_opponents(circumstances: Circumstances) -> Iterator[Caveat]:
     if circumstances.healthy_warning:
         yield Caveat(
-            "healthy_recordings", "the model does not fit the healthy ones", circumstances.healthy_warning
+            "healthy_recordings", "what is named may be the model's own error", circumstances.healthy_warning
         )
     if circumstances.against:
         yield Caveat(

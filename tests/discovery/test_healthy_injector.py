@@ -65,7 +65,7 @@ def test_more_injections_show_smaller_effects() -> None:
     by_noise = [
         other.size / one.size
         for one, other in zip(few.smallest_visible, many.smallest_visible, strict=True)
-        if one.id == "orifice_area"
+        if one.id == "guide_leakage"
     ]
     assert by_noise == pytest.approx([0.5], rel=0.2)  # four times as many
 

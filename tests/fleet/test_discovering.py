@@ -187,7 +187,7 @@ def test_healthy_recordings_tell_what_is_the_model_s_own(measured: Path, tmp_pat
     healthy = [word for path in sorted(measured.glob("injector_bent/*.csv")) for word in ("--healthy", path)]
     said = ended(started(measured / "injector_worn", "--out", tmp_path, "--discover", *healthy))
     (worn,) = said["discovered"]["injectors"]
-    assert "does not fit the healthy ones" in worn["caveats"]
+    assert "the model's own error" in worn["caveats"]
     findings = json.loads((tmp_path / worn["report"]).with_name("findings.json").read_text())
     assert findings["healthy"] == ["run_0.csv", "run_1.csv"]
     assert "named: line_friction" in findings["healthy_warning"]

@@ -20,6 +20,7 @@ from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.baseline import HealthyShape
+from observer_rt.model.cells import in_stable_cells
 from observer_rt.model.effects import effective_model, sized_in_force
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
 
@@ -54,6 +55,18 @@ def amended_effects(
         for effect, fitted in zip(found.effects, sizes, strict=True)
     )
     return (*kept, *added)
+
+
+def stable_cells(
+    parameters: InjectorParameters, in_force: Sequence[EffectInForce], measured: Sequence[Measurement]
+) -> int | None:
+    """Cells the amended file must state, since effects make waves faster than those of the file allow; else None."""
+    model = effective_model(parameters.model_copy(update={"effects": tuple(in_force)}))
+    highest = max(float(np.nanmax(one.recording.rail_pressure)) for one in measured)
+    stable = in_stable_cells(model, max(one.interval for one in measured), highest)
+    if stable is None or stable.injector.line.cells == model.injector.line.cells:
+        return None
+    return stable.injector.line.cells
 
 
 def _totals(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
+from observer_rt.discovery.amend import stable_cells
 from observer_rt.discovery.answer import Question
 from observer_rt.discovery.findings import Findings, Sources
 from observer_rt.discovery.injector_text import InjectorText, write_amended
@@ -85,7 +86,8 @@ def write_answer(
         if data:
             write_data(folder / DATA, found)
         if found.in_force:
-            write_amended(folder / AMENDED, injector.text, found.in_force)
+            cells = stable_cells(question.parameters, found.in_force, question.measured)
+            write_amended(folder / AMENDED, injector.text, found.in_force, cells)
         else:
             (folder / AMENDED).unlink(missing_ok=True)
     return document

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import tomlkit
+
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.parameters import EffectInForce, EffectValue
@@ -29,14 +31,24 @@ class InjectorText:
                 'write each as [[effects]] with id = "..." and parameters = { ... } below it',
             )
 
-    def with_effects(self, effects: Sequence[EffectInForce]) -> str:
-        """The file with these effects, and no others, at its end."""
-        return self.without_effects.rstrip("\n") + "\n" + "".join(f"\n{_table(one)}" for one in effects)
+    def with_effects(self, effects: Sequence[EffectInForce], cells: int | None = None) -> str:
+        """The file with these effects, and no others, at its end. cells: that its line states, None: as it is."""
+        text = self.without_effects
+        if cells is not None:
+            document = tomlkit.parse(text)
+            document["line"].update({"cells": cells})
+            text = tomlkit.dumps(document)
+        return text.rstrip("\n") + "\n" + "".join(f"\n{_table(one)}" for one in effects)
 
 
-def write_amended(path: Path, source: InjectorText, effects: Sequence[EffectInForce]) -> None:
-    """Write the amended file and see that it loads. Raises `RunError` when it would not be taken back."""
-    path.write_text(source.with_effects(effects), encoding="utf-8")
+def write_amended(
+    path: Path, source: InjectorText, effects: Sequence[EffectInForce], cells: int | None = None
+) -> None:
+    """Write the amended file and see that it loads. cells: as of `InjectorText.with_effects`.
+
+    Raises `RunError` when it would not be taken back.
+    """
+    path.write_text(source.with_effects(effects, cells), encoding="utf-8")
     try:
         load_injector(path)
     except UserError as error:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.discovery.amend import amended_effects
+from observer_rt.discovery.amend import amended_effects, stable_cells
 from observer_rt.discovery.injector_text import InjectorText, write_amended
 from observer_rt.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.evidence.measurement import measurements
@@ -106,3 +106,23 @@ def test_an_effect_found_on_top_of_one_in_force_becomes_one_total() -> None:
     assert low - 0.5 * (high - low) < 0.3 < high + 0.5 * (high - low)
     again = effective_model(NOMINAL.model_copy(update={"effects": (kept, total)}))
     assert name_effects(again, measured, SearchOptions(workers=2)).effects == ()
+
+
+def test_a_line_whose_waves_get_faster_states_fewer_cells(tmp_path: Path) -> None:
+    """So that the amended file runs as it is: `run` would refuse cells that sound crosses in less than a step."""
+    path = tmp_path / "wave.toml"
+    text = NOMINAL_INJECTOR.read_text(encoding="utf-8")
+    path.write_text(text.replace('# model = "lump"  ', 'model = "wave"  '), encoding="utf-8")
+    wave, measured = load_injector(path), measurements(recordings(points=((100e6, 1e-3),)))
+    stiffer = EffectInForce(id="bulk_modulus", parameters={"r": EffectValue(value=0.5, unit="-")})
+    cells = stable_cells(wave, [stiffer], measured)
+    assert cells is not None
+    assert wave.line.cells is not None
+    assert cells < wave.line.cells
+    assert stable_cells(wave, [WORN], measured) is None
+    amended = tmp_path / "amended.toml"
+    write_amended(amended, InjectorText(path), [stiffer], cells)
+    loaded = load_injector(amended)
+    assert loaded.line.cells == cells
+    assert effective_model(loaded).coefficients.line.strain(1e-5) < 1.0
+    assert loaded.effects == (stiffer,)

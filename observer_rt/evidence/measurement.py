@@ -269,19 +269,17 @@ def shut_mask(samples: int, openings: Sequence[Opening], settled: int) -> NDArra
 
 
 def every_second_point(found: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Recordings (by number) of every second operating point, by rail pressure, then duration; and the others."""
-    points: list[list[int]] = []
-    for number in sorted(range(len(found)), key=lambda i: _point(found[i])):
-        if points and _point(found[points[-1][0]]) == _point(found[number]):
-            points[-1].append(number)
-        else:
-            points.append([number])
-    first, second = points[::2], points[1::2]
-    return tuple(n for group in first for n in group), tuple(n for group in second for n in group)
+    """Recordings (by number) of every second operating point, and the others: like the squares of a chessboard.
 
-
-def _point(measurement: Measurement) -> tuple[int, int]:
-    return operating_point(measurement.rail_pressure, measurement.duration)
+    Of rail pressures by durations each half has all of both, as far as there are two.
+    """
+    points = [operating_point(one.rail_pressure, one.duration) for one in found]
+    pressures = sorted({pressure for pressure, _ in points})
+    halves: tuple[list[int], list[int]] = [], []
+    for number, (pressure, duration) in enumerate(points):
+        beside = sorted({other for same, other in points if same == pressure})
+        halves[(pressures.index(pressure) + beside.index(duration)) % 2].append(number)
+    return tuple(halves[0]), tuple(halves[1])
 
 
 def operating_point(rail_pressure: float, duration: float) -> tuple[int, int]:

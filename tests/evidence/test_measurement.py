@@ -108,8 +108,12 @@ def test_no_recording_is_refused() -> None:
         measurements([])
 
 
-def test_every_second_operating_point_by_pressure_then_duration() -> None:
+def test_every_second_operating_point_like_the_squares_of_a_chessboard() -> None:
     points = ((140e6, 1.9e-3), (60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (60e6, 0.6e-3))
     fitted, held_out = every_second_point(measurements(recordings(points=points)))
-    assert sorted(fitted) == [1, 3, 4]  # both recordings of the first point, and the third point
-    assert sorted(held_out) == [0, 2]
+    assert sorted(fitted) == [
+        0,
+        1,
+        4,
+    ]  # both recordings of the first point, and the longest of the next pressure
+    assert sorted(held_out) == [2, 3]

@@ -12,7 +12,7 @@ from observer_rt.discovery.search.result import Candidate
 from observer_rt.estimation.prediction_error import robust_cost
 from observer_rt.evidence.bounded_fit import fit
 from observer_rt.evidence.likelihood import Evidence, Judged, Trial
-from observer_rt.evidence.measurement import Measurement, operating_point
+from observer_rt.evidence.measurement import Measurement, every_second_point
 from observer_rt.evidence.open_loop import simulated
 from observer_rt.model.effective import EffectiveModel
 
@@ -21,7 +21,7 @@ class HeldOut:
     """Candidates fitted to every second operating point and judged on the events of the others."""
 
     def __init__(self, evidence: Evidence, nominal: EffectiveModel) -> None:
-        first, second = _halves([trial.measurement for trial in evidence.trials])
+        first, second = every_second_point([trial.measurement for trial in evidence.trials])
         self._fitted, self._judged = (
             Evidence([evidence.trials[i] for i in part]) for part in (first, second)
         )
@@ -108,17 +108,3 @@ def _by_event(trial: Trial, one: Judged) -> NDArray[np.float64]:
             for size, end in zip(events, ends, strict=True)
         ]
     )
-
-
-def _halves(found: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Recordings (by number) of every second operating point, and the others: like the squares of a chessboard.
-
-    Of rail pressures by durations each half has all of both, as far as there are two.
-    """
-    points = [operating_point(one.rail_pressure, one.duration) for one in found]
-    pressures = sorted({pressure for pressure, _ in points})
-    halves: tuple[list[int], list[int]] = [], []
-    for number, (pressure, duration) in enumerate(points):
-        beside = sorted({other for same, other in points if same == pressure})
-        halves[(pressures.index(pressure) + beside.index(duration)) % 2].append(number)
-    return tuple(halves[0]), tuple(halves[1])

@@ -28,8 +28,8 @@ def refuse_unstable_cells(
         raise UserError(
             f"{place}: line.cells",
             f"{line.cells:.0f} cells are not stable: sound crosses {line.crossing * step:.3g} of a cell in a step of "
-            f"{step / MICROSECOND:.3g} us and {2.0 * line.damping * step:.2g} is left of it to damping, with the "
-            f"closed end {strain:.3g} (at most {STABLE:g})",
+            f"{step / MICROSECOND:.3g} us and {2.0 * line.damping * step:.2g} is left of it to damping, together "
+            f"{strain:.3g} (at most {STABLE:g})",
             f"give {cells_for(injector, step)} cells, or leave 'cells' out",
         )
 

@@ -243,8 +243,7 @@ def move_end(
     before = x[0]
     soft = stiffness(before, c.line)
     if is_at_rest(x, u_mean) and u_end[1] <= 0.0:
-        inflow = _inflow(x, c.line)
-        middle = (before + half * soft * c.line.a1 * inflow) / (1.0 + half * soft * c.line.leak)
+        middle = (before + half * soft * c.line.a1 * x[1]) / (1.0 + half * soft * c.line.leak)
         sac = 0.0
     else:
         middle, sac = _solve_end(x, u_mean, half, half * soft, c, network)
@@ -261,13 +260,6 @@ def move_end(
     if tangent is not None:
         _end_rows(tangent, x, (x[0], x[1], sac), u_end, half, 0.0, c, network)
     x[2] = sac
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _inflow(x: NDArray[np.float64], line: WaveLine) -> float:
-    """Flow into the end cell, extrapolated to the closed end."""
-    inflow: float = x[1] + line.extrapolated * (x[1] - x[flow_at(cells_of(x) - 1, cells_of(x))])
-    return inflow
 
 
 def _add_to_mean(x: Any, step: float, tangent: Any, line: Any) -> None:
@@ -304,7 +296,6 @@ def _solve_end(
     """
     line, seat, nozzle, sac = c.line, c.seat, c.nozzle, c.sac
     p_0, flow, s_0 = x[0], x[1], x[2]
-    inflow = _inflow(x, line)
     p, s = p_0, s_0
     lowest, highest = min(s_0, p_0, 0.0) - SPARE, max(s_0, p_0, 0.0) + SPARE
     back_pressure = back_pressure_at(u[1], network)
@@ -318,9 +309,7 @@ def _solve_end(
         s_p = seat_law_slopes(p, s, u[1], seat)[0] * (1.0 + seat_change)
         s_s = through_seat * by_sac_s - s_p
         line_error = (
-            p
-            - p_0
-            - line_step * (line.a1 * inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s)
+            p - p_0 - line_step * (line.a1 * flow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s)
         )
         sac_error = s - s_0 - sac_step * (sac.a5 * q_s - sac.a6 * q_h)
         pp = 1.0 + line_step * (line.leak + line.a2_seat * s_p)
@@ -356,7 +345,7 @@ def _end_rows(
     line, sac, by = c.line, c.sac, tangent.by
     theta = tangent.theta
     line_row, sac_row = tangent.moved[0], tangent.moved[1]
-    p = solved[0]
+    p, flow, _ = solved
     soft = stiffness(x[0], line)
     rest = is_at_rest(solved, u) and x[2] == 0.0
     fill = line_step * soft
@@ -385,11 +374,10 @@ def _end_rows(
         _add_flow(line_row, sac_row, back, line_by_h, sac_by_h, flows.h_back_pressure)
         _add_flow(line_row, sac_row, back + 1, line_by_h, sac_by_h, flows.h_back_pressure * u[1])
     if line_step > 0.0:
-        inflow = _inflow(x, line)
-        net = line.a1 * inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
+        net = line.a1 * flow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
         by_pressure, by_air, by_slope = stiffness_slopes(x[0], line)
         by_coefficient = tangent.slopes.by_coefficient
-        by_coefficient[0, _A1] = fill * inflow
+        by_coefficient[0, _A1] = fill * flow
         by_coefficient[0, _A2_NOZZLE] = -fill * q_h
         by_coefficient[0, _A2_SEAT] = -fill * q_s
         by_coefficient[0, _LEAK] = -fill * p
@@ -397,11 +385,9 @@ def _end_rows(
         by_coefficient[0, _STIFFNESS_SLOPE] = line_step * by_slope * net
         _add_coefficients(tangent.moved, by_coefficient, theta, 0, 1)  # its first row is that of the line
         soften = line_step * by_pressure * net
-        by_beside = -fill * line.a1 * line.extrapolated
-        by_flow = fill * (line.a1 - line.a2_nozzle * h_flow - line.a2_seat * s_flow) - by_beside
-        beside = flow_at(cells_of(x) - 1, cells_of(x))
+        by_flow = fill * (line.a1 - line.a2_nozzle * h_flow - line.a2_seat * s_flow)
         for j in range(by.shape[1]):
-            line_row[j] += soften * by[0, j] + by_flow * by[1, j] + by_beside * by[beside, j]
+            line_row[j] += soften * by[0, j] + by_flow * by[1, j]
     sac_by_flow = sac_step * (sac.a5 * s_flow - sac.a6 * h_flow)
     whole = pp * ss - ps * sp
     for j in range(by.shape[1]):

@@ -4,14 +4,6 @@ Pressures p_1 .. p_n at i L/n, p_n at the closed end, the rail's p_0 in front; f
 them, half a step earlier than the pressures. Stepped by `model.leapfrog`: with the right n, the errors of space and
 of time cancel. The end cell is half a cell and the volume beyond the pipe.
 
-q_n is the flow half a cell before the closed end. Were it that at the end, what the drained flow makes of a wave of
-length 2 pi/k would be too large by 1/cos(k h/2), h the length of a cell: an impedance too high by (k h)^2/8. The end
-cell is given q_n + e (q_n - q_(n-1)) instead, which makes that 1/(cos(k h/2) (1 + 4 e sin^2(k h/2))). The pressure at
-the end of a step is right to second order with e = 1/8; that in its middle, which the seat's flow follows, with
-(1 - c^2)/8, c the share of a cell that sound crosses in a step: e lies between. What is added comes out of the cell
-before, e (q_n - q_(n-1)) = -e V/K p_(n-1)', so volume is conserved; for slow changes to find the same volume the end
-cell is smaller by e of a cell.
-
 What damps waves is a stress that goes with the rate at which a cell is compressed, as of a viscous fuel. That of
 the end cell must be of the same time as the flow it acts on: half a step later it would be inertia, and 1 % of mass.
 
@@ -36,8 +28,6 @@ if TYPE_CHECKING:
 NAMES = ("wave", "wave_two_part")  # of `line.model`; in two parts where their impedances differ
 STEP = 10e-6  # s, internal, whatever the sample period
 STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
-EXTRAPOLATED = 1 / 12  # e
-EXTRAPOLATED_OF_SPARE = 0.4  # e over what is left of a step, at most: a larger e takes shorter steps
 FEWEST_CELLS, MOST_CELLS = 4, 64
 HALF_WAY = 0.5  # of the length, where two parts meet whose file does not say
 DAMPING = 0.5  # m2/s, of a line whose file does not say
@@ -103,7 +93,6 @@ class _WaveCoefficients(NamedTuple):
     chamber_pressure: float
     cells: float  # n
     joint: float  # where the parts meet, in cells from the rail
-    extrapolated: float  # e
 
 
 class WaveLine(_WaveCoefficients):
@@ -131,11 +120,8 @@ class WaveLine(_WaveCoefficients):
         cells = line.cells or cells_for(parameters, STEP)
         ratio, far = _parts(line)
         of_inertia, of_volume = _of_parts(ratio, far)
-        crossing = cells * math.sqrt(inertia * of_inertia * compliance * scaling.flow * of_volume)
-        spare = 1.0 - _strain(crossing, damping * (cells / line.length) ** 2, STEP)
-        extrapolated = max(0.0, min(EXTRAPOLATED, EXTRAPOLATED_OF_SPARE * spare))
         end = compliance * of_volume * ratio * cells
-        end /= 0.5 - extrapolated + of_volume * ratio * cells * (line.end_volume or 0.0) / line.volume
+        end /= 0.5 + of_volume * ratio * cells * (line.end_volume or 0.0) / line.volume
         drained_by_nozzle = parameters.line_outflow == "nozzle"
         return cls(
             a1=end * scaling.flow,
@@ -154,7 +140,6 @@ class WaveLine(_WaveCoefficients):
             chamber_pressure=parameters.chamber.pressure / scaling.pressure,
             cells=float(cells),
             joint=far * cells,
-            extrapolated=extrapolated,
         )
 
     @property
@@ -180,8 +165,8 @@ class WaveLine(_WaveCoefficients):
         return result
 
     def strain(self, step: float) -> float:
-        """What must stay below 1 for a step [s] to be stable, whatever the volume beyond the pipe."""
-        return float(_strain(self.crossing, self.damping, step) / most_strain(self.extrapolated))
+        """What must stay below 1 for a step [s] to be stable."""
+        return float((self.crossing * step) ** 2 + 2.0 * self.damping * step)
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
         """See `interface.Line`."""
@@ -222,8 +207,7 @@ class WaveLine(_WaveCoefficients):
                 pressures[p, q] += step * compliance
                 pressures[p, row[flow_at(i + 1, n)]] -= step * compliance
             else:
-                pressures[p, q] += step * self.a1 * (1.0 + self.extrapolated)
-                pressures[p, row[flow_at(n - 1, n)]] -= step * self.a1 * self.extrapolated
+                pressures[p, q] += step * self.a1
         return np.asarray(pressures @ flows, np.float64)
 
     def with_friction(self, k: float) -> "WaveLine":
@@ -302,22 +286,6 @@ def across_joint_slopes(share: float, far: float, near: float) -> tuple[float, f
         return 0.0, 1.0
     square = across_joint(share, far, near) ** 2
     return share * square / (far * far), (1.0 - share) * square / (near * near)
-
-
-def _strain(crossing: float, damping: float, step: float) -> float:
-    """What must stay below 1 for a step [s] to be stable away from the closed end."""
-    return (crossing * step) ** 2 + 2.0 * damping * step
-
-
-def most_strain(extrapolated: float) -> float:
-    """Up to which strain the steps are stable at a closed end with this e.
-
-    There, flows and pressures that change sign from step to step fall by -rho from face to face away from the end,
-    e rho^2 + (1/2 + 2 e) rho = 1/2 - e, in a line with the strain 4 rho/(1 + rho)^2.
-    """
-    e = extrapolated
-    rho = (1.0 - 2.0 * e) / (0.5 + 2.0 * e + math.sqrt((0.5 + 2.0 * e) ** 2 + 4.0 * e * (0.5 - e)))
-    return 4.0 * rho / (1.0 + rho) ** 2
 
 
 def _parts(line: "LineParameters") -> tuple[float, float]:

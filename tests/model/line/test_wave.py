@@ -1,6 +1,5 @@
 """The line in which pressure travels: its derivatives, what it conserves, and what it comes to in fine steps."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from observer_rt.model.coefficients import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.integrator import Interval, advance_over, fine_step
 from observer_rt.model.line.interface import rest_line
-from observer_rt.model.line.wave import flow_at, most_strain, pressure_at
+from observer_rt.model.line.wave import pressure_at
 from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.right_hand_side import changed_flows, injection_rate, tangent_of
@@ -169,105 +168,29 @@ def test_a_line_at_rest_stays_so() -> None:
     np.testing.assert_array_equal(x, before)
 
 
-@pytest.mark.parametrize("fed", [0.0, 1.0])
-def test_what_leaves_the_line_was_in_it(fed: float) -> None:
-    """What the line's fuel expands by, and what the rail feeds, is what is injected and what fills the sac.
-
-    fed: 0 is a line so heavy that nothing moves along it.
-    """
-    parameters = injector(3e-9, damping=1.0, end_volume=2e-8)
+def test_what_leaves_the_line_was_in_it() -> None:
+    """Without a rail to feed it, what the line's fuel expands by is what is injected and what fills the sac."""
+    parameters = injector(3e-9, end_volume=2e-8)
     c = effective_model(parameters).coefficients
-    line = c.line if fed else c.line._replace(a3=1e-9 * c.line.a3)
-    assert line.extrapolated > 0.05
+    line = c.line._replace(a3=1e-9 * c.line.a3)  # so heavy that nothing moves along it
     rate = 1e6
     x = np.zeros(c.states)
     rest_line(x, RAIL, line)
     alone = c._replace(line=line)
-    cells = int(line.cells)
-    injected = from_rail = 0.0
+    injected = 0.0
     for k in range(900):
         u = (RAIL, area(k / rate)), (RAIL, area((k + 1) / rate))
         before = injection_rate(x, u[0], alone, constant_network())
         advance_over(x, Interval(*u, 1.0 / rate, 1), NO_KNOT, alone, constant_network(), None)
         injected += 0.5 * (before + injection_rate(x, u[1], alone, constant_network())) / rate
-        from_rail += x[flow_at(1, cells)] * c.flow_scale / rate
+    cells = int(line.cells)
     pressures = np.array([x[pressure_at(i, cells)] for i in range(1, cells + 1)])
-    lost = float(np.sum((RAIL - pressures) * compliances(line))) * c.flow_scale
+    compliance = np.full(cells, c.flow_scale / line.b)
+    compliance[-1] = c.flow_scale / line.a1
+    lost = float(np.sum((RAIL - pressures) * compliance))
     sac = x[2] * (c.nozzle.flow / c.sac.a6)
-    assert injected + sac == pytest.approx(lost + from_rail, rel=1e-3)
+    assert injected + sac == pytest.approx(lost, rel=2e-3)
     assert injected > 2e-9
-
-
-def compliances(line: Any) -> NDArray[np.float64]:
-    """Volume over pressure of the cells of an even line (n,), normalised: the last but one serves the last, too."""
-    result = np.full(int(line.cells), 1.0 / line.b)
-    result[-2] *= 1.0 + line.extrapolated
-    result[-1] = 1.0 / line.a1
-    return result
-
-
-def test_volume_is_conserved_to_the_last_digit() -> None:
-    """Behind a shut needle, with waves of any length: what flows in from the rail is what compresses the cells."""
-    parameters = injector(3e-9, damping=1.0, end_volume=2e-8)
-    c = effective_model(parameters).coefficients
-    cells, network = int(c.line.cells), constant_network()
-    places = [pressure_at(i, cells) for i in range(1, cells + 1)]
-    x = np.random.default_rng(1).uniform(-0.1, 0.1, c.states)
-    x[2] = 0.0
-    before, flowed = float(x[places] @ compliances(c.line)), 0.0
-    for _ in range(300):
-        advance_over(x, Interval((RAIL, 0.0), (RAIL, 0.0), 1e-5, 1), NO_KNOT, c, network, None)
-        flowed += 1e-5 * float(x[flow_at(1, cells)])
-    assert float(x[places] @ compliances(c.line)) - before == pytest.approx(flowed, abs=1e-15)
-    assert abs(flowed) > 1e-6
-
-
-@pytest.mark.parametrize(("stiffness", "ratio"), [(1.0e9, 1.0), (1.4e9, 1.0), (1.4e9, 1.5), (1.4e9, 0.7)])
-def test_impedance_at_the_closed_end(stiffness: float, ratio: float) -> None:
-    """What a drained flow does to the pressure there, against a pipe with the sound speed of these cells.
-
-    Away from the ends cells carry waves with the impedance of the pipe, at a speed of their own: with c the share of
-    a cell that sound crosses in a step, sin(w t/2) = c sin(k h/2). Half a cell at the end, and nothing done about it,
-    is 1/cos(k h/2) too high: 2 % in the median of these waves, 6 % at worst.
-    """
-    parameters = injector(damping=0.0, cells=10, model="wave_two_part", impedance_ratio=ratio)
-    fluid = parameters.fluid.model_copy(update={"bulk_modulus_line": stiffness})
-    line = effective_model(parameters.model_copy(update={"fluid": fluid})).coefficients.line
-    one = line.one_step(1e-5)[:-1, :-1]
-    drain = np.zeros(len(one))
-    drain[0] = -1e-5 * line.a1
-    errors = []
-    for half in np.linspace(0.05, 0.35, 31):  # k h/2
-        turned = 2.0 * math.asin(line.crossing * 1e-5 * math.sin(half))  # w t
-        made = np.linalg.solve(np.exp(1j * turned) * np.eye(len(one)) - one, drain)[0] * np.exp(0.5j * turned)
-        far = math.sqrt(line.b / line.a3) * math.tan(2.0 * half * line.joint)
-        near = math.tan(2.0 * half * (line.cells - line.joint))
-        exact = -1j * line.impedance * (far + line.impedance * near) / (line.impedance - far * near)
-        errors.append(abs(made / exact - 1.0))
-    assert np.median(errors) < 0.007
-    assert np.quantile(errors, 0.9) < 0.03
-
-
-@pytest.mark.parametrize("strain", [0.3, 0.7, 0.85, 0.95])
-def test_how_far_the_closed_end_is_stable(strain: float) -> None:
-    """Every line has an e with which its end is stable; the limit stated is where that ends as it gets stiffer."""
-    damped = 2.0 * 0.4 * (9 / 0.15) ** 2 * 1e-5
-    parameters = injector(damping=0.4, cells=9, length=0.15)
-    crossed = (effective_model(parameters).coefficients.line.crossing * 1e-5) ** 2
-    stiffness = parameters.fluid.bulk_modulus_line * (strain - damped) / crossed
-    fluid = parameters.fluid.model_copy(update={"bulk_modulus_line": stiffness})
-    line = effective_model(parameters.model_copy(update={"fluid": fluid})).coefficients.line
-    assert strain <= line.strain(1e-5) < 0.98
-
-    def growth(share: float) -> float:
-        stiffer = line.with_stiffness(
-            (share * most_strain(line.extrapolated) - damped) / (strain - damped) - 1.0
-        )
-        assert stiffer.strain(1e-5) == pytest.approx(share)
-        return float(np.max(np.abs(np.linalg.eigvals(stiffer.one_step(1e-5)[:-1, :-1]))))
-
-    assert growth(0.998) < 1.0
-    assert growth(1.01) > 1.05
 
 
 def test_a_tiny_sac_is_where_its_flows_balance() -> None:

@@ -17,7 +17,7 @@ from observer_rt.evidence.open_loop import simulated
 from observer_rt.model.effective import EffectiveModel
 
 
-class HeldOut:
+class HeldOutPoints:
     """Candidates fitted to every second operating point and judged on the events of the others."""
 
     def __init__(self, evidence: Evidence, nominal: EffectiveModel) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, worst
 from observer_rt.discovery.search.candidates import Fitter
-from observer_rt.discovery.search.held_out import HeldOut
+from observer_rt.discovery.search.held_out import HeldOutPoints
 from observer_rt.discovery.search.result import Candidate
 from observer_rt.evidence.pooled import pool_of
 from observer_rt.model.effect import Effect, Likeness
@@ -92,7 +92,7 @@ class Search:
         self._fitter = fitter
         self._effects = effects
         self._baseline = baseline
-        self._held_out = HeldOut(fitter.evidence, fitter.nominal)
+        self._held_out = HeldOutPoints(fitter.evidence, fitter.nominal)
 
     def run(self) -> Outcome:
         """Fit candidates until nothing more is worth adding; see `Outcome`."""

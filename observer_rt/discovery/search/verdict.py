@@ -16,7 +16,7 @@ from observer_rt.discovery.search.candidates import FitMemory, Fitter
 from observer_rt.discovery.search.confidence import METHOD, WITH_A_WRONG_MODEL, confidence_of
 from observer_rt.discovery.search.consequences import consequence
 from observer_rt.discovery.search.decisive import decide_by
-from observer_rt.discovery.search.held_out import HeldOut
+from observer_rt.discovery.search.held_out import HeldOutPoints
 from observer_rt.discovery.search.result import (
     Candidate,
     Cell,
@@ -241,7 +241,7 @@ class _Verdict:
         found = self._found
         leaders = sorted(found.fitted, key=lambda one: one.statistic)[:RANKED]
         chosen = dict.fromkeys((*leaders, found.winner, *found.rivals, found.nominal))
-        held_out = HeldOut(self._evidence, self._nominal)
+        held_out = HeldOutPoints(self._evidence, self._nominal)
         return tuple(
             replace(
                 self._with_intervals(one),

@@ -1,5 +1,6 @@
 """The folder of an answer: report, findings, amended model, and the fits of a search that was interrupted."""
 
+import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -53,6 +54,9 @@ def fits_in(folder: Path, question: Question, stated: Sequence[SizedEffect]) -> 
     parts = [
         f"{sha256} {one.recording.samples}"  # of a long one it depends on the command how much is kept
         for sha256, one in zip(question.hashes.values(), question.measured, strict=True)
+    ]
+    parts += [  # what is taken out of the evidence comes of these
+        hashlib.sha256(one.recording.line_pressure.tobytes()).hexdigest() for one in question.healthy
     ]
     with file_errors(folder):
         return FitStore(folder / FITS, problem_key(question.parameters, parts, stated))

@@ -92,7 +92,7 @@ class Search:
         self._fitter = fitter
         self._effects = effects
         self._baseline = baseline
-        self._held_out = HeldOutPoints(fitter.evidence, fitter.nominal)
+        self.held_out = HeldOutPoints(fitter.evidence, fitter.nominal)
 
     def run(self) -> Outcome:
         """Fit candidates until nothing more is worth adding; see `Outcome`."""
@@ -177,7 +177,7 @@ class Search:
             if gain <= threshold or candidate.statistic > limit:
                 continue
             if candidate.plausible:
-                if self._is_new(candidate) and self._held_out.pays(
+                if self._is_new(candidate) and self.held_out.pays(
                     candidate, min((smaller, *own), key=_statistic)
                 ):
                     return candidate

@@ -84,10 +84,11 @@ def name_effects(
         raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
     fitter = Fitter(evidence, nominal, options.workers, options.memory, count, options.baseline.appears)
     fitter.measure(effects)
-    outcome = Search(fitter, effects, options.baseline).run()
+    search = Search(fitter, effects, options.baseline)
+    outcome = search.run()
     if options.chosen:
         outcome = _led_by(outcome, options.chosen)
-    result = _Verdict(fitter, outcome, options.baseline).discovery()
+    result = _Verdict(fitter, outcome, options.baseline, search.held_out).discovery()
     if options.progress is not None:
         options.progress(1.0)
     return result
@@ -131,8 +132,11 @@ def healthy_baseline(
 class _Verdict:
     """The result of a search in the words of a `Discovery`."""
 
-    def __init__(self, fitter: Fitter, found: Outcome, baseline: HealthyBaseline) -> None:
+    def __init__(
+        self, fitter: Fitter, found: Outcome, baseline: HealthyBaseline, held_out: HeldOutPoints
+    ) -> None:
         self._fitter = fitter
+        self._held_out = held_out
         self._nominal = fitter.nominal
         self._evidence = fitter.evidence
         self._found = found
@@ -241,11 +245,10 @@ class _Verdict:
         found = self._found
         leaders = sorted(found.fitted, key=lambda one: one.statistic)[:RANKED]
         chosen = dict.fromkeys((*leaders, found.winner, *found.rivals, found.nominal))
-        held_out = HeldOutPoints(self._evidence, self._nominal)
         return tuple(
             replace(
                 self._with_intervals(one),
-                held_out=held_out.statistic(one),
+                held_out=self._held_out.statistic(one),
                 moves=self._moves(self._nominal, one.model(self._nominal)),
             )
             for one in sorted(chosen, key=lambda one: one.statistic)

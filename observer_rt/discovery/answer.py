@@ -3,7 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from observer_rt.discovery.amend import amended_effects
 from observer_rt.discovery.caveats import is_level_measured, is_like_inertance, remedies
@@ -18,16 +18,16 @@ from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, 
 from observer_rt.discovery.search.candidates import FitMemory
 from observer_rt.discovery.search.result import Verdict
 from observer_rt.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.evidence.appearance import with_healthy_offset
 from observer_rt.evidence.coverage import chosen_words
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.operating_points import by_operating_point
 from observer_rt.evidence.plausible import refuse_rates_missing
 from observer_rt.foundation.errors import ObserverError
-from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.cells import refuse_unstable_cells
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
 from observer_rt.observer.learning.healthy import holds_at
 from observer_rt.recording.signals.recording import Recording
@@ -104,7 +104,7 @@ def answer(
     """
     nominal = effective_model(question.parameters)
     known, warning = _remembered(nominal, [*question.measured, *question.healthy])
-    points = by_operating_point([_as_healthy(one, known) for one in question.measured])
+    points = by_operating_point([with_healthy_offset(one, known.remainder) for one in question.measured])
     measured = [point.measurement for point in points]
     workers = threads or len(os.sched_getaffinity(0))
     baseline = known
@@ -169,14 +169,6 @@ def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[
     return baseline, "" if comparable else _OTHER_RATE.format(fitted.sample_rate_Hz / 1e3)
 
 
-def _as_healthy(measured: Measurement, known: HealthyBaseline) -> Measurement:
-    """A recording with the offset its line-pressure sensor had already when the injector was healthy."""
-    offset = 0.0 if known.remainder is None else known.remainder.line_pressure_offset_MPa * MEGAPASCAL
-    if offset == 0.0:
-        return measured
-    return replace(measured, stated=(*measured.stated, sized("line_pressure_sensor_offset", o=offset)))
-
-
 def _judged_by_healthy(
     nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int, known: HealthyBaseline
 ) -> tuple[HealthyBaseline, str]:
@@ -184,7 +176,8 @@ def _judged_by_healthy(
 
     known: what the fit of the model remembers, to which they add.
     """
-    points = [point.measurement for point in by_operating_point([_as_healthy(one, known) for one in healthy])]
+    found_with = [with_healthy_offset(one, known.remainder) for one in healthy]
+    points = [point.measurement for point in by_operating_point(found_with)]
     baseline, found = healthy_baseline(nominal, points, workers, known)
     if found.verdict is Verdict.NONE:
         return baseline, ""

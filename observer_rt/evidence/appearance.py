@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 from observer_rt.estimation.phases import Phase, phase_statistics
 from observer_rt.evidence.healthy_shape import ShapeFit, expected, together
 from observer_rt.evidence.likelihood import Evidence, Judged
+from observer_rt.evidence.measurement import Measurement
+from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.baseline import Appearance, HealthyRemainder, PhaseFigures
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import sized
 
 VISIBLE = 25.0  # of -2 log L that a size must gain to be visible: 5 standard deviations
 PROBES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # dead zones at which an effect is tried, until it is visible
@@ -144,6 +147,14 @@ def _appearance(signature: Signature) -> Appearance:
         float(f"{value / first.si:.{_DIGITS}g}") for value in (mean, uncertainty, scatter)
     )
     return Appearance(mean=mean, uncertainty=uncertainty, scatter=scatter, unit=first.unit)
+
+
+def with_healthy_offset(measured: Measurement, known: HealthyRemainder | None) -> Measurement:
+    """A recording with the offset its line-pressure sensor had already when the injector was healthy."""
+    if known is None or known.line_pressure_offset_MPa == 0.0:
+        return measured
+    offset = sized("line_pressure_sensor_offset", o=known.line_pressure_offset_MPa * MEGAPASCAL)
+    return replace(measured, stated=(*measured.stated, offset))
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,8 @@ class Effect:
     apply: leaves a model as it is at the `off` values; sentence: what it is, for a reader of reports; signature: what
     it looks like in the signals; relations: what it may be taken for; decided_by: a measurement that tells it from
     all it has no relation to, empty when there is no such; apparent: None where its apparent size says nothing;
-    remedy: what a user does about an effect of the bench that an injector file cannot have in force.
+    remedy: what a user does about an effect of the bench that an injector file cannot have in force; wear: whether
+    it is what injectors get as they age.
     """
 
     id: str
@@ -129,6 +130,7 @@ class Effect:
     decided_by: str = ""
     apparent: Apparent | None = None
     remedy: str = ""
+    wear: bool = False
 
     @property
     def equation(self) -> Equation:

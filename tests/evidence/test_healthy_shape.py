@@ -25,14 +25,14 @@ def _noise(measurement: Measurement, seed: int) -> np.ndarray[tuple[int], np.dty
 
 def test_the_shape_is_found_in_noise() -> None:
     seen = [
-        (one, expected(TRUE, one) / SIGMA + 0.3 * _noise(one, number), SIGMA)
+        (one, expected(TRUE, one) / SIGMA + 0.1 * _noise(one, number), SIGMA)
         for number, one in enumerate(FOUND)
     ]
     found = ShapeFit(seen).shape()
     for one in FOUND:
         true = expected(TRUE, one)
         left = expected(found, one) - true
-        assert np.mean(left**2) < 0.2 * np.mean(true**2)
+        assert np.mean(left**2) < 0.1 * np.mean(true**2)
 
 
 def test_what_was_left_out_is_not_seen() -> None:

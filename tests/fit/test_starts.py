@@ -52,8 +52,8 @@ def test_instants_from_a_file_with_wrong_stiffness_and_nozzle() -> None:
         1.0 - LINES[Variant.PLAIN].end_share
     )  # our volume is without the end's
     assert fitted.fluid.bulk_modulus_line == pytest.approx(along_pipe, rel=0.004)
-    assert fitted.nozzle.flow_coefficient * fitted.nozzle.area == pytest.approx(part.nozzle_area, rel=0.0015)
-    assert fitted.seat.flow_coefficient == pytest.approx(part.seat_coefficient, rel=0.005)
+    assert fitted.nozzle.flow_coefficient * fitted.nozzle.area == pytest.approx(part.nozzle_area, rel=0.001)
+    assert fitted.seat.flow_coefficient == pytest.approx(part.seat_coefficient, rel=0.0075)
 
 
 def check_found(found: Sequence[Measurement], shares: Sequence[float]) -> InjectorParameters:

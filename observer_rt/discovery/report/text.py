@@ -26,8 +26,6 @@ EQUATION_WORDS = {
     Equation.OUTPUT: "the output: the line-pressure sensor does not show p_L",
 }
 
-ASKED_FIRST = ("orifice_area", "seat_area", "guide_leakage", "line_friction")
-"""Effects whose smallest visible size stands beside `none` on the screen: wear, first of all."""
 PHASE_WORDS = {
     Phase.STANDSTILL: "while the needle is shut",
     Phase.OPENING: "while the needle opens",
@@ -61,10 +59,9 @@ def visible_words(one: SmallestVisible) -> str:
 
 
 def _not_seen(found: Discovery) -> str:
-    """Up to which size effects may be there all the same."""
-    names = (
-        f"{one.id} below {visible_words(one)}" for one in found.smallest_visible if one.id in ASKED_FIRST
-    )
+    """Up to which size wear may be there all the same."""
+    wear = (one for one in found.smallest_visible if VOCABULARY[one.id].wear)
+    names = (f"{one.id} below {visible_words(one)}" for one in wear)
     return f"  not seen: {', '.join(names)}; all in the report"
 
 

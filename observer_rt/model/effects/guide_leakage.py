@@ -12,4 +12,5 @@ EFFECT = Effect(
         "The line pressure stands a little below the rail pressure all the time and its ringing dies sooner."
     ),
     apparent=Apparent.SETTLED,
+    wear=True,
 )

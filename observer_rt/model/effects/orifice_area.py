@@ -14,4 +14,5 @@ EFFECT = Effect(
         "at every rail pressure; nothing changes while it is shut."
     ),
     relations=(Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.NEAR, BALLISTIC_RATE),),
+    wear=True,
 )

@@ -11,4 +11,5 @@ EFFECT = Effect(
     sentence="The needle seat passes more fuel at the same lift, or less: Q_S (1 + v_S).",
     signature="Shows at opening and closing, while the seat throttles, and hardly at full lift.",
     relations=(Relation(("lift_dependent_seat_coefficient",), Likeness.ALIKE, BALLISTIC_RATE),),
+    wear=True,
 )

@@ -1,6 +1,6 @@
 """What a fit may change: the structures of a model it tries, and the parameters it frees in each."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,6 +55,7 @@ NOZZLE = FreeParameter("alpha_H", "nozzle", "flow_coefficient", "-", 1.0, 0.05, 
 SAC = FreeParameter("V_S", "nozzle", "sac_volume", "mm3", CUBIC_MILLIMETRE, 1e-11, 1e-6, 1e-9, 1.0)
 WAVE_DAMPING = FreeParameter("nu", "line", "damping", "m2/s", 1.0, 0.01, 20.0, DAMPING, 2.0)
 END = FreeParameter("V_E", "line", "end_volume", "mm3", CUBIC_MILLIMETRE, 1e-10, 1e-6, 1e-8, 2.0)
+INLET = FreeParameter("xi_I", "line", "inlet_loss_factor", "-", 1.0, 0.01, 500.0, 4.0, 1.5)
 RATIO = FreeParameter("Z_2/Z_1", "line", "impedance_ratio", "-", 1.0, 0.2, 5.0, 1.0, 0.5)
 JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5, 0.5)
 INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
@@ -78,6 +79,8 @@ class Structure:
         keys: dict[str, object] = {"model": self.line, "cells": None}
         if RATIO not in self.free:
             keys |= {RATIO.key: None, JOINT.key: None}
+        if INLET not in self.free:
+            keys[INLET.key] = None
         line = injector.line.model_copy(update=keys)
         formed = injector.model_copy(update={"line_outflow": self.outflow, "line": line})
         if WAVE_DAMPING not in self.free:
@@ -106,15 +109,17 @@ def _in_cells(injector: InjectorParameters, cells: int) -> InjectorParameters:
 
 
 _ORIFICES = (SEAT, NOZZLE, SAC)
-_LINES: Mapping[str, tuple[str, tuple[FreeParameter, ...]]] = {
-    "lump": ("one lump", (STIFFNESS, LOSS)),
-    "wave": ("waves", (STIFFNESS, LOSS, WAVE_DAMPING, END)),
-    "wave_two_part": ("waves in two parts", (STIFFNESS, LOSS, WAVE_DAMPING, END, RATIO, JOINT)),
-}
+_WAVES = (STIFFNESS, LOSS, WAVE_DAMPING, END)
+_LINES: Sequence[tuple[str, str, tuple[FreeParameter, ...]]] = (
+    ("lump", "one lump", (STIFFNESS, LOSS)),
+    ("wave", "waves", _WAVES),
+    ("wave", "waves behind a throttle", (*_WAVES, INLET)),
+    ("wave_two_part", "waves in two parts", (*_WAVES, RATIO, JOINT)),
+)
 _DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
 STRUCTURES: tuple[Structure, ...] = tuple(
     Structure(f"{words}, {drained}", outflow, line, (*free, *_ORIFICES))
-    for line, (words, free) in _LINES.items()
+    for line, words, free in _LINES
     for outflow, drained in _DRAINED.items()
 )
 """All that are tried, the simplest first."""

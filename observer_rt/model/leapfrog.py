@@ -109,12 +109,13 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
         flow, pressure, drop = x[place], x[here], ahead_pressure - x[here]
         inertia = across_joint(line.joint - (i - 1), line.a3, line.a3_near)
         uneven = ahead_flow - 2.0 * flow + x[behind]
+        resistance = line.a4 + (line.a4_inlet if i == 1 else 0.0)
         # friction by the product of old and new flow: with the old flow's alone, half a step late, it would pass for
         # inertance, which is the level of all masses
-        slowed = 1.0 / (1.0 + step * line.a4 * math.fabs(flow))
+        slowed = 1.0 / (1.0 + step * resistance * math.fabs(flow))
         new_flow = slowed * (flow + step * (inertia * drop + line.damping * uneven))
         if tangent is not None:
-            friction = step * line.a4 * math.copysign(1.0, flow)
+            friction = step * resistance * math.copysign(1.0, flow)
             keep = slowed * (1.0 - 2.0 * step * line.damping - friction * new_flow)
             push = slowed * step
             there = -1 if i == 1 else pressure_at(i - 1, cells)
@@ -420,7 +421,20 @@ def _beyond_middle(tangent: Tangent) -> None:
         by[0, j] = 2.0 * by[0, j] - before[2, j]
 
 
-_A1, _A2_NOZZLE, _A2_SEAT, _A3, _A3_NEAR, _A4, _B, _B_NEAR, _DAMPING, _LEAK, _AIR, _STIFFNESS_SLOPE = (
+(
+    _A1,
+    _A2_NOZZLE,
+    _A2_SEAT,
+    _A3,
+    _A3_NEAR,
+    _A4,
+    _B,
+    _B_NEAR,
+    _DAMPING,
+    _LEAK,
+    _AIR,
+    _STIFFNESS_SLOPE,
+) = (
     WaveLine._fields.index(name)
     for name in (
         "a1",

@@ -122,6 +122,7 @@ def test_the_keys_of_the_printed_example_are_those_of_a_fitted_file(tmp_path: Pa
         "cells",
         "damping",
         "end_volume",
+        "inlet_loss_factor",
         "impedance_ratio",
         "impedance_step",
     ):

@@ -1,5 +1,7 @@
 """A line in which pressure travels: found, told from a lump, its cells as its sound speed wants them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,10 @@ from observer_rt.model.coefficients import coefficients
 from observer_rt.model.line.wave import STEP
 from observer_rt.model.parameters import LineOutflow
 from tests.fit.healthy import NOMINAL, of_independent_plant, off_by_ten_percent
-from tools.benchmarks.plant import wave_injector
+from tools.benchmarks.plant import record, wave_injector
+from tools.benchmarks.scoring import recording_of
+from tools.benchmarks.wave_plant import LINES, Variant
+from tools.benchmarks.wave_recordings import healthy_benches
 
 SMALL_SAC = with_values(NOMINAL, (SAC,), np.array([3e-9]))
 WAVES = tuple(one for one in STRUCTURES if one.line == "wave")
@@ -39,6 +44,19 @@ def test_the_numbers_of_another_discretisation_are_near(travelling: Calibrated) 
     assert fitted.nozzle.flow_coefficient == pytest.approx(0.78, rel=0.005)
     assert fitted.seat.flow_coefficient == pytest.approx(0.75, rel=0.02)
     assert fitted.line.loss_factor == pytest.approx(8.0, rel=0.03)
+
+
+def test_a_throttle_at_the_rail_is_found() -> None:
+    """An orifice of 2e14 Pa s2/m6 before the line of a plant that knows nothing of our cells."""
+    benches = healthy_benches(Variant.PLAIN, 1).values()
+    throttled = [replace(one, line=LINES[Variant.PLAIN]._replace(inlet_loss=2e14)) for one in benches]
+    found = measurements([recording_of(record(bench)) for bench in throttled])
+    by_seat = [one for one in WAVES if one.outflow is LineOutflow.SEAT]
+    done = calibrate(SMALL_SAC, found, {}, lambda _: None, by_seat)
+    assert done.inadequate == ()
+    line, density = done.injector.line, done.injector.fluid.density_line
+    assert line.inlet_loss_factor is not None
+    assert line.inlet_loss_factor * density / (2.0 * line.area**2) == pytest.approx(2e14, rel=0.05)
 
 
 def test_a_lump_that_cannot_be_stepped_is_left_out_with_the_reason(travelling: Calibrated) -> None:

@@ -83,6 +83,7 @@ class _WaveCoefficients(NamedTuple):
     a3: float  # inertia of a face
     a3_near: float
     a4: float  # friction, over the whole line that of the lump
+    a4_inlet: float  # of a throttle at the rail, added to that of the first face
     b: float  # compliance of a cell
     b_near: float
     damping: float  # nu/h2: what evens out the flows of neighbouring faces
@@ -116,6 +117,7 @@ class WaveLine(_WaveCoefficients):
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
         compliance = fluid.bulk_modulus_line / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
         inertia = line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow)
+        of_loss = scaling.flow / (2 * line.area * line.length)  # of a loss factor over the whole line
         damping = DAMPING if line.damping is None else line.damping
         cells = line.cells or cells_for(parameters, STEP)
         ratio, far = _parts(line)
@@ -129,7 +131,8 @@ class WaveLine(_WaveCoefficients):
             a2_seat=0.0 if drained_by_nozzle else end * seat_flow,
             a3=cells * inertia * of_inertia,
             a3_near=cells * inertia * of_inertia / ratio,
-            a4=line.loss_factor * scaling.flow / (2 * line.area * line.length),
+            a4=line.loss_factor * of_loss,
+            a4_inlet=cells * of_inertia * (line.inlet_loss_factor or 0.0) * of_loss,
             b=cells * compliance * scaling.flow * of_volume,
             b_near=cells * compliance * scaling.flow * of_volume * ratio,
             damping=damping * (cells / line.length) ** 2,

@@ -96,6 +96,7 @@ def test_derivatives(
         impedance_ratio=1.5,
         impedance_step=0.33,
         end_volume=3e-8,
+        inlet_loss_factor=20.0,
     )
     c = effective_model(parameters, effects).coefficients
     c = averaged(c) if means else c
@@ -191,6 +192,24 @@ def test_what_leaves_the_line_was_in_it() -> None:
     sac = x[2] * (c.nozzle.flow / c.sac.a6)
     assert injected + sac == pytest.approx(lost, rel=2e-3)
     assert injected > 2e-9
+
+
+def test_a_throttle_takes_what_as_much_friction_does_of_a_steady_flow() -> None:
+    """And not at once: it stands at the rail."""
+    courses, open_wide = [], Interval((RAIL, 1.0), (RAIL, 1.0), 1e-5, 1)
+    for loss, inlet in ((18.0, None), (8.0, 10.0)):
+        c = effective_model(injector(3e-9, loss_factor=loss, inlet_loss_factor=inlet)).coefficients
+        x = np.zeros(c.states)
+        rest_line(x, RAIL, c.line)
+        course = []
+        for _ in range(5000):
+            advance_over(x, open_wide, NO_KNOT, c, constant_network(), None)
+            course.append(x[0])
+        courses.append(np.array(course))
+    along, throttled = courses
+    assert along[-1] == pytest.approx(throttled[-1], abs=1e-6)
+    assert RAIL - throttled[-1] > 1e-3
+    assert np.max(np.abs(along - throttled)) > 1e-3
 
 
 def test_a_tiny_sac_is_where_its_flows_balance() -> None:

@@ -15,7 +15,8 @@ from hypothesis import settings
 from tests.interface import OwnInterface
 
 # how long an example takes says nothing on a machine that does something else, too
-settings.register_profile("unhurried", deadline=None)
+examples = int(os.environ.get("OBSERVER_RT_TEST_EXAMPLES", "50"))
+settings.register_profile("unhurried", deadline=None, max_examples=examples)
 settings.load_profile("unhurried")
 
 INTERFACE = "vcan0"

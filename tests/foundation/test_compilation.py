@@ -1,4 +1,4 @@
-"""Where compiled code is kept: a folder for every state of the source, and none for ever."""
+"""Where compiled code is kept: a folder for every state of a unit, and none for ever."""
 
 import os
 import shutil
@@ -28,18 +28,27 @@ print(compiled_code().remedy)
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A package of its own that keeps its cache as ours does."""
+    """A package of its own that keeps its cache as ours does: units `laws` and, above it, `pump`."""
     folder = tmp_path / "source" / "package"
-    (folder / "foundation").mkdir(parents=True)
-    shutil.copy(Path(compilation.__file__), folder / "foundation" / "compilation.py")
+    for name in ("foundation", "below", "laws", "pump"):
+        (folder / name).mkdir(parents=True)
+        (folder / name / "__init__.py").write_text("")
+    for path in Path(compilation.__file__).parent.glob("*.py"):
+        if path.stem in ("compilation", "compiled", "unit_cache"):
+            text = path.read_text().replace("from observer_rt.", "from package.")
+            (folder / "foundation" / path.name).write_text(text)
     entry = "from package.foundation.compilation import use_own_cache\nuse_own_cache()\n"
     (folder / "__init__.py").write_text(entry)
-    (folder / "below").mkdir()
-    (folder / "laws.py").write_text(
-        "from numba import njit\nfrom package.foundation import units\n"
-        "from package.below.limits import (\n    X,\n)\n"
+    (folder / "laws" / "flow.py").write_text(
+        "from package.foundation import units\nfrom package.foundation.compiled import inner\n"
+        "from package.below.limits import (\n    X,\n)\n@inner\ndef flow():\n    return X\n"
     )
-    for name in ("foundation/units.py", "below/limits.py", "report.py"):
+    (folder / "laws" / "stiffness.py").write_text("from numba import njit\n")
+    (folder / "pump" / "loop.py").write_text(
+        "from numba import njit\nfrom package.laws.flow import flow\n"
+        "@njit(cache=True)\ndef run():\n    return flow() + 1\n"
+    )
+    for name in ("foundation/units.py", "below/limits.py", "pump/report.py"):
         (folder / name).write_text("X = 1\n")
     return folder
 
@@ -83,29 +92,71 @@ def test_same_source_same_folder(package: Path, tmp_path: Path) -> None:
     assert cache_folder(package, first) == first  # a process started by one that uses it
 
 
+RUN = """
+import package.pump.loop
+print(package.pump.loop.run(), sum(package.pump.loop.run.stats.cache_hits.values()))
+"""
+
+
+def ran(package: Path, root: Path) -> tuple[int, int]:
+    """What the compiled function of a fresh process returns, and how many were found in the cache."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CACHE")}
+    done = subprocess.run(
+        [sys.executable, "-c", RUN],
+        env={**environment, "NUMBA_CACHE_DIR": str(root), "PYTHONPATH": str(package.parent)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    result, hits = done.stdout.split()
+    return int(result), int(hits)
+
+
+def units(package: Path, root: Path) -> set[str]:
+    """The folders of units."""
+    return {path.name for path in cache_folder(package, root).iterdir()}
+
+
 @pytest.mark.parametrize(
-    ("name", "compiled"),
-    [("laws.py", True), ("foundation/units.py", True), ("below/limits.py", True), ("report.py", False)],
+    ("name", "changed"),
+    [
+        ("laws/stiffness.py", {"laws", "pump"}),  # not imported by the loop: by dispatch it may be called
+        ("foundation/units.py", {"laws", "pump"}),
+        ("below/limits.py", {"laws", "pump"}),
+        ("pump/loop.py", {"pump"}),
+        ("pump/report.py", set()),
+    ],
 )
-def test_a_change_of_what_compiled_code_rests_on_is_another_folder(
-    package: Path, tmp_path: Path, name: str, compiled: bool
+def test_an_edit_compiles_its_unit_and_those_above(
+    package: Path, tmp_path: Path, name: str, changed: set[str]
 ) -> None:
-    before = cache_folder(package, tmp_path / "cache")
+    root = tmp_path / "cache"
+    assert ran(package, root) == (2, 0)
+    before = units(package, root)
     with (package / name).open("a") as file:
         file.write("# changed\n")
-    assert (cache_folder(package, tmp_path / "cache") != before) is compiled
+    assert ran(package, root) == (2, int("pump" not in changed))
+    assert {each.rpartition("-")[0] for each in units(package, root) - before} == changed
+
+
+def test_what_a_compiled_function_returns_follows_what_it_calls(package: Path, tmp_path: Path) -> None:
+    root = tmp_path / "cache"
+    assert ran(package, root) == (2, 0)
+    (package / "below" / "limits.py").write_text("X = 5\n")
+    assert ran(package, root) == (6, 0)
 
 
 def test_what_nobody_used_for_long_is_removed(package: Path, tmp_path: Path) -> None:
     root = tmp_path / "cache"
-    own = cache_folder(package, root)
-    days = 24 * 3600
+    ran(package, root)
+    own, days = cache_folder(package, root), 24 * 3600
     for name, age in (("old", 20 * days), ("recent", 2 * days)):
-        (own.parent / name).mkdir()
-        os.utime(own.parent / name, (time.time() - age,) * 2)
-    os.utime(own, (time.time() - 20 * days,) * 2)
-    assert cache_folder(package, root) == own
-    assert {path.name for path in own.parent.iterdir()} == {own.name, "recent"}
+        (own / name).mkdir()
+        os.utime(own / name, (time.time() - age,) * 2)
+    (package / "pump" / "loop.py").open("a").write("# changed\n")
+    ran(package, root)
+    assert not (own / "old").exists()
+    assert (own / "recent").exists()
 
 
 @pytest.fixture
@@ -165,6 +216,8 @@ def test_another_users_folder_is_not_used(package: Path, temporary: Path, blocke
 def test_compiled_or_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert not compilation.is_compiled()
-    (tmp_path / "module").mkdir()
-    (tmp_path / "module" / "function-1.nbi").write_bytes(b"")
+    (tmp_path / "model-of-another-state").mkdir()
+    (tmp_path / "model-of-another-state" / "function-1.nbi").write_bytes(b"")
+    assert not compilation.is_compiled()
+    (compilation.unit_folder(str(tmp_path), "model") / "function-1.nbi").write_bytes(b"")
     assert compilation.is_compiled()

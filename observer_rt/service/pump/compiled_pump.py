@@ -6,9 +6,6 @@ import socket
 import struct
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
-
-from numba import njit, typeof, types
 
 from observer_rt.bus.can_frame import FD_MTU, HEADER_BYTES
 from observer_rt.bus.j1939 import GroupIdentifier
@@ -21,7 +18,7 @@ from observer_rt.service.compiled.asking import Need
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame, output_frame
 from observer_rt.service.pump import libc, loop
-from observer_rt.service.pump.memory import BATCH, BUS, ERRORS, WAITING, Pump, make_pump
+from observer_rt.service.pump.memory import BATCH, BUS, ERRORS, WAITING, make_pump
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.rights import hurry
 from observer_rt.service.watch.arrivals import Arrivals
@@ -29,11 +26,6 @@ from observer_rt.service.watch.arrivals import Arrivals
 BUSY_WAIT = 2e-3  # s between two looks while events wait to be judged
 _RAW = ("socketcan", "descriptor")  # interfaces
 _TIMEVAL = struct.Struct("@ll")
-
-
-@njit(cache=True, nogil=True)
-def _run(pump, held, wake):  # type: ignore[no-untyped-def]
-    return loop.run(pump, held.pipeline, wake)
 
 
 def is_pumped(bench: Bench, bus: BusMap) -> bool:
@@ -49,13 +41,6 @@ def can_pump(links: Sequence[Link], bus: BusMap) -> bool:
 def can_pump_messages(bus: BusMap) -> bool:
     """No J1939, where identifiers change with the sender."""
     return not any(isinstance(each.received_id, GroupIdentifier) for each in bus.received)
-
-
-def compile_pump(core: Core, pump: Pump) -> Callable[..., int]:
-    """The loop for a core's pipeline, compiled or loaded from the cache."""
-    compiled: Any = _run
-    entry: Callable[..., int] = compiled.compile((typeof(pump), typeof(core.compiled.held), types.int64))
-    return entry
 
 
 class CompiledPump(FramePump):
@@ -79,7 +64,7 @@ class CompiledPump(FramePump):
         self._layouts = (*bus.received, *bus.sent)
         self._rate = bus.rate.layout if bus.rate else None
         self._pump = make_pump(len(links), self._layouts, core.asking, self._rate)
-        self._compiled = compile_pump(core, self._pump)
+        self._compiled = loop.compiled_for(self._pump, core.compiled.held)
         self._errors_read = [0] * len(links)
         self._unsent = 0
         self._turns = -1

@@ -4,8 +4,11 @@ One turn: frames that wait, of several buses the earliest first; each through th
 With one bus and nothing to send late, a turn is two system calls.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
-from numba import njit
+from numba import njit, typeof, types
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import (
@@ -21,6 +24,7 @@ from observer_rt.bus.database.frame_key import BUS as BUS_KEY
 from observer_rt.bus.database.frame_key import EXTENDED as EXTENDED_KEY
 from observer_rt.bus.links.socketcan import SO_RXQ_OVFL
 from observer_rt.bus.links.stamps import SO_TIMESTAMPING, SO_TIMESTAMPNS
+from observer_rt.foundation.compiled import inner
 from observer_rt.observer.stream.state import Observer
 from observer_rt.service.compiled.asking import Need, is_asked_for
 from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
@@ -37,13 +41,19 @@ _recvmmsg, _send, _write, _poll = libc.recvmmsg, libc.send, libc.write, libc.pol
 _clock_gettime, _errno_location = libc.clock_gettime, libc.errno_location
 
 
-@njit(cache=True, nogil=True, inline="always")
-def run(pump: Pump, pipeline: Pipeline, wake: int) -> int:
+def compiled_for(pump: Pump, held: Any) -> Callable[..., int]:
+    """`run` for a pump and a pipeline by reference, compiled or loaded from the cache."""
+    entry: Callable[..., int] = run.compile((typeof(pump), typeof(held), types.int64))
+    return entry
+
+
+@njit(cache=True, nogil=True)
+def run(pump: Pump, held: Any, wake: int) -> int:
     """Pump until told to stop, or until Python must do something first: `Need`. Call it again then.
 
-    wake: descriptor written to when something happened that Python waits for.
+    held: a pipeline by reference; wake: descriptor written to when something happened that Python waits for.
     """
-    memory = pump.memory[0]
+    memory, pipeline = pump.memory[0], held.pipeline
     if pipeline.observer.memory[0].waiting:
         waits = proceed(pipeline)
         send_rates(pump, pipeline.publisher)
@@ -66,7 +76,7 @@ def run(pump: Pump, pipeline: Pipeline, wake: int) -> int:
     return _NOTHING
 
 
-@njit(cache=True, nogil=True)
+@inner
 def send_rates(pump: Pump, publisher: Publisher) -> None:
     """Send the frames that the publisher has ready; what there is no room for waits, the oldest are given up."""
     memory = pump.memory[0]
@@ -91,7 +101,7 @@ def send_rates(pump: Pump, publisher: Publisher) -> None:
         _send_waiting(pump)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _send_waiting(pump: Pump) -> None:
     """Send in order, as far as there is room; what waits when the bus goes down would be old when it is back."""
     memory = pump.memory[0]
@@ -115,7 +125,7 @@ def _send_waiting(pump: Pump) -> None:
         memory.first_waiting = memory.end_waiting
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _frame_is_there(pump: Pump) -> bool:
     for number in range(pump.buses.size):
         bus = pump.buses[number]
@@ -124,7 +134,7 @@ def _frame_is_there(pump: Pump) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _receive(pump: Pump) -> None:
     """Wait for frames of any bus, and take those that are there."""
     memory = pump.memory[0]
@@ -142,7 +152,7 @@ def _receive(pump: Pump) -> None:
             _fill(pump, number, libc.MSG_DONTWAIT)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _fill(pump: Pump, number: int, flags: int) -> None:
     """Take a batch of frames of a bus."""
     bus = pump.buses[number]
@@ -160,7 +170,7 @@ def _fill(pump: Pump, number: int, flags: int) -> None:
         _note_stamp(pump, number)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _earliest(pump: Pump) -> int:
     """The bus whose next frame is the earliest of those that wait; -1: none waits."""
     earliest = -1
@@ -178,7 +188,7 @@ def _earliest(pump: Pump) -> int:
     return earliest
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _note_stamp(pump: Pump, number: int) -> None:
     """The stamp of a bus's next frame, and what the kernel says of lost ones."""
     bus = pump.buses[number]
@@ -212,7 +222,7 @@ def _note_stamp(pump: Pump, number: int) -> None:
     bus.stamp = stamp if stamp != 0 else _now(pump, libc.CLOCK_REALTIME)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _take(pump: Pump, pipeline: Pipeline, number: int) -> int:
     """Take the next frame of a bus through the pipeline: `Need`."""
     bus = pump.buses[number]
@@ -248,7 +258,7 @@ def _take(pump: Pump, pipeline: Pipeline, number: int) -> int:
     return _VERDICT if waits else _NOTHING
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _note_arrival(pump: Pump, key: int) -> None:
     """Of a frame that is watched; once its rates are sent, for asking for the time may be a system call."""
     for watched in range(pump.arrivals.size):
@@ -259,7 +269,7 @@ def _note_arrival(pump: Pump, key: int) -> None:
             break
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _note_error(pump: Pump, number: int, identifier: int, data: NDArray[np.uint8]) -> None:
     """Keep an error frame for Python."""
     bus = pump.buses[number]
@@ -271,14 +281,14 @@ def _note_error(pump: Pump, number: int, identifier: int, data: NDArray[np.uint8
     bus.errors += 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _now(pump: Pump, clock: int) -> int:
     """Time of a clock [ns]."""
     _clock_gettime(clock, pump.clock.ctypes.data)
     return int(pump.clock[0] * _SECOND + pump.clock[1])
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _tell(pump: Pump, observer: Observer, wake: int) -> None:
     """Wake Python when something happened that it waits for."""
     memory = pump.memory[0]

@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.posterior import Belief
+from observer_rt.foundation.compiled import inner
 
 ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
 STAY = 6.25  # and (2.5 sigma) that keeps it active
@@ -93,7 +94,7 @@ def _search(
     return best_subset
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _extend(
     factor: NDArray[np.float64],
     left: NDArray[np.float64],
@@ -123,7 +124,7 @@ def _extend(
     return True
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _solve_back(
     factor: NDArray[np.float64],
     left: NDArray[np.float64],

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.learned import Learned, by_theta, learned_of
 from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import Interval, advance_over, empty_sac
@@ -180,7 +181,7 @@ def _shown_compiled(
     return mean if line.instance_class.averaged else value
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _predict_gradient(
     gradient: Gradient,
     slopes: tuple[float, float, float, float],
@@ -224,14 +225,14 @@ def correct(
     return float(indicated + gain[_SAC] * innovation)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _add_times(factor: float, values: NDArray[np.float64], result: NDArray[np.float64], place: int) -> None:
     """Values (m,) times a factor onto those of an array from a place on."""
     for first in range(0, values.shape[0], WIDTH):
         store(result, place + first, load(result, place + first) + factor * load(values, first))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _keep_slopes(error: NDArray[np.float64], is_measured: bool, slopes: NDArray[np.float64], k: int) -> None:
     """The derivatives of the innovation into row k of `slopes`, 0 where it does not count."""
     for j in range(slopes.shape[1]):
@@ -256,7 +257,7 @@ def _borrowed_gradient_compiled(gradient: Any) -> Any:
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _follow(
     window: Window,
     setting: Setting,

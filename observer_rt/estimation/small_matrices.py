@@ -1,11 +1,12 @@
 """Products of matrices of a few rows, for compiled code: the libraries' take longer to begin than to compute."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inner
 
-@njit(cache=True, nogil=True)
+
+@inner
 def multiply(left: NDArray[np.float64], right: NDArray[np.float64], result: NDArray[np.float64]) -> None:
     """left (n, k) @ right (k, m) into `result` (n, m), another array."""
     for i in range(result.shape[0]):
@@ -17,7 +18,7 @@ def multiply(left: NDArray[np.float64], right: NDArray[np.float64], result: NDAr
                 result[i, j] += factor * right[k, j]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def product(matrix: NDArray[np.float64], vector: NDArray[np.float64], row: int) -> float:
     """A row of a matrix times a vector."""
     total = 0.0

@@ -21,6 +21,7 @@ from observer_rt.evidence.measurement import (
 )
 from observer_rt.evidence.openings import Opening
 from observer_rt.evidence.rail_pressure import true_rail_pressure
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.line.interface import rest_line
@@ -202,7 +203,7 @@ def _fill_areas(
         _extend(area, last, 1, factor * falling[0] + shift, factor * falling[1], hidden, rounding, c)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _ramp_of_means(
     partial: float, full: float, ramp: tuple[float, float], tolerance: float
 ) -> tuple[float, float]:
@@ -211,7 +212,7 @@ def _ramp_of_means(
     return ramp if slope == ramp[1] else (full - slope, slope)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _extend(
     area: NDArray[np.float64],
     k: int,
@@ -240,7 +241,7 @@ def _extend(
             break
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _area(lift: float, c: Coefficients) -> float:
     """Normalised seat area, odd in the lift."""
     area: float = normalised_area(abs(lift), c.seat)

@@ -7,10 +7,11 @@ whoever lent it must keep it while it is used.
 
 from typing import Any
 
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.line.interface import Slopes
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import ByTheta, Tangent
@@ -70,7 +71,7 @@ def borrowed(typing_context: Any, array: Any) -> Any:
     return kind(array), codegen
 
 
-@njit(cache=True, nogil=True)
+@inner
 def borrowed_network(network: Network) -> Network:
     """A network of borrowed arrays."""
     return Network(
@@ -81,7 +82,7 @@ def borrowed_network(network: Network) -> Network:
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def borrowed_tangent(tangent: Tangent) -> Tangent:
     """A tangent of borrowed arrays."""
     slopes, theta = tangent.slopes, tangent.theta

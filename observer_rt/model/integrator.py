@@ -13,6 +13,7 @@ from numba.extending import overload
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.leapfrog import leapfrog, move_end, move_line
 from observer_rt.model.line.interface import line_fastest
@@ -93,7 +94,7 @@ class Linearised(NamedTuple):
     by_number: NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _move_tangent(x: Any, step: float, by: NDArray[np.float64], linearised: Linearised) -> None:
     """The derivatives by (n, m) over a step [s]: the derivative of an RK4 step is the RK4 step of the derivatives.
 
@@ -254,7 +255,7 @@ def _steps_in(x: Any, interval: Interval, c: Coefficients) -> int:
     return interval.substeps
 
 
-@njit(cache=True, nogil=True)
+@inner
 def runge_kutta(
     x: NDArray[np.float64], interval: Interval, c: Coefficients, network: Network, tangent: Any
 ) -> None:
@@ -319,7 +320,7 @@ def _over_compiled(x: Any, interval: Any, knot: Any, c: Any, network: Any, tange
     return _leapfrog_over.py_func if line.staggered else _runge_kutta_over.py_func
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _leapfrog_over(
     x: NDArray[np.float64],
     interval: Interval,
@@ -332,7 +333,7 @@ def _leapfrog_over(
     empty_if_drained(x, interval.start, interval.end, tangent)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _runge_kutta_over(
     x: NDArray[np.float64],
     interval: Interval,
@@ -350,7 +351,7 @@ def _runge_kutta_over(
         advance(x, interval, c, network, tangent)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _advance_in_two(
     x: NDArray[np.float64],
     interval: Interval,

@@ -13,6 +13,7 @@ from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.line.lump import stiffness, stiffness_slopes
 from observer_rt.model.line.wave import (
@@ -35,7 +36,7 @@ MOST_ITERATIONS = 40
 SPARE = 0.1  # of p_0, by which p_S may leave the range of the pressures round it
 
 
-@njit(cache=True, nogil=True)
+@inner
 def open_area(interval: Any, knot: tuple[float, float], first: float, last: float) -> tuple[float, float]:
     """Normalised seat area of a part (shares first to last) of an interval: its mean, and that at its end."""
     start, end = interval.start[1], interval.end[1]
@@ -55,7 +56,7 @@ def open_area(interval: Any, knot: tuple[float, float], first: float, last: floa
     return _mean_of_open(at_first, at_last), max(at_last, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _bent(start: float, knot: tuple[float, float], end: float, share: float) -> float:
     """Area at a share of an interval that bends at a knot."""
     if share <= knot[0]:
@@ -74,7 +75,7 @@ def _mean_of_open(first: float, last: float) -> float:
     return 0.5 * highest * highest / abs(last - first)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def leapfrog(
     x: NDArray[np.float64],
     interval: Any,
@@ -98,7 +99,7 @@ def leapfrog(
             move_end(x, (rail, mean), (rail, last), step / ends, c, network, tangent)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, tangent: Any) -> None:
     """All flows a step [s] on, then all pressures but that of the end cell."""
     cells = cells_of(x)
@@ -161,7 +162,7 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
         _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, 3, cells + 2)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _stress_end(x: NDArray[np.float64], cells: int, line: WaveLine, tangent: Any) -> None:
     """What the end cell's compression in the step before does to the flow into it."""
     before = before_at(cells)
@@ -178,7 +179,7 @@ def _stress_end(x: NDArray[np.float64], cells: int, line: WaveLine, tangent: Any
     x[before] = x[0]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _flow_row(
     by: NDArray[np.float64],
     scratch: NDArray[np.float64],
@@ -206,7 +207,7 @@ def _flow_row(
         scratch[0, j] = old
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _pressure_row(
     by: NDArray[np.float64], place: int, inflow: int, outflow: int, keep: float, fill: float
 ) -> None:
@@ -215,7 +216,7 @@ def _pressure_row(
         by[place, j] = keep * by[place, j] + fill * (by[inflow, j] - by[outflow, j])
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _add_coefficients(
     by: NDArray[np.float64], by_coefficient: NDArray[np.float64], theta: Any, first: int, last: int
 ) -> None:
@@ -226,7 +227,7 @@ def _add_coefficients(
             by[row, columns[k]] += by_coefficient[row, coefficients[k]] * slopes[k]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def move_end(
     x: NDArray[np.float64],
     u_mean: tuple[float, float],
@@ -281,7 +282,7 @@ def _add_to_mean_compiled(x: Any, step: Any, tangent: Any, line: Any) -> Any:
     return add
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _solve_end(
     x: NDArray[np.float64],
     u: tuple[float, float],
@@ -331,7 +332,7 @@ def _solve_end(
     return p, s
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _end_rows(
     tangent: Tangent,
     x: NDArray[np.float64],
@@ -413,7 +414,7 @@ def _add_flow(
     sac_row[column] += by_sac * change
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _beyond_middle(tangent: Tangent) -> None:
     """The derivatives of p_L from the middle of the step to its end; row 2 of `moved` holds those before it."""
     by, before = tangent.by, tangent.moved

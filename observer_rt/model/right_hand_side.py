@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.line.interface import Slopes, line_rates, line_slopes, no_slopes
 from observer_rt.model.network import Network, activation, back_pressure_at, flow_changes
@@ -238,7 +239,7 @@ def tangent_rates(
     return (line[0], line[1], sac_rate(q_h, q_s, c.sac)) + line[2:]  # noqa: RUF005
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _clear(matrix: NDArray[np.float64]) -> None:
     for row in range(matrix.shape[0]):
         for i in range(matrix.shape[1]):

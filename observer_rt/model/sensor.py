@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from numba import njit
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.effective import SensorTerms
 
 LAG_UNIT = 1e-4  # s, in which the lag is counted, so that all parameters are of order one
@@ -30,7 +31,7 @@ def sensor_of(terms: SensorTerms, pressure_scale: float, interval: float) -> Sen
     return Sensor(terms.lag, terms.offset / pressure_scale, late, delay - late)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def recorded(indicated_before: float, indicated: float, fraction: float) -> float:
     """What is recorded of a signal a `fraction` of a sample late, linear between samples; also of its slopes."""
     return indicated - fraction * (indicated - indicated_before)

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.mdf4_apart import READABLE
@@ -296,7 +297,7 @@ def _walk(
     return kind_of.size, position, 0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _number(data: NDArray[np.uint8], place: int, size: int) -> np.uint64:
     """Little-endian."""
     number = np.uint64(0)

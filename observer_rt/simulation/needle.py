@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from numba import njit
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.parameters import InjectorParameters
@@ -78,12 +79,12 @@ def strokes(schedule: Schedule, parameters: InjectorParameters) -> tuple[Stroke,
     return tuple(found for _, found in placed)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _area_under_ramp(time: float) -> float:
     return 0.5 * time * time if time > 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _area_under_stroke(time: float, s: Stroke) -> float:
     """Integral of the unrounded lift up to `time`: four ramps [m s]."""
     rise: float = _area_under_ramp(time - s.opening) - _area_under_ramp(time - s.top)

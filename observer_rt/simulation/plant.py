@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import EffectiveModel, SensorTerms
 from observer_rt.model.integrator import fine_step
@@ -122,12 +123,12 @@ def _longest_step(model: EffectiveModel) -> tuple[float, EffectiveModel]:
     return LONGEST_WAVE_STEP, replace(model, injector=injector.model_copy(update={"line": line}))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _inputs(rail: float, lift: float, c: Coefficients) -> tuple[float, float]:
     return rail, normalised_area(lift, c.seat)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _stroke(strokes: NDArray[np.float64], number: int) -> Stroke:
     """Row `number` of the table; past its end the needle stays shut: a stroke that never begins."""
     if number >= strokes.shape[0]:

@@ -13,6 +13,7 @@ from observer_rt.bus.alignment.memory import Alignment
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import MAX_INTERPOLATED, SLOTS
 from observer_rt.config.signals import Role
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.continuity import Break
 
 # What no sensor of an injector can mean [Pa, m, Pa]: a value beyond it, or none at all, is missing.
@@ -69,7 +70,7 @@ def decide(alignment: Alignment) -> None:
     decide_until(alignment, frontier)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def decide_until(alignment: Alignment, frontier: int) -> None:
     """Queue the complete samples before `frontier`; the others are missing."""
     memory = alignment.memory[0]
@@ -96,7 +97,7 @@ def decide_until(alignment: Alignment, frontier: int) -> None:
     memory.next_index = max(memory.next_index, frontier)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _begin(alignment: Alignment) -> bool:
     """The first sample to decide on is the first that every message has; False while one has none."""
     memory = alignment.memory[0]
@@ -111,7 +112,7 @@ def _begin(alignment: Alignment) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _frontier_of(alignment: Alignment, follower, others: int) -> int:  # type: ignore[no-untyped-def]
     """The index before which a follower has said all it will, when the others have sent what is before `others`."""
     patience = follower.reach if follower.holds else PATIENCE
@@ -129,7 +130,7 @@ def _frontier_of(alignment: Alignment, follower, others: int) -> int:  # type: i
     return others
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _pass_on(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
     """Queue a complete sample, with what its distance from the last one means."""
     memory = alignment.memory[0]
@@ -164,7 +165,7 @@ def _pass_on(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
     memory.last_index = slot.index
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _append(alignment: Alignment, index: int):  # type: ignore[no-untyped-def]
     memory = alignment.memory[0]
     row = alignment.queue[memory.ready]
@@ -175,7 +176,7 @@ def _append(alignment: Alignment, index: int):  # type: ignore[no-untyped-def]
     return row
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _is_legal_jump(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
     """Whether all messages on the grid jumped here, with contiguous counters, the needle closed on both sides.
 

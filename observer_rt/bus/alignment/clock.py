@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inner
+
 POINTS = 16  # windows whose lowest stamps the line goes by
 ENOUGH_POINTS = 4  # from which on the line is trusted
 WINDOW = 0.2e9  # ns
@@ -100,7 +102,7 @@ def forget(clock) -> None:  # type: ignore[no-untyped-def]
     clock.raised = 0.0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def excess(clock, index: int, stamp: int) -> float:  # type: ignore[no-untyped-def]
     """ns by which a stamp lies after the nominal time of the sample `index`."""
     return float((stamp - clock.first_stamp) - (index - clock.first_index) * clock.interval)
@@ -168,7 +170,7 @@ def index_at(clock, time: float, epoch: int) -> float:  # type: ignore[no-untype
     return float(clock.first_index + since / (clock.interval + clock.drift))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _open_window(clock, start: float) -> None:  # type: ignore[no-untyped-def]
     clock.window_end = start + WINDOW
     clock.lowest = math.inf
@@ -179,7 +181,7 @@ def _open_window(clock, start: float) -> None:  # type: ignore[no-untyped-def]
     clock.together = 0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _close_window(clock, now: float) -> None:  # type: ignore[no-untyped-def]
     """Take the lowest stamp of the window into the line, or begin a new line when it does not belong to it."""
     off_line = clock.lowest - clock.offset - clock.drift * clock.lowest_at
@@ -208,7 +210,7 @@ def _close_window(clock, now: float) -> None:  # type: ignore[no-untyped-def]
     _open_window(clock, now)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _draw_line(clock) -> None:  # type: ignore[no-untyped-def]
     """The edge of the lower convex hull under the middle of the points, and how far the points are from it."""
     count = min(clock.points, POINTS)
@@ -236,7 +238,7 @@ def _draw_line(clock) -> None:  # type: ignore[no-untyped-def]
         clock.residual = distances[3 * count // 4]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _is_above(x: NDArray[np.float64], y: NDArray[np.float64], a: int, b: int, c: int) -> bool:
     """Whether point b lies on or above the straight line from a to c."""
     return bool((y[b] - y[a]) * (x[c] - x[a]) >= (y[c] - y[a]) * (x[b] - x[a]))

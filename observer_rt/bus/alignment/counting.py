@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.clock import ENOUGH_POINTS, delay_of
+from observer_rt.foundation.compiled import inner
 
 SURE = 0.75  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
 DECIDED = 0.5  # the same, from which on frames are lost
@@ -81,7 +82,7 @@ def count_frame(counting, clock, sequence: int, stamp: int) -> int:  # type: ign
     return Count.NEXT
 
 
-@njit(cache=True, nogil=True)
+@inner
 def sees_losses(counting, clock) -> bool:  # type: ignore[no-untyped-def]
     """Whether delays like those of the last window leave no doubt of how many frames were lost."""
     cycle = clock.samples * clock.interval
@@ -106,7 +107,7 @@ def has_slipped(clock) -> bool:  # type: ignore[no-untyped-def]
     return bool(clock.raised > SLIPPED * clock.samples * clock.interval + clock.residual)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _count_anew(counting, sequence: int) -> None:  # type: ignore[no-untyped-def]
     counting.begun = True
     counting.number = 0

@@ -18,6 +18,7 @@ from observer_rt.bus.alignment.alignment import IMPOSSIBLE, NEEDLE_LIFT, store
 from observer_rt.bus.alignment.memory import Alignment
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS
 from observer_rt.bus.mapping.timing import SLOTS
+from observer_rt.foundation.compiled import inner
 
 SHUT = 4  # samples of a closed needle, from which on it is surely at rest
 MISSED = 1.5  # spacings between two samples, from which on some are missing between them
@@ -62,7 +63,7 @@ def follow(alignment: Alignment, message: int, position: float, values: NDArray[
     follower.values[:] = values
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _follow_lift(alignment, follower, position, lift, first):  # type: ignore[no-untyped-def]
     """The lift [m] of a follower that lies at `position`, with those missed before it, from the index `first` on.
 
@@ -88,7 +89,7 @@ def _follow_lift(alignment, follower, position, lift, first):  # type: ignore[no
     follower.lift_after = after
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _end_of_grid(alignment: Alignment) -> int:
     """The index beyond all samples on the grid."""
     memory = alignment.memory[0]
@@ -99,7 +100,7 @@ def _end_of_grid(alignment: Alignment) -> int:
     return end
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _begin(follower, position: float) -> None:  # type: ignore[no-untyped-def]
     """Nothing is known before this sample."""
     if not follower.begun:

@@ -11,6 +11,7 @@ from numba import njit
 from observer_rt.bus.alignment.alignment import decide_until
 from observer_rt.bus.alignment.memory import Alignment
 from observer_rt.bus.mapping.timing import SLOTS
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.continuity import Break
 
 OLD_BLOCKS_OF_RESTART = (
@@ -64,7 +65,7 @@ def place_block(
     return Placing.ACCEPTED, start
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _unwrapped(alignment: Alignment, message: int, raw_index: int) -> int:
     """The index nearest to what is expected that equals `raw_index` modulo 2^32."""
     memory = alignment.memory[0]
@@ -88,7 +89,7 @@ def _unwrapped(alignment: Alignment, message: int, raw_index: int) -> int:
     return int(expected + ahead)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _extend(alignment: Alignment, message: int, start: int, count: int) -> None:
     memory = alignment.memory[0]
     stream = memory.streams[message]
@@ -98,7 +99,7 @@ def _extend(alignment: Alignment, message: int, start: int, count: int) -> None:
         memory.newest = max(memory.newest, stream.next_index)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _begin_stream(alignment: Alignment, message: int, start: int, count: int) -> None:
     stream = alignment.memory[0].streams[message]
     _extend(alignment, message, start, count)
@@ -111,7 +112,7 @@ def _begin_stream(alignment: Alignment, message: int, start: int, count: int) ->
     stream.old_blocks = 0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _place_old(alignment: Alignment, message: int, start: int, count: int, raw_index: int) -> int:
     """`Placing` of a block from before the expected index: repeated, old, or the device began anew."""
     memory = alignment.memory[0]
@@ -127,7 +128,7 @@ def _place_old(alignment: Alignment, message: int, start: int, count: int, raw_i
     return Placing.OLD
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _begin_anew(alignment: Alignment, message: int) -> None:
     """The message's device counts from a new index: where that is the grid, forget what waits in every message."""
     memory = alignment.memory[0]

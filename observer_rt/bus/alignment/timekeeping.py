@@ -25,6 +25,7 @@ from observer_rt.bus.alignment.counting import (
     make_counting,
 )
 from observer_rt.bus.mapping.timing import Joining, Numbering
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.foundation.referenced import referenced
 
@@ -74,7 +75,7 @@ def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leadi
     return Timekeeping(memory, timing, clocks, counts, np.zeros(count, SHIFT))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def number_frame(keeping: Timekeeping, message: int, sequence: int, stamp: int) -> int:
     """`Count` of a frame without index, whose number is then in `counts`; `sequence`: its counter."""
     outcome: int = count_frame(keeping.counts[message], keeping.clocks[message], sequence, stamp)
@@ -84,7 +85,7 @@ def number_frame(keeping: Timekeeping, message: int, sequence: int, stamp: int) 
     return outcome
 
 
-@njit(cache=True, nogil=True)
+@inner
 def note_frame(keeping: Timekeeping, message: int, last: int, stamp: int) -> None:
     """A frame that ends in the sample `last`, by the message's own index or number, was received at `stamp`."""
     clock = keeping.clocks[message]
@@ -97,7 +98,7 @@ def note_frame(keeping: Timekeeping, message: int, last: int, stamp: int) -> Non
         _find_nearest(keeping, message, last)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def begin_anew(keeping: Timekeeping, message: int) -> None:
     """A message begins a new index: when that is the grid's, what was tied to the old grid is free again."""
     forget(keeping.clocks[message])
@@ -110,7 +111,7 @@ def begin_anew(keeping: Timekeeping, message: int) -> None:
             forget(keeping.clocks[m])
 
 
-@njit(cache=True, nogil=True)
+@inner
 def has_place(keeping: Timekeeping, message: int) -> bool:
     """Whether it is known where the message's samples lie on the grid."""
     joining = keeping.timing[message].joining
@@ -120,7 +121,7 @@ def has_place(keeping: Timekeeping, message: int) -> bool:
     return bool(joining != Joining.CLOCK or (leading.points > 0 and keeping.clocks[message].points > 0))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def place_of(keeping: Timekeeping, message: int, index: int) -> float:
     """Where on the grid a sample lies that has `index` by the message's own index or number."""
     timing = keeping.timing[message]
@@ -152,7 +153,7 @@ def is_prompt(keeping: Timekeeping, tolerance: float) -> bool:
     return bool(max(early, grid.latest) < 1e9 * tolerance)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def doubt_of(keeping: Timekeeping) -> int:
     """`Doubt` in the times of samples that come together now."""
     if not keeping.memory[0].by_stamps:
@@ -171,7 +172,7 @@ def doubt_of(keeping: Timekeeping) -> int:
     return Doubt.NONE
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _find_nearest(keeping: Timekeeping, message: int, last: int) -> None:
     """Where the clocks place the sample `last`: the nearest sample of the grid is its own."""
     shift = keeping.shifts[message]

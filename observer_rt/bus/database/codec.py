@@ -22,6 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import error_code, find_signal, not_available_code
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.errors import UserError
 
 # How the bits of a field are to be read.
@@ -197,7 +198,7 @@ def encode(values: NDArray[np.float64], table: NDArray[np.void], payload: NDArra
         put_bits(payload, signal, _bits(values[i], signal))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def encode_column(values, signal, payloads):  # type: ignore[no-untyped-def]
     """As `encode`, one signal of many frames: values (n,), payloads (n, length); `signal`: one row of a table."""
     # a field of whole bytes, as most are, is written byte by byte
@@ -215,7 +216,7 @@ def encode_column(values, signal, payloads):  # type: ignore[no-untyped-def]
             position += step
 
 
-@njit(cache=True, nogil=True)
+@inner
 def field_bits(payload, signal):  # type: ignore[no-untyped-def]
     """The bits of a signal's field as they are; `signal`: one row of a table."""
     bits = np.uint64(payload[signal.first_byte]) >> signal.shift
@@ -257,7 +258,7 @@ def _raw_value(bits, signal):  # type: ignore[no-untyped-def]
     return _float16_value(bits)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _bits(value, signal):  # type: ignore[no-untyped-def]
     """The field that stands for a physical value; for a signed one the bits above the field are set too."""
     if np.isnan(value):
@@ -287,7 +288,7 @@ def _bits(value, signal):  # type: ignore[no-untyped-def]
     return bits
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _float16_value(bits):  # type: ignore[no-untyped-def]
     exponent = np.int64(bits >> np.uint64(10)) & 0x1F
     fraction = np.float64(bits & np.uint64(0x3FF))
@@ -300,7 +301,7 @@ def _float16_value(bits):  # type: ignore[no-untyped-def]
     return math.copysign(magnitude, -1.0 if bits & np.uint64(0x8000) else 1.0)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _float16_bits(raw):  # type: ignore[no-untyped-def]
     """Rounded half to even; `raw` is NaN or within +-65504."""
     if np.isnan(raw):

@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inner
+
 UNPROTECTED = 0
 PROFILE_1 = 1
 PROFILE_5 = 5
@@ -63,7 +65,7 @@ def crc16(payload: NDArray[np.uint8], length: int, data_id: int) -> int:
     return int(crc)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def crc8(payload: NDArray[np.uint8], length: int, data_id: int) -> int:
     """CRC of profile 1 over the first `length` bytes of `payload` (at least 2) and the 16-bit `data_id`."""
     crc = CRC8_TABLE[data_id & 0xFF]
@@ -147,6 +149,6 @@ def classify(counter: int, last_counter: int, seen: bool, max_delta: int, profil
     return E2EStatus.WRONG_SEQUENCE
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _add_byte(crc, byte):  # type: ignore[no-untyped-def]
     return np.uint32((crc << 8) & 0xFF00) ^ np.uint32(CRC16_TABLE[(crc >> 8) ^ byte])

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.line.interface import Slopes, no_slopes, register
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def stiffness(x_1: float, line: "LumpLine") -> float:
     return fuel * (pressure / (pressure + fuel * line.air))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def stiffness_slopes(x_1: float, line: "LumpLine") -> tuple[float, float, float]:
     """Derivatives of `stiffness` with respect to x_1, to `air` and to `stiffness_slope`."""
     fuel: float = _fuel_stiffness(x_1, line)

@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.line.interface import register
 from observer_rt.model.line.lump import STIFFNESS_PRESSURE
 
@@ -280,7 +281,7 @@ def across_joint(share: float, far: float, near: float) -> float:
     return 1.0 / (share / far + (1.0 - share) / near)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def across_joint_slopes(share: float, far: float, near: float) -> tuple[float, float]:
     """Derivatives of `across_joint` with respect to the value far and near."""
     if share >= 1.0:

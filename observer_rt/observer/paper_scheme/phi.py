@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network
@@ -38,7 +39,7 @@ def free_phi(network: FreeNetwork) -> FreePhi:
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _network(phi: FreePhi) -> FreeNetwork:
     return FreeNetwork(phi.hidden, phi.output, phi.bias, phi.unit[0])
 

@@ -20,6 +20,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import between, empty_if_drained, integrate
 from observer_rt.model.network import Network
@@ -92,7 +93,7 @@ def _observer_rate(x: Any, u: tuple[float, float], driven: _Driven, tangent: Non
     return (f[0] + phi[0], f[1] + phi[1], f[2] + phi[2]) + f[3:]  # noqa: RUF005
 
 
-@njit(cache=True, nogil=True)
+@inner
 def identify(
     x: NDArray[np.float64],
     u_start: tuple[float, float],
@@ -119,7 +120,7 @@ def identify(
     empty_if_drained(x, u_start, u_end, None)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def observe(
     x: NDArray[np.float64],
     u_start: tuple[float, float],

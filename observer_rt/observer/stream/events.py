@@ -2,8 +2,7 @@
 
 import math
 
-from numba import njit
-
+from observer_rt.foundation.compiled import inner
 from observer_rt.observer.stream.standstill import forget_other_noise
 from observer_rt.observer.stream.state import (
     INJECTIONS,
@@ -16,7 +15,7 @@ from observer_rt.observer.stream.state import (
 _MASK = RING - 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def begin_injection(observer: Observer, position: int) -> None:
     """The needle opens at `position`: an injection begins, and an event with it unless one is under way."""
     memory = observer.memory[0]
@@ -43,7 +42,7 @@ def begin_injection(observer: Observer, position: int) -> None:
     injection.rail_pressure = row.rail_pressure
 
 
-@njit(cache=True, nogil=True)
+@inner
 def part_events(observer: Observer, position: int) -> None:
     """The shut needle is about to open at `position`: an event that has lasted its gap ends here.
 
@@ -61,7 +60,7 @@ def part_events(observer: Observer, position: int) -> None:
         close_event(observer, position - 1)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def forget_opening(observer: Observer) -> None:
     """The opening under way, its event's only one, was none."""
     memory = observer.memory[0]
@@ -71,7 +70,7 @@ def forget_opening(observer: Observer) -> None:
     memory.needle_open = False
 
 
-@njit(cache=True, nogil=True)
+@inner
 def follow_injection(observer: Observer, position: int) -> None:
     """At a processed sample: end the injection's window when its tail is over, the event when its gap is."""
     memory = observer.memory[0]
@@ -88,7 +87,7 @@ def follow_injection(observer: Observer, position: int) -> None:
         close_event(observer, position)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def close_event(observer: Observer, position: int) -> None:
     """The event ends; `position` is the last sample of its learning window. It waits to be judged."""
     memory = observer.memory[0]
@@ -124,7 +123,7 @@ def close_event(observer: Observer, position: int) -> None:
     memory.events_closed += 1  # last: from here on others may read it
 
 
-@njit(cache=True, nogil=True)
+@inner
 def break_event(observer: Observer, position: int) -> None:
     """The stream breaks after `position`: an event under way ends here, unlearnable if the needle was open."""
     memory = observer.memory[0]
@@ -137,14 +136,14 @@ def break_event(observer: Observer, position: int) -> None:
     memory.needle_open = False
 
 
-@njit(cache=True, nogil=True)
+@inner
 def note_closed_late(observer: Observer, index: int) -> None:
     """That the last event was over, only the sample `index` showed."""
     memory = observer.memory[0]
     memory.events[(memory.events_closed - 1) % PENDING_EVENTS].closed_index = index
 
 
-@njit(cache=True, nogil=True)
+@inner
 def make_all_due(observer: Observer) -> None:
     """Judge the waiting events at once: the index they were due at will not come, or no sample will."""
     memory = observer.memory[0]
@@ -152,7 +151,7 @@ def make_all_due(observer: Observer) -> None:
         memory.events[i % PENDING_EVENTS].due_index = -1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def judgement_due(observer: Observer, index: int) -> bool:
     """Whether the oldest closed event must be judged before the sample `index`, at which the needle does not
     open.
@@ -166,7 +165,7 @@ def judgement_due(observer: Observer, index: int) -> bool:
     return bool(memory.events[memory.events_taken % PENDING_EVENTS].due_index <= index)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _end_window(observer: Observer, injections_before: int, position: int) -> None:
     """Integrate an injection up to the processed sample `position` if its window is still open: trapezoidal rule."""
     memory = observer.memory[0]

@@ -9,6 +9,7 @@ import math
 
 from numba import njit
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.line.interface import is_averaged
 from observer_rt.model.seat import normalised_area
@@ -55,7 +56,7 @@ def ramp_samples(interval: float) -> int:
     return min(max(round(RAMP / interval), 1), LONGEST_RAMP)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def known(observer: Observer, position: int) -> int:
     """How many samples after `position` are received and follow it without a break (at most the look-ahead)."""
     memory = observer.memory[0]
@@ -68,7 +69,7 @@ def known(observer: Observer, position: int) -> int:
     return int(count)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def opens_at(observer: Observer, position: int) -> bool:
     """Whether the needle counts as open from `position` on: it is recorded so, or its ramp begins before."""
     foot: int = _foot_ahead(observer, position, 0)
@@ -77,7 +78,7 @@ def opens_at(observer: Observer, position: int) -> bool:
     return bool(_ramp_lift(observer, position, foot) > 0.0)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def open_from(observer: Observer, position: int) -> None:
     """Note the ramp of a needle that opens at `position`: where it is first recorded, and how it gets there."""
     memory = observer.memory[0]
@@ -88,7 +89,7 @@ def open_from(observer: Observer, position: int) -> None:
     memory.fall = 0.0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _foot_ahead(observer: Observer, position: int, nearest: int) -> int:
     """Samples from `position` to the first recorded as open, from `nearest` to a toe beyond; -1 if there is none.
 
@@ -101,7 +102,7 @@ def _foot_ahead(observer: Observer, position: int, nearest: int) -> int:
     return -1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _is_partial(observer: Observer, position: int) -> int:
     """1 where a ramp begins within the mean that `position`, recorded as open, is; else 0."""
     if not is_averaged(observer.constants.coefficients.line):
@@ -116,7 +117,7 @@ def _reach(observer: Observer) -> int:
     return int(LOOK_BACK + observer.constants.timing.confirm - 1)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _opens_within(observer: Observer, position: int, samples: int) -> bool:
     """Whether `position` is recorded as open: it crosses the dead band there, or within the next `samples`.
 
@@ -135,7 +136,7 @@ def _opens_within(observer: Observer, position: int, samples: int) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@inner
 def stays_low(observer: Observer, position: int) -> bool:
     """Whether a needle long at rest that is recorded as open from `position` on does not rise on.
 
@@ -162,7 +163,7 @@ def stays_low(observer: Observer, position: int) -> bool:
     return bool(later - earlier < min(memory.lift_on, slowest) and 0.5 * (earlier + later) < LOWEST)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _recorded_lift(observer: Observer, position: int) -> float:
     """True lift [m] of an open needle, from the recorded one."""
     inputs = observer.constants.inputs
@@ -186,7 +187,7 @@ def slope_of_means(partial: float, full: float, slope: float, tolerance: float) 
     return full / (ratio + math.sqrt(ratio * ratio + ratio) + 0.5)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _slope_of_means(observer: Observer, outermost: int, inwards: int, slope: float) -> float:
     """The same of the ramp whose outermost sample is `outermost`, the next one `inwards` (1 or -1) of it."""
     factor = observer.constants.inputs.lift_factor
@@ -195,7 +196,7 @@ def _slope_of_means(observer: Observer, outermost: int, inwards: int, slope: flo
     return float(slope_of_means(partial, full, slope, observer.memory[0].lift_off))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _rise(observer: Observer, foot: int, ahead: int) -> float:
     """Slope [m a sample] of the ramp whose first recorded sample is at `foot`; its first interval may be cut."""
     length = min(observer.constants.timing.ramp, ahead)
@@ -209,7 +210,7 @@ def _rise(observer: Observer, foot: int, ahead: int) -> float:
     return float(rise)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _lift_before_foot(observer: Observer, foot: int, rise: float) -> float:
     """Lift [m] a sample before the first recorded one: above the shift of the lift it would have been recorded.
 
@@ -220,7 +221,7 @@ def _lift_before_foot(observer: Observer, foot: int, rise: float) -> float:
     return float(min(_recorded_lift(observer, foot) - rise, observer.constants.inputs.lift_shift))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _ramp_lift(observer: Observer, position: int, foot: int) -> float:
     """Lift [m] at `position`, `foot` samples before the first recorded as open (0: the recorded one)."""
     if foot <= 0:
@@ -231,7 +232,7 @@ def _ramp_lift(observer: Observer, position: int, foot: int) -> float:
     return float(_lift_before_foot(observer, position + foot, rise) - (foot - 1) * rise)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def is_recorded_shut(observer: Observer, position: int) -> bool:
     """Whether an open needle is recorded as shut from `position` on (not while the ramp is still to come)."""
     if position < observer.memory[0].foot:
@@ -241,7 +242,7 @@ def is_recorded_shut(observer: Observer, position: int) -> bool:
     return bool(_no_lift_from(observer, position))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _no_lift_from(observer: Observer, position: int) -> bool:
     """Whether the lift of an open needle is within the dead band from `position` on."""
     memory = observer.memory[0]
@@ -254,7 +255,7 @@ def _no_lift_from(observer: Observer, position: int) -> bool:
     return not _opens_within(observer, position, min(ahead, _reach(observer)))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _ends_within(observer: Observer, position: int) -> bool:
     """Whether a ramp ends within the mean that `position` is, and samples before it tell that ramp."""
     return bool(
@@ -265,14 +266,14 @@ def _ends_within(observer: Observer, position: int) -> bool:
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _lift_before_end(observer: Observer, position: int) -> float:
     """Lift [m] at `position` on the ramp that ends within it."""
     last, before = _recorded_lift(observer, position - 1), _recorded_lift(observer, position - 2)
     return float(last - _slope_of_means(observer, position, -1, before - last))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def keep_sinking(observer: Observer, position: int) -> bool:
     """Whether a needle recorded as shut has still to sink to its seat; moves it down its ramp by a sample."""
     memory = observer.memory[0]
@@ -297,7 +298,7 @@ def keep_sinking(observer: Observer, position: int) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@inner
 def area_at(observer: Observer, position: int) -> float:
     """Normalised seat area of an open needle."""
     memory = observer.memory[0]
@@ -312,7 +313,7 @@ def area_at(observer: Observer, position: int) -> float:
     return float(normalised_area(lift, observer.constants.coefficients.seat))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def shut_area(observer: Observer, position: int) -> float:
     """Normalised seat area of a closed needle: 0, or beside an opening the negative area its ramp comes from.
 
@@ -335,7 +336,7 @@ def shut_area(observer: Observer, position: int) -> float:
     return min(virtual, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def area_between_lifts(observer: Observer, position: int) -> float:
     """Normalised seat area at the time of a sample, on the straight line between two areas where the lift was taken.
 

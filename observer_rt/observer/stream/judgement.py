@@ -4,6 +4,7 @@ import math
 
 from numba import njit
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.observer.stream.pair import FURTHEST_OFFSET
 from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.state import PENDING_EVENTS, Observer, Reason
@@ -37,7 +38,7 @@ def judged(observer: Observer) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@inner
 def given_up(observer: Observer) -> bool:
     """Leave the oldest closed event, which is due, not judged; False, with nothing done, if a verdict may still come.
 
@@ -53,7 +54,7 @@ def given_up(observer: Observer) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _count(observer: Observer) -> None:
     memory = observer.memory[0]
     memory.waiting = False
@@ -61,7 +62,7 @@ def _count(observer: Observer) -> None:
     memory.events_taken += 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _note(observer: Observer, event, finding) -> None:  # type: ignore[no-untyped-def]
     """What was found of an event."""
     memory = observer.memory[0]
@@ -71,7 +72,7 @@ def _note(observer: Observer, event, finding) -> None:  # type: ignore[no-untype
         expect(observer, finding.at_rest)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _note_reason(observer: Observer, event, judgement: int) -> None:  # type: ignore[no-untyped-def]
     """Whether an event passed.
 
@@ -97,7 +98,7 @@ def _note_reason(observer: Observer, event, judgement: int) -> None:  # type: ig
         memory.contradicted = False
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _put_learned_into_force(observer: Observer, slot: int, is_coloured: bool) -> None:
     """What was learned, but for an offset that the standstill has moved meanwhile."""
     memory = observer.memory[0]

@@ -7,6 +7,7 @@ little.
 
 from numba import njit
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.observer.stream.front_end import LOWEST
 from observer_rt.observer.stream.state import RING, Observer
 
@@ -49,7 +50,7 @@ def follow_step(observer: Observer, position: int, share: float) -> None:
         _take_step(observer, position)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def expect_steps(observer: Observer) -> None:
     """How far the noise at rest moves the mean that shows a step."""
     memory = observer.memory[0]
@@ -57,12 +58,12 @@ def expect_steps(observer: Observer) -> None:
     memory.quick_limit = max(STANDS_OUT**2 * max(memory.quick_squares, by_noise), LEAST**2)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _samples(observer: Observer) -> int:
     return max(round(LASTS / observer.constants.interval), FEWEST)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _take_step(observer: Observer, position: int) -> None:
     """The lift has been another one for some samples up to a position: from there on that is the zero."""
     memory = observer.memory[0]
@@ -104,7 +105,7 @@ def forget_step(observer: Observer, position: int) -> None:
         shift_lifts(observer, position + 1, -step)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def shift_zero(observer: Observer, step: float) -> None:
     """The zero, and what it is worked out from, is another one by a step [m]."""
     memory = observer.memory[0]
@@ -114,7 +115,7 @@ def shift_zero(observer: Observer, step: float) -> None:
     memory.zero_behind += step
 
 
-@njit(cache=True, nogil=True)
+@inner
 def shift_lifts(observer: Observer, begin: int, step: float) -> None:
     """Of the samples from `begin` on whose lift is known already, the zero was higher by a step [m]."""
     for k in range(begin, observer.memory[0].lifted):

@@ -1,7 +1,6 @@
 """How far the needle opens: the lift at which long openings stay, for the scale of the sensor."""
 
-from numba import njit
-
+from observer_rt.foundation.compiled import inner
 from observer_rt.observer.stream.state import RING, Observer
 
 NEAR = 0.1  # share by which a lift may differ from the highest so far and be that of the same stop
@@ -9,7 +8,7 @@ REMEMBERED = 20  # openings
 _MASK = RING - 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def follow_opening(observer: Observer, position: int) -> None:
     """At a sample with the needle open: note where it stays, the highest such lift of the opening."""
     memory = observer.memory[0]
@@ -23,7 +22,7 @@ def follow_opening(observer: Observer, position: int) -> None:
         memory.highest = max(memory.highest, memory.level)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def take_opening(observer: Observer) -> None:
     """The needle is shut: the highest lift at which it stayed is that of the stop, if it is not far below others."""
     memory = observer.memory[0]

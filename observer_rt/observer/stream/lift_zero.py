@@ -4,6 +4,7 @@ import math
 
 from numba import njit
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.continuity import Break
 from observer_rt.observer.stream.events import forget_opening
 from observer_rt.observer.stream.front_end import dead_band, known
@@ -75,7 +76,7 @@ def is_beyond_limit(observer: Observer) -> bool:
     return bool(abs(observer.memory[0].zero) >= LIMIT)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def follow_lift(observer: Observer, position: int) -> None:
     """Take the lift at `position` into its zero, its noise and its crosstalk, if the needle is shut and at rest.
 
@@ -168,7 +169,7 @@ def _swing(observer: Observer, line_pressure: float) -> float:
     return 0.0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _gather_noise(observer: Observer, position: int, left: float) -> None:
     """From a sample whose lift is `left` [m] about the zero."""
     memory = observer.memory[0]
@@ -188,7 +189,7 @@ def _gather_noise(observer: Observer, position: int, left: float) -> None:
     memory.spread += share * (left * left - memory.spread)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _find_crosstalk(observer: Observer) -> None:
     """Whether the ringing line pressure shows in the lift of the shut needle: a regression."""
     memory = observer.memory[0]
@@ -201,7 +202,7 @@ def _find_crosstalk(observer: Observer) -> None:
     memory.crosstalk = slope if is_there and abs(slope) < most else 0.0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def look_at_start(observer: Observer, position: int) -> None:
     """A moment after the samples began: in a line at rest the needle was shut before, whatever lift it showed."""
     memory = observer.memory[0]

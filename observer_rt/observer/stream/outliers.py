@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numba import njit
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.observer.stream.state import LIFT, LINE, RAIL, RING, Observer
 
@@ -100,7 +101,7 @@ def accepted(memory, longest: int, innovation: float) -> bool:  # type: ignore[n
     return bool(memory.leaping == 0)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _look(observer: Observer, position: int, number: int, value: float) -> int:
     """Do what is to be done about a channel whose value at a position is odd; its `Doubt`."""
     channel = observer.memory[0].channels[number]
@@ -119,7 +120,7 @@ def _look(observer: Observer, position: int, number: int, value: float) -> int:
     return int(_doubt(channel, number, observer.constants.timing.bridge))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _was_held(observer: Observer, value: float) -> bool:
     """Whether a lift that moves again has moved while it was held: a needle cannot be bridged."""
     memory = observer.memory[0]
@@ -131,13 +132,13 @@ def _was_held(observer: Observer, value: float) -> bool:
     return bool(has_moved and not channel.is_dropout and not _is_wide_open(memory, min(value, channel.held)))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _is_wide_open(memory, lift: float) -> bool:  # type: ignore[no-untyped-def]
     """Whether at a lift, as recorded [m], the seat limits no flow."""
     return bool(memory.stop_openings >= ENOUGH_OPENINGS and lift - memory.zero > WIDE * memory.stop)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _was_let_go(observer: Observer, position: int) -> bool:
     """Whether the lift leapt from where it stayed, some samples before a position, quicker than a needle, for good.
 
@@ -179,7 +180,7 @@ def _lift_over(observer: Observer, begin: int, end: int) -> float:
     return float(observer.ring[end & _MASK].needle_lift - observer.ring[begin & _MASK].needle_lift)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def value_of(row, channel: int) -> float:  # type: ignore[no-untyped-def]
     """Of a sample, by number of the channel."""
     if channel == RAIL:
@@ -189,7 +190,7 @@ def value_of(row, channel: int) -> float:  # type: ignore[no-untyped-def]
     return float(row.line_pressure)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _replace(row, channel: int, value: float) -> None:  # type: ignore[no-untyped-def]
     if channel == RAIL:
         row.rail_pressure = value
@@ -200,7 +201,7 @@ def _replace(row, channel: int, value: float) -> None:  # type: ignore[no-untype
         row.line_pressure = value
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _follow_run(observer: Observer, position: int, number: int, value: float) -> None:
     """A channel has the value of the sample before: bridge it, once that is no chance."""
     channel = observer.memory[0].channels[number]
@@ -221,7 +222,7 @@ def _follow_run(observer: Observer, position: int, number: int, value: float) ->
     channel.bridged = min(channel.bridged, 2 * longest + 1)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _note_run(observer: Observer, position: int, number: int, value: float) -> None:
     """Two samples, the second at `position`, have one value: how many must follow, and what it was before them."""
     channel = observer.memory[0].channels[number]
@@ -233,7 +234,7 @@ def _note_run(observer: Observer, position: int, number: int, value: float) -> N
     channel.needed = repeats_needed(channel.repeats, position, channel.is_dropout)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def repeats_needed(repeats: int, samples: int, is_dropout: bool) -> int:
     """Equal neighbours in a row that are no chance, where so many of all samples had one; fewer after a leap."""
     if samples < WELL_KNOWN:
@@ -246,7 +247,7 @@ def repeats_needed(repeats: int, samples: int, is_dropout: bool) -> int:
     return max(FEWEST_REPEATS, math.ceil(UNLIKELY / math.log(chance)))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _doubt(channel, number: int, longest: int) -> int:  # type: ignore[no-untyped-def]
     """Of a channel, so many of whose last samples were bridged; inputs that are clipped are wrong from the start."""
     if channel.is_clipped and number != LINE:
@@ -256,7 +257,7 @@ def _doubt(channel, number: int, longest: int) -> int:  # type: ignore[no-untype
     return _CLIPPED if channel.is_clipped else _FROZEN
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _bridge(observer: Observer, position: int, number: int) -> None:
     """Do not use a value: of an input, hold the one before a dropout."""
     channel = observer.memory[0].channels[number]
@@ -268,7 +269,7 @@ def _bridge(observer: Observer, position: int, number: int) -> None:
         _replace(row, number, channel.instead)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _mend(observer: Observer, position: int, number: int) -> None:
     """Put a straight line in the place of the few values before a position that leapt away from it and came back."""
     memory = observer.memory[0]
@@ -297,7 +298,7 @@ def _mend(observer: Observer, position: int, number: int) -> None:
             return
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _mend_open_lift(observer: Observer, position: int) -> None:
     """Put the straight line that an open needle moves on in the place of the few values that leapt away from it.
 
@@ -327,7 +328,7 @@ def _mend_open_lift(observer: Observer, position: int) -> None:
             return
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _least_away(observer: Observer, first: int, width: int, before: float, slope: float) -> float:
     """By how much at least so many lifts from `first` on are above a line, or below it."""
     least, most = math.inf, -math.inf
@@ -337,13 +338,13 @@ def _least_away(observer: Observer, first: int, width: int, before: float, slope
     return max(least, -most)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _lift(observer: Observer, position: int) -> float:
     """As recorded, without its zero [m]."""
     return float(observer.ring[position & _MASK].needle_lift - observer.memory[0].zero)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _follows(observer: Observer, position: int, samples: int) -> bool:
     """Whether so many samples, `position` the last of them, follow each other."""
     if position < samples:
@@ -354,14 +355,14 @@ def _follows(observer: Observer, position: int, samples: int) -> bool:
     return breaks == 0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _slope(observer: Observer, position: int, number: int) -> float:
     """Of a channel [a sample], at a position and the two before it."""
     later, earlier = observer.ring[position & _MASK], observer.ring[(position - 2) & _MASK]
     return float(0.5 * (value_of(later, number) - value_of(earlier, number)))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _is_steady(observer: Observer, position: int, number: int, close: float) -> bool:
     """Whether a channel changed by less than that at a position and the one before it: else it rings."""
     for k in range(2):

@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import correct, predict
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.borrowed import borrowed
 from observer_rt.model.coefficients import Coefficients
@@ -28,7 +29,7 @@ FURTHEST_OFFSET = 1.5 * MEGAPASCAL  # from the learned one: what moves further i
 _MASK = RING - 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def network_in_force(observer: Observer) -> Network:
     """The network whose weights lie in the observer's memory."""
     memory = observer.memory[0]
@@ -40,7 +41,7 @@ def network_in_force(observer: Observer) -> Network:
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def coefficients_in_force(observer: Observer) -> Coefficients:
     """The model's coefficients with the line terms in the observer's memory."""
     memory = observer.memory[0]
@@ -66,7 +67,7 @@ def _copy(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
         target[i] = source[i]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def start_pair(observer: Observer, position: int) -> None:
     """x~ (and x^ with it) begins anew: p_L = y, Q_L = 0, empty sac."""
     memory = observer.memory[0]
@@ -84,7 +85,7 @@ def start_pair(observer: Observer, position: int) -> None:
     memory.closed_since_start = 0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _is_measured(observer: Observer, position: int) -> bool:
     """Whether the line pressure that belongs to a sample is in the ring, for it may be recorded late or early.
 
@@ -100,7 +101,7 @@ def _is_measured(observer: Observer, position: int) -> bool:
     return bool(position + late >= observer.memory[0].segment_start)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def step_pair(observer: Observer, position: int) -> bool:
     """Both systems from the previous sample to this one; False when a state is no longer finite.
 
@@ -149,7 +150,7 @@ def step_pair(observer: Observer, position: int) -> bool:
     return math.isfinite(x_hat.sum() + x_tilde.sum())
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _follow_offset(observer: Observer, innovation: float) -> None:
     """Between events, too, the offset of x~ is what the standstill shows: sensors drift, or their gains differ.
 
@@ -164,7 +165,7 @@ def _follow_offset(observer: Observer, innovation: float) -> None:
     memory.offset = memory.learned_offset + min(max(moved, -furthest), furthest)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def read_out(observer: Observer, position: int) -> None:
     """Injection rate and phi of x^ at a sample, into its row."""
     row = observer.ring[position & _MASK]

@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.foundation.compiled import inner
 from observer_rt.observer.stream.lift_figures import LiftFigures
 from observer_rt.observer.stream.state import RING, Observer, Reason
 
@@ -29,7 +29,7 @@ _MASK = RING - 1
 _NUMERICAL = int(Reason.NUMERICAL)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def gather(observer: Observer, position: int) -> None:
     """Take the sample at `position` into the statistics of the standstill."""
     memory = observer.memory[0]
@@ -71,7 +71,7 @@ def gather(observer: Observer, position: int) -> None:
             _halve(observer)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _halve(observer: Observer) -> None:
     """What is long past counts for less."""
     memory = observer.memory[0]
@@ -83,13 +83,13 @@ def _halve(observer: Observer) -> None:
     memory.line_squares_before *= 0.5
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _differ(one: float, other: float, factor: float) -> bool:
     """Whether one exceeds the other by more than a factor."""
     return bool(one > factor * other or other > factor * one)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def forget_other_noise(observer: Observer) -> None:
     """An event closes: what was known before it goes where the noise has become another since."""
     memory = observer.memory[0]
@@ -109,7 +109,7 @@ def forget_other_noise(observer: Observer) -> None:
     memory.line_squares_before = memory.line_squares
 
 
-@njit(cache=True, nogil=True)
+@inner
 def smoothing(share: float, again: float) -> float:
     """By what interpolation with this share of the later neighbour, and another one after it, reduce the square of a
     fourth difference.
@@ -124,7 +124,7 @@ def smoothing(share: float, again: float) -> float:
     return squares + (beside * _NEXT + 2.0 * first * third * _NEXT_BUT_ONE) / DIFFERENCE_GAIN
 
 
-@njit(cache=True, nogil=True)
+@inner
 def square_of_difference(
     a: float, b: float, c: float, d: float, e: float, total: float, count: int, smoothed: float = 1.0
 ) -> float:

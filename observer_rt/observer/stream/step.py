@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.observer.stream.events import (
     begin_injection,
@@ -56,7 +57,7 @@ _ADAPTED = int(State.ADAPTED)
 _DEGRADED = int(State.DEGRADED)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def push(
     observer: Observer,
     index: int,
@@ -106,7 +107,7 @@ def push(
     _give_on(observer, observer.memory[0].recorded - observer.constants.undoing.ahead)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _give_on(observer: Observer, end: int) -> None:
     """Append the samples that wait, up to the number `end`, with what is stated of their channels undone."""
     memory = observer.memory[0]
@@ -209,14 +210,14 @@ def _inspect_ahead(observer: Observer, position: int) -> None:
         memory.inspected = k + 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _cut_short(observer: Observer, position: int) -> bool:
     """Whether a break follows within the look-ahead, so that it will never be longer."""
     following = position + known(observer, position) + 1
     return bool(following < observer.memory[0].received)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _finish(observer: Observer) -> None:
     """No sample will come: end the event under way and have every closed one judged."""
     memory = observer.memory[0]
@@ -227,7 +228,7 @@ def _finish(observer: Observer) -> None:
     memory.waiting = memory.events_taken < memory.events_closed
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _process(observer: Observer, position: int) -> bool:
     """One sample; False, with nothing done, when an event must be judged before it."""
     memory = observer.memory[0]
@@ -265,7 +266,7 @@ def _process(observer: Observer, position: int) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _end_segment(observer: Observer, position: int) -> None:
     """The stream broke before `position`: finish what was under way (harmless when done twice)."""
     row = observer.ring[position & _MASK]
@@ -276,7 +277,7 @@ def _end_segment(observer: Observer, position: int) -> None:
         make_all_due(observer)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _begin_segment(observer: Observer, position: int) -> None:
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
@@ -291,7 +292,7 @@ def _begin_segment(observer: Observer, position: int) -> None:
     memory.breaks += 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _move_needle(observer: Observer, position: int, opens: bool) -> None:
     """Dead band and events; the seat area of a closed needle is 0 or, beside an opening, negative."""
     memory = observer.memory[0]
@@ -316,7 +317,7 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
     row.seat_area = area_between_lifts(observer, position)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _recover(observer: Observer, position: int) -> None:
     """A state is not finite: start anew here, valid again only after a standstill."""
     memory = observer.memory[0]
@@ -327,7 +328,7 @@ def _recover(observer: Observer, position: int) -> None:
     start_pair(observer, position)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _settle(observer: Observer, position: int) -> None:
     """Re-synchronised once x~ is good and the sac at rest; stays so until the stream breaks."""
     memory = observer.memory[0]
@@ -347,7 +348,7 @@ def _settle(observer: Observer, position: int) -> None:
         memory.event_learnable = False
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _is_only_rest_held(observer: Observer, position: int) -> bool:
     """Whether all that is wrong with a sample is that the lift of a needle at rest is held.
 
@@ -361,7 +362,7 @@ def _is_only_rest_held(observer: Observer, position: int) -> bool:
     return bool(is_at_rest and row.doubt == _FROZEN and others <= timing.bridge)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _mark(observer: Observer, position: int) -> None:
     """Validity, reason and state of the processed sample; its rate is not available while not synchronised."""
     memory = observer.memory[0]

@@ -7,8 +7,7 @@ take from one sample beside a corner they give to the next.
 
 import math
 
-from numba import njit
-
+from observer_rt.foundation.compiled import inner
 from observer_rt.model.effective import InputTerms
 from observer_rt.observer.stream.state import WAITING, Observer, Undoing
 
@@ -30,7 +29,7 @@ def louder(lag: float) -> float:
     return math.sqrt(1.0 + 0.5 * lag**2)  # of central differences
 
 
-@njit(cache=True, nogil=True)
+@inner
 def keep_waiting(
     observer: Observer,
     index: int,
@@ -63,7 +62,7 @@ def keep_waiting(
             memory.waiting_samples[number & _MASK].doubt = doubt
 
 
-@njit(cache=True, nogil=True)
+@inner
 def true_rail_pressure(observer: Observer, number: int) -> float:
     """Of the `number`-th sample [Pa]; at the ends of a stretch that of its first or last sample."""
     memory = observer.memory[0]
@@ -76,7 +75,7 @@ def true_rail_pressure(observer: Observer, number: int) -> float:
     return float(start + undoing.rail_fraction * (end - start))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def true_lift(observer: Observer, number: int) -> float:
     """Of the `number`-th sample [m]; at the ends of a stretch from the one neighbour it has."""
     memory = observer.memory[0]

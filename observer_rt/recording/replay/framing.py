@@ -17,6 +17,7 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROMETRE, MILLISECOND
 from observer_rt.recording.signals.recording import Recording, Sampled
@@ -259,7 +260,7 @@ def _payloads(values, index, inputs, number, counter):  # type: ignore[no-untype
     return result
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _fill(frames, values, index, counter, inputs, group):  # type: ignore[no-untyped-def]
     """Encode a group in all frames that carry it; index, counter: of the first of them, and steps to the next."""
     column = np.empty(frames.shape[0])
@@ -268,7 +269,7 @@ def _fill(frames, values, index, counter, inputs, group):  # type: ignore[no-unt
         encode_column(column, inputs.signals[group.first_signal + position], frames)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _column(column, values, position, index, counter, inputs, group):  # type: ignore[no-untyped-def]
     """What one signal of a group says in all frames."""
     timing, samples = inputs.timing[group.stream], index[1]

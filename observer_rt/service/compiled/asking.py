@@ -5,11 +5,11 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.foundation.compiled import inner
 from observer_rt.observer.stream.state import RING, Observer
 
 
@@ -48,7 +48,7 @@ def make_asking(messages: Sequence[MessageLayout]) -> Asking:
     return Asking(np.zeros(1, ASKING), np.array(keys, np.int64))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def is_asked_for(asking: Asking, observer: Observer, key: int) -> bool:
     """Whether Python must look at the optional inputs before the next frame is taken, and has not yet."""
     memory = asking.memory[0]

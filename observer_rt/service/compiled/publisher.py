@@ -10,6 +10,7 @@ from observer_rt.bus.database.codec import SIGNAL, encode
 from observer_rt.bus.database.e2e import UNPROTECTED, protect
 from observer_rt.bus.mapping.input_tables import LONGEST_FRAME
 from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, RateMessage
+from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.referenced import referenced
 from observer_rt.foundation.units import MM3_PER_MS
@@ -76,7 +77,7 @@ def make_publisher(message: RateMessage | None, learning: bool) -> Publisher:
     return publisher
 
 
-@njit(cache=True, nogil=True)
+@inner
 def publish(publisher: Publisher, observer: Observer) -> None:
     """Frames of all blocks completed by the samples processed since the last call."""
     memory = publisher.memory[0]
@@ -122,7 +123,7 @@ def flush(publisher: Publisher) -> None:
     memory.frames += 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _put(publisher: Publisher, signal: int, value: float) -> None:
     """One signal of the header, where the message has it."""
     place = publisher.memory[0].header[signal]

@@ -76,7 +76,7 @@ def _healthy_table(healthy: HealthyRemainder) -> Any:
 
 def _state_line(section: Any, before: Line, after: Line) -> None:
     """What a structure changes in [line]."""
-    for key in ("model", "cells", "inlet_loss_factor", "impedance_ratio", "impedance_step"):
+    for key in ("model", "cells", "wall_viscosity", "inlet_loss_factor", "impedance_ratio", "impedance_step"):
         value = getattr(after, key)
         if value is None:
             section.pop(key, None)

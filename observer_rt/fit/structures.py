@@ -55,6 +55,7 @@ NOZZLE = FreeParameter("alpha_H", "nozzle", "flow_coefficient", "-", 1.0, 0.05, 
 SAC = FreeParameter("V_S", "nozzle", "sac_volume", "mm3", CUBIC_MILLIMETRE, 1e-11, 1e-6, 1e-9, 1.0)
 WAVE_DAMPING = FreeParameter("nu", "line", "damping", "m2/s", 1.0, 0.01, 20.0, DAMPING, 2.0)
 END = FreeParameter("V_E", "line", "end_volume", "mm3", CUBIC_MILLIMETRE, 1e-10, 1e-6, 1e-8, 2.0)
+WALL = FreeParameter("nu_w", "line", "wall_viscosity", "mm2/s", 1e-6, 1e-7, 1e-4, 4e-6, 1.0)
 INLET = FreeParameter("xi_I", "line", "inlet_loss_factor", "-", 1.0, 0.01, 500.0, 4.0, 1.5)
 RATIO = FreeParameter("Z_2/Z_1", "line", "impedance_ratio", "-", 1.0, 0.2, 5.0, 1.0, 0.5)
 JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5, 0.5)
@@ -79,8 +80,7 @@ class Structure:
         keys: dict[str, object] = {"model": self.line, "cells": None}
         if RATIO not in self.free:
             keys |= {RATIO.key: None, JOINT.key: None}
-        if INLET not in self.free:
-            keys[INLET.key] = None
+        keys |= {one.key: None for one in (WALL, INLET) if one not in self.free}
         line = injector.line.model_copy(update=keys)
         formed = injector.model_copy(update={"line_outflow": self.outflow, "line": line})
         if WAVE_DAMPING not in self.free:
@@ -113,7 +113,9 @@ _WAVES = (STIFFNESS, LOSS, WAVE_DAMPING, END)
 _LINES: Sequence[tuple[str, str, tuple[FreeParameter, ...]]] = (
     ("lump", "one lump", (STIFFNESS, LOSS)),
     ("wave", "waves", _WAVES),
+    ("wave", "waves with wall friction", (*_WAVES, WALL)),
     ("wave", "waves behind a throttle", (*_WAVES, INLET)),
+    ("wave", "waves with both", (*_WAVES, WALL, INLET)),
     ("wave_two_part", "waves in two parts", (*_WAVES, RATIO, JOINT)),
 )
 _DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}

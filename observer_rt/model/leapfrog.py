@@ -17,13 +17,17 @@ from observer_rt.foundation.compiled import inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.line.lump import stiffness, stiffness_slopes
 from observer_rt.model.line.wave import (
+    MEMORIES,
     WaveLine,
     across_joint,
     across_joint_slopes,
     before_at,
     cells_of,
+    fading,
     flow_at,
+    memory_at,
     pressure_at,
+    pull_in_middle,
     steps_over,
 )
 from observer_rt.model.network import Network, back_pressure_at, flow_changes_by_sac
@@ -33,6 +37,7 @@ from observer_rt.model.seat import seat_law, seat_law_slopes
 
 CLOSE = 1e-9  # of p_0: pressures this close solve the step at the closed end
 MOST_ITERATIONS = 40
+_CHANGE, _BEFORE = 2, 3  # rows of a tangent's scratch, of which the flows' take 0 and 1
 SPARE = 0.1  # of p_0, by which p_S may leave the range of the pressures round it
 
 
@@ -103,6 +108,9 @@ def leapfrog(
 def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, tangent: Any) -> None:
     """All flows a step [s] on, then all pressures but that of the end cell."""
     cells = cells_of(x)
+    mean_before = _mean_flow(x, cells) if line.memory > 0.0 else 0.0
+    if tangent is not None and line.memory > 0.0:
+        _mean_flow_row(tangent.by, cells, tangent.moved, _BEFORE)
     ahead_flow, ahead_pressure = x[flow_at(1, cells)], rail
     for i in range(1, cells + 1):
         place, here = flow_at(i, cells), pressure_at(i, cells)
@@ -143,6 +151,8 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
     if tangent is not None:
         _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, cells + 2, 2 * cells + 1)
         _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, 1, 2)
+    if line.memory > 0.0:
+        _drag(x, cells, mean_before, step, line.memory, tangent)
     for i in range(1, cells):
         place, inflow, outflow = pressure_at(i, cells), flow_at(i, cells), flow_at(i + 1, cells)
         compliance = step * across_joint(line.joint - (i - 0.5), line.b, line.b_near)
@@ -160,6 +170,73 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
         x[place] += compliance * soft * net
     if tangent is not None:
         _add_coefficients(tangent.by, tangent.slopes.by_coefficient, tangent.theta, 3, cells + 2)
+
+
+@inner
+def _mean_flow(x: NDArray[np.float64], cells: int) -> float:
+    total = 0.0
+    for i in range(1, cells + 1):
+        total += x[flow_at(i, cells)]
+    return total / cells
+
+
+@inner
+def _mean_flow_row(by: NDArray[np.float64], cells: int, rows: NDArray[np.float64], row: int) -> None:
+    """The derivatives of the mean flow into a row."""
+    for j in range(by.shape[1]):
+        rows[row, j] = 0.0
+    for i in range(1, cells + 1):
+        place = flow_at(i, cells)
+        for j in range(by.shape[1]):
+            rows[row, j] += by[place, j] / cells
+
+
+@inner
+def _drag(
+    x: NDArray[np.float64], cells: int, mean_before: float, step: float, memory: float, tangent: Any
+) -> None:
+    """What friction that remembers does to all flows in a step [s], by the mean in its middle; what it remembers."""
+    change, pull, by_change = _mean_flow(x, cells) - mean_before, 0.0, 0.0
+    for k in range(MEMORIES):
+        by_memory, by_flow = pull_in_middle(k, step, memory)
+        pull += by_memory * x[memory_at(k, cells)]
+        by_change += by_flow
+    push = step / (1.0 + step * by_change)
+    shift = -push * (pull + by_change * change)
+    if tangent is not None:
+        _drag_rows(tangent.by, tangent.moved, cells, step, memory)
+    for i in range(1, cells + 1):
+        x[flow_at(i, cells)] += shift
+    for k in range(MEMORIES):
+        keep, take = fading(k, step)
+        x[memory_at(k, cells)] = keep * x[memory_at(k, cells)] + take * (change + shift)
+
+
+@inner
+def _drag_rows(
+    by: NDArray[np.float64], scratch: NDArray[np.float64], cells: int, step: float, memory: float
+) -> None:
+    """The derivatives of what `_drag` does; row _BEFORE of `scratch` holds those of the mean flow before the step."""
+    _mean_flow_row(by, cells, scratch, _CHANGE)
+    by_change = 0.0
+    for j in range(by.shape[1]):
+        scratch[_CHANGE, j] -= scratch[_BEFORE, j]
+        scratch[_BEFORE, j] = 0.0  # from here on that of the pull
+    for k in range(MEMORIES):
+        by_memory, by_flow = pull_in_middle(k, step, memory)
+        by_change += by_flow
+        for j in range(by.shape[1]):
+            scratch[_BEFORE, j] += by_memory * by[memory_at(k, cells), j]
+    push = step / (1.0 + step * by_change)
+    for j in range(by.shape[1]):
+        shift = -push * (scratch[_BEFORE, j] + by_change * scratch[_CHANGE, j])
+        scratch[_CHANGE, j] += shift
+        for i in range(1, cells + 1):
+            by[flow_at(i, cells), j] += shift
+    for k in range(MEMORIES):
+        place, (keep, take) = memory_at(k, cells), fading(k, step)
+        for j in range(by.shape[1]):
+            by[place, j] = keep * by[place, j] + take * scratch[_CHANGE, j]
 
 
 @inner

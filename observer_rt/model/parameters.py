@@ -55,6 +55,7 @@ class Line(_Section):
     )
     damping: NonNegative | None = None  # nu, m2/s
     end_volume: NonNegative | None = None  # of the injector's body, beyond the pipe's end, m3
+    wall_viscosity: NonNegative | None = None  # nu_w of the friction that remembers, m2/s
     inlet_loss_factor: NonNegative | None = None  # xi_I of a throttle between rail and line, -
     impedance_ratio: Annotated[float, Field(ge=0.2, le=5.0)] | None = None  # injector's part over the rail's
     impedance_step: Annotated[float, Field(ge=0.1, le=0.9)] | None = (

@@ -123,6 +123,7 @@ def test_the_keys_of_the_printed_example_are_those_of_a_fitted_file(tmp_path: Pa
         "damping",
         "end_volume",
         "inlet_loss_factor",
+        "wall_viscosity",
         "impedance_ratio",
         "impedance_step",
     ):

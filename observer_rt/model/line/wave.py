@@ -7,7 +7,11 @@ of time cancel. The end cell is half a cell and the volume beyond the pipe.
 What damps waves is a stress that goes with the rate at which a cell is compressed, as of a viscous fuel. That of
 the end cell must be of the same time as the flow it acts on: half a step later it would be inertia, and 1 % of mass.
 
-x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1), p_n a step before].
+Friction at the wall depends on how the flow changed before (Zielke 1968): a boundary layer that is still thin takes
+part in the flow, as inertance of some percent. For times far shorter than R^2/nu_w it pulls with sqrt(nu_w)/R times
+the flow's changes weighted by 2/sqrt(pi time), here a sum of exponentials, and of the mean flow of the line.
+
+x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1), p_n a step before, w_1 .. w_k: what is remembered of the flow].
 """
 
 import math
@@ -32,6 +36,10 @@ STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
 FEWEST_CELLS, MOST_CELLS = 4, 64
 HALF_WAY = 0.5  # of the length, where two parts meet whose file does not say
 DAMPING = 0.5  # m2/s, of a line whose file does not say
+FORGETTING, WEIGHTS = (296.0, 4861.0, 44730.0), (46.75, 100.8, 297.2)
+"""Rates s_k [1/s] and weights [s^-1/2] by which 2/sqrt(pi t) = sum weight_k exp(-s_k t), to 7 % from .01 to 3 ms."""
+MEMORIES = len(FORGETTING)
+FASTER = 3.3e-3  # s^1/2, the integral of what that leaves below .01 ms: it adds to the inertance
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -43,7 +51,7 @@ def steps_over(interval: float) -> int:
 @njit(cache=True, nogil=True, inline="always")
 def cells_of(x: NDArray[np.float64]) -> int:
     """n of a state."""
-    cells: int = x.shape[0] // 2 - 1  # of an averaged line, too
+    cells: int = (x.shape[0] - MEMORIES) // 2 - 1  # of an averaged line, too
     return cells
 
 
@@ -51,6 +59,12 @@ def cells_of(x: NDArray[np.float64]) -> int:
 def before_at(cells: int) -> int:
     """Place in x of p_n a step before."""
     return 2 * cells + 1
+
+
+@njit(cache=True, nogil=True, inline="always")
+def memory_at(number: int, cells: int) -> int:
+    """Place in x of w_(number + 1)."""
+    return 2 * cells + 2 + number
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -73,6 +87,8 @@ def rest(x: NDArray[np.float64], pressure: float) -> None:
         x[pressure_at(i, cells)] = pressure
         x[flow_at(i, cells)] = 0.0
     x[before_at(cells)] = pressure
+    for k in range(MEMORIES):
+        x[memory_at(k, cells)] = 0.0
 
 
 class _WaveCoefficients(NamedTuple):
@@ -85,6 +101,7 @@ class _WaveCoefficients(NamedTuple):
     a3_near: float
     a4: float  # friction, over the whole line that of the lump
     a4_inlet: float  # of a throttle at the rail, added to that of the first face
+    memory: float  # sqrt(nu_w)/R [s^-1/2] of the friction that remembers
     b: float  # compliance of a cell
     b_near: float
     damping: float  # nu/h2: what evens out the flows of neighbouring faces
@@ -108,7 +125,7 @@ class WaveLine(_WaveCoefficients):
     @property
     def further(self) -> int:
         """All but p_n and q_n."""
-        return 2 * int(self.cells) - 1
+        return 2 * int(self.cells) - 1 + MEMORIES
 
     @classmethod
     def of(
@@ -118,6 +135,8 @@ class WaveLine(_WaveCoefficients):
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
         compliance = fluid.bulk_modulus_line / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
         inertia = line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow)
+        memory = math.sqrt(line.wall_viscosity or 0.0) / (0.5 * line.diameter)
+        inertia /= 1.0 + memory * FASTER
         of_loss = scaling.flow / (2 * line.area * line.length)  # of a loss factor over the whole line
         damping = DAMPING if line.damping is None else line.damping
         cells = line.cells or cells_for(parameters, STEP)
@@ -134,6 +153,7 @@ class WaveLine(_WaveCoefficients):
             a3_near=cells * inertia * of_inertia / ratio,
             a4=line.loss_factor * of_loss,
             a4_inlet=cells * of_inertia * (line.inlet_loss_factor or 0.0) * of_loss,
+            memory=memory,
             b=cells * compliance * scaling.flow * of_volume,
             b_near=cells * compliance * scaling.flow * of_volume * ratio,
             damping=damping * (cells / line.length) ** 2,
@@ -176,7 +196,7 @@ class WaveLine(_WaveCoefficients):
         """See `interface.Line`."""
         cells = int(self.cells)
         pressures = np.full(cells - 1, flow * self.impedance**2)
-        return np.concatenate([pressures, np.full(cells - 1, flow), [0.0]])
+        return np.concatenate([pressures, np.full(cells - 1, flow), np.zeros(1 + MEMORIES)])
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Of the steps themselves, without friction."""
@@ -187,8 +207,8 @@ class WaveLine(_WaveCoefficients):
     def one_step(self, step: float) -> NDArray[np.float64]:
         """The line at rest over one step [s], a matrix of its states with the rail pressure as the last."""
         n = int(self.cells)
-        size = 2 * n + 1
-        places = [*range(2), *range(3, 2 * n + 2)]  # of x without p_S, in rows of the matrix
+        size = 2 * n + 1 + MEMORIES
+        places = [*range(2), *range(3, size + 1)]  # of x without p_S, in rows of the matrix
         row = {place: k for k, place in enumerate(places)}
         flows = np.eye(size + 1)  # the rail pressure comes last
         pressures = np.eye(size + 1)
@@ -212,7 +232,27 @@ class WaveLine(_WaveCoefficients):
                 pressures[p, row[flow_at(i + 1, n)]] -= step * compliance
             else:
                 pressures[p, q] += step * self.a1
+        if self.memory > 0.0:
+            self._drag(flows, [row[flow_at(i, n)] for i in range(1, n + 1)], row[memory_at(0, n)], step)
+        else:
+            flows[row[memory_at(0, n)] : size] = 0.0
         return np.asarray(pressures @ flows, np.float64)
+
+    def _drag(self, flows: NDArray[np.float64], faces: list[int], first: int, step: float) -> None:
+        """The friction that remembers, in the matrix of a step [s]; first: row of w_1."""
+        change = np.mean(flows[faces], axis=0)
+        change[faces] -= 1.0 / len(faces)
+        pull, by_change = np.zeros_like(change), 0.0
+        for k in range(MEMORIES):
+            by_memory, by_flow = pull_in_middle(k, step, self.memory)
+            pull[first + k] = by_memory
+            by_change += by_flow
+        shift = -step / (1.0 + step * by_change) * (pull + by_change * change)
+        flows[faces] += shift
+        for k in range(MEMORIES):
+            keep, take = fading(k, step)
+            flows[first + k] = take * (change + shift)
+            flows[first + k, first + k] += keep
 
     def with_friction(self, k: float) -> "WaveLine":
         """See `interface.Line`."""
@@ -234,6 +274,21 @@ class WaveLine(_WaveCoefficients):
     def with_mean(self) -> "MeanWaveLine":
         """See `interface.Line`."""
         return MeanWaveLine(*self)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def fading(number: int, step: float) -> tuple[float, float]:
+    """What a step [s] keeps of w_(number + 1), and what it takes of a change of the mean flow."""
+    half = 0.5 * step * FORGETTING[number]
+    return (1.0 - half) / (1.0 + half), 1.0 / (1.0 + half)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def pull_in_middle(number: int, step: float, memory: float) -> tuple[float, float]:
+    """Pull [1/s] in the middle of a step [s] by w_(number + 1) before it, and by the change of flow in it."""
+    keep, take = fading(number, step)
+    half = 0.5 * memory * WEIGHTS[number]
+    return half * (1.0 + keep), half * take
 
 
 class MeanWaveLine(WaveLine):

@@ -16,7 +16,7 @@ from observer_rt.model.coefficients import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.integrator import Interval, advance_over, fine_step
 from observer_rt.model.line.interface import rest_line
-from observer_rt.model.line.wave import pressure_at
+from observer_rt.model.line.wave import FORGETTING, WEIGHTS, pressure_at
 from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.right_hand_side import changed_flows, injection_rate, tangent_of
@@ -97,6 +97,7 @@ def test_derivatives(
         impedance_step=0.33,
         end_volume=3e-8,
         inlet_loss_factor=20.0,
+        wall_viscosity=6e-6,
     )
     c = effective_model(parameters, effects).coefficients
     c = averaged(c) if means else c
@@ -142,6 +143,8 @@ def test_derivatives(
 def test_transition_is_that_of_the_steps(rate: float) -> None:
     """What the gain is computed from, against the steps themselves on small waves behind a shut needle."""
     parameters = injector(2e-9, model="wave_two_part", cells=6, impedance_ratio=0.7, impedance_step=0.4)
+    thick = parameters.line.model_copy(update={"wall_viscosity": 6e-6})
+    parameters = parameters.model_copy(update={"line": thick})
     c = effective_model(parameters).coefficients
     matrix, by_rail = c.line.transition(1.0 / rate)
     states = [i for i in range(c.states) if i != 2]
@@ -210,6 +213,13 @@ def test_a_throttle_takes_what_as_much_friction_does_of_a_steady_flow() -> None:
     assert along[-1] == pytest.approx(throttled[-1], abs=1e-6)
     assert RAIL - throttled[-1] > 1e-3
     assert np.max(np.abs(along - throttled)) > 1e-3
+
+
+def test_the_wall_remembers_as_it_should() -> None:
+    """Of a change of flow, 2/sqrt(pi t): the thin boundary layer of Zielke's friction."""
+    times = np.geomspace(10e-6, 3e-3, 50)
+    weighted = sum(w * np.exp(-s * times) for w, s in zip(WEIGHTS, FORGETTING, strict=True))
+    np.testing.assert_allclose(weighted, 2.0 / np.sqrt(np.pi * times), rtol=0.07)
 
 
 def test_a_tiny_sac_is_where_its_flows_balance() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.fit.structures import STRUCTURES
 from observer_rt.recording.formats import write_recording
 from observer_rt.recording.signals.recording import Recording
 from tests.cli.conftest import Command
@@ -81,7 +82,7 @@ def test_json_holds_all_of_it(
         "after",
     }
     assert len(document["injections"]) == 6
-    assert len(document["structures"]) == 6
+    assert len(document["structures"]) == len(STRUCTURES)
     assert document["baseline"]["injections"] == 6
 
 

@@ -288,7 +288,7 @@ def test_injector_with_an_unknown_model_of_the_line(tmp_path: Path) -> None:
 
 
 def test_injector_with_an_unknown_key(tmp_path: Path) -> None:
-    error = injector_refusal(tmp_path, "loss_factor =", "los_factor =")
+    error = injector_refusal(tmp_path, "\nloss_factor =", "\nlos_factor =")
     assert error.place.endswith(": line.los_factor")
     assert "did you mean 'loss_factor'?" in error.remedy
 

@@ -300,7 +300,7 @@ class MeanWaveLine(WaveLine):
     @property
     def further(self) -> int:
         """One more."""
-        return 2 * int(self.cells)
+        return super().further + 1
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
         """See `interface.Line`."""

@@ -24,8 +24,8 @@ LIFTED = ([0.3e-3, 0.5e-3, 1.1e-3, 1.35e-3], [0.0, 1.39, 1.39, 0.0])  # a seat a
 NO_KNOT = (0.0, 0.0)
 LINES: list[dict[str, Any]] = [
     {"model": "lump"},
-    {"model": "wave"},
-    {"model": "wave_two_part", "impedance_ratio": 1.4, "end_volume": 2e-8},
+    {"model": "wave", "wall_viscosity": 6e-6},
+    {"model": "wave_two_part", "impedance_ratio": 1.4, "end_volume": 2e-8, "wall_viscosity": 3e-6},
 ]
 NAMES = [str(line["model"]) for line in LINES]
 

@@ -499,20 +499,7 @@ def _beyond_middle(tangent: Tangent) -> None:
         by[0, j] = 2.0 * by[0, j] - before[2, j]
 
 
-(
-    _A1,
-    _A2_NOZZLE,
-    _A2_SEAT,
-    _A3,
-    _A3_NEAR,
-    _A4,
-    _B,
-    _B_NEAR,
-    _DAMPING,
-    _LEAK,
-    _AIR,
-    _STIFFNESS_SLOPE,
-) = (
+_A1, _A2_NOZZLE, _A2_SEAT, _A3, _A3_NEAR, _A4, _B, _B_NEAR, _DAMPING, _LEAK, _AIR, _STIFFNESS_SLOPE = (
     WaveLine._fields.index(name)
     for name in (
         "a1",

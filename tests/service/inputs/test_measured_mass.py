@@ -22,6 +22,7 @@ from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import MeasuredMass, Notes
+from observer_rt.service.reports.worker import InlineExecutor
 from observer_rt.service.view import View
 from tests.recording.canlog.log_cases import write_log
 from tests.service.core_frames import SAMPLE_RATE, Frame, Result, damaged, run
@@ -185,7 +186,7 @@ def in_log(number: int, frame: Frame) -> LogFrame:
 def test_view_shows_it_beside_the_estimate(path: Path, frames: list[Frame], usual: Result) -> None:
     bench = load_bench(path)
     view = View("title", bench.injector)
-    daemon = Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear])
+    daemon = Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear], learning=InlineExecutor())
     view.watch(daemon)
 
     def drawn() -> str:

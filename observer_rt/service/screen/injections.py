@@ -12,18 +12,20 @@ from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.screen.shown import Shown
 from observer_rt.service.words import REASONS
 
-WITH_WORDS = 110  # columns, from which reasons are put into words
+WITH_WORDS = 110  # columns, from which all columns have room, and reasons are put into words
 HEADING = 2  # lines
 
 
 def injections(shown: Sequence[Shown], width: int) -> Table:
-    """A row for each, the last one at the bottom."""
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    names = [f"{reference.name}\nmg" for reference in shown[-1].references or ()]
+    """A row for each, the last one at the bottom; in 76 columns no figure is cut."""
     is_measured = any(item.measured for item in shown)
+    is_commanded = any(item.report.commanded for item in shown)
+    is_tight = width < WITH_WORDS and (is_measured or is_commanded)
+    compared = () if is_tight else shown[-1].references or ()
+    table = Table(box=None, padding=(0, 1 if is_tight else 2, 0, 0), pad_edge=False)
+    names = [f"{reference.name}\nmg" for reference in compared]
     if is_measured:
         names += ["measured\nmg", "error\n%"]
-    is_commanded = any(item.report.commanded for item in shown)
     if is_commanded:
         names += ["command\nno", "delay\nus"]
     for heading in ("\nno", "rail\nMPa", "mass\nmg", "95 %\nmg", *names, "v_H\n-"):
@@ -32,7 +34,7 @@ def injections(shown: Sequence[Shown], width: int) -> Table:
     for item in shown:
         report = item.report
         references = [f"{reference.mass / MILLIGRAM:.2f}" for reference in item.references or ()]
-        references += ["-"] * (len(shown[-1].references or ()) - len(references))
+        references = (references + ["-"] * len(compared))[: len(compared)]
         table.add_row(
             str(report.number),
             f"{report.rail_pressure / MEGAPASCAL:.1f}",
@@ -41,8 +43,8 @@ def injections(shown: Sequence[Shown], width: int) -> Table:
             *references,
             *(_measured(item) if is_measured else ()),
             *(_commanded(report) if is_commanded else ()),
-            _wear(report),
-            _verdict(report, width),
+            _wear(report, not is_tight),
+            _verdict(report, width >= WITH_WORDS),
         )
     return table
 
@@ -51,7 +53,7 @@ def last_injection(item: Shown) -> tuple[Text, ...]:
     """Number, mass [mg], its interval, wear of the nozzle and verdict: cells of a row."""
     report = item.report
     verdict = Text("yes", "green") if report.valid else Text(_names(report), "yellow")
-    cells = str(report.number), f"{report.mass / MILLIGRAM:.2f}", _interval(report), _wear(report)
+    cells = str(report.number), f"{report.mass / MILLIGRAM:.2f}", _interval(report), _wear(report, True)
     return (*map(Text, cells), verdict)
 
 
@@ -62,16 +64,16 @@ def _interval(report: InjectionReport) -> str:
     return f"{low:.1f}-{high:.1f}"
 
 
-def _wear(report: InjectionReport) -> str:
+def _wear(report: InjectionReport, with_interval: bool) -> str:
     wear = report.indicators[NOZZLE]
-    sigma = "" if wear.sigma is None else f" ±{1.96 * wear.sigma:.3f}"
+    sigma = f" ±{1.96 * wear.sigma:.3f}" if with_interval and wear.sigma is not None else ""
     return f"{wear.value:+.3f}{sigma}"
 
 
-def _verdict(report: InjectionReport, width: int) -> Text:
+def _verdict(report: InjectionReport, in_words: bool) -> Text:
     if report.valid:
         return Text("valid", style="green")
-    words = f": {REASONS[report.reason].what}" if width >= WITH_WORDS else ""
+    words = f": {REASONS[report.reason].what}" if in_words else ""
     return Text(_names(report) + words, style="yellow", overflow="ellipsis")
 
 

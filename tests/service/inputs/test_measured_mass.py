@@ -22,7 +22,6 @@ from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import MeasuredMass, Notes
-from observer_rt.service.reports.worker import InlineExecutor
 from observer_rt.service.view import View
 from tests.recording.canlog.log_cases import write_log
 from tests.service.core_frames import SAMPLE_RATE, Frame, Result, damaged, run
@@ -183,10 +182,10 @@ def in_log(number: int, frame: Frame) -> LogFrame:
     return LogFrame(BusFrame(frame.frame_id, frame.payload, stamp, False, True, True), "can0")
 
 
-def test_view_shows_it_beside_the_estimate(path: Path, frames: list[Frame], usual: Result) -> None:
-    bench = load_bench(path)
-    view = View("title", bench.injector)
-    daemon = Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear], learning=InlineExecutor())
+def test_view_shows_it_beside_the_estimate(tmp_path: Path, frames: list[Frame], usual: Result) -> None:
+    bench = load_bench(slow_bench(tmp_path, MASS, "[learning]\nlockstep = true"))
+    view, notes = View("title", bench.injector), Notes()
+    daemon = Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear, notes])
     view.watch(daemon)
 
     def drawn() -> str:
@@ -203,3 +202,4 @@ def test_view_shows_it_beside_the_estimate(path: Path, frames: list[Frame], usua
     daemon.core.finish()
     assert " measured " in drawn()
     assert drawn().count("7.77") == 1
+    assert all(f" {report.mass * 1e6:.2f} " in drawn() for report in notes.injections)

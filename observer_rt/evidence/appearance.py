@@ -18,6 +18,7 @@ from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import sized
 
 VISIBLE = 25.0  # of -2 log L that a size must gain to be visible: 5 standard deviations
+VISIBLE_BESIDE_A_FIT = 36.0  # what a fitted model leaves of a healthy injector gains up to 30 now and then
 PROBES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # dead zones at which an effect is tried, until it is visible
 SEEN = 1e-3  # of what the recording that says most of an effect says: one that says less is left out
 _DIGITS = 5
@@ -178,7 +179,12 @@ def reference(appears: Mapping[str, Appearance], signature: Signature) -> Refere
     )
 
 
+def least_gain(appears: Mapping[str, Appearance]) -> float:
+    """Of -2 log L, from which on an effect counts. appears: what the healthy injector appears to have, if known."""
+    return VISIBLE_BESIDE_A_FIT if appears else VISIBLE
+
+
 def smallest_visible(appears: Mapping[str, Appearance], signature: Signature) -> float:
     """Size [SI] from which on an effect would have been told from noise and from the healthy injector."""
-    least = math.sqrt(VISIBLE) * math.hypot(signature.sigma, reference(appears, signature).sigma)
+    least = math.sqrt(least_gain(appears)) * math.hypot(signature.sigma, reference(appears, signature).sigma)
     return max(least, signature.effect.parameters[0].dead_zone)

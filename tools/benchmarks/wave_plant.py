@@ -98,10 +98,10 @@ def lattice_of(part: Injector, faults: Faults, line: WaveLine, step: float) -> L
         stress=inertances * line.damping / length**2,
         kept=np.exp(-np.outer(rates, active) * step),
         added=shares * np.exp(-0.5 * np.outer(rates, active) * step),
-        pull=4.0 * rates * (1.0 + faults.line_friction),
+        pull=4.0 * rates,  # the fluid's own, whatever is deposited
         end_volume=part.line_volume * line.end_share,
         laminar=faults.line_laminar,
-        inlet_loss=line.inlet_loss,
+        inlet_loss=line.inlet_loss * (1.0 + faults.fuel_density),
     )
 
 

@@ -11,14 +11,11 @@ from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, 
 from observer_rt.discovery.search.candidates import Fitter
 from observer_rt.discovery.search.held_out import HeldOutPoints
 from observer_rt.discovery.search.result import Candidate
+from observer_rt.evidence.appearance import least_gain
 from observer_rt.evidence.pooled import pool_of
 from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effects import VOCABULARY
 
-ACCEPT = 25.0  # of -2 log L that an effect must gain, times the variance of the innovations left
-DIFFERENT = (
-    5.0  # standard deviations by which a size must differ from what it appears to be on the healthy injector
-)
 RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
 NEAR = 40.0  # of -2 log L beyond which a candidate takes nothing from the confidence in another
 TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
@@ -92,6 +89,7 @@ class Search:
         self._fitter = fitter
         self._effects = effects
         self._baseline = baseline
+        self._least_gain = least_gain(baseline.appears)
         self.held_out = HeldOutPoints(fitter.evidence, fitter.nominal)
 
     def run(self) -> Outcome:
@@ -147,7 +145,7 @@ class Search:
         partners = [
             one for one in singles if pairs and set(one.ids) < set(pairs[0].ids) and one not in leaders
         ]
-        if partners and pairs[0].statistic < leaders[0].statistic - ACCEPT:
+        if partners and pairs[0].statistic < leaders[0].statistic - self._least_gain:
             pairs = _best_of_each([*pairs, *self._led_by(partners)])
         return pairs
 
@@ -208,7 +206,7 @@ class Search:
             candidate.hypothesis.effects, candidate.hypothesis.split(candidate.theta), strict=True
         ):
             healthy = self._fitter.reference(effect)
-            if values.size and abs(values[0] - healthy.mean) < DIFFERENT * math.hypot(
+            if values.size and abs(values[0] - healthy.mean) < math.sqrt(self._least_gain) * math.hypot(
                 float(sigmas[place]), healthy.sigma
             ):
                 return False
@@ -216,11 +214,11 @@ class Search:
         return True
 
     def _threshold(self, candidate: Candidate) -> float:
-        """What an effect must gain beside what a candidate leaves unexplained."""
+        """What an effect must gain beside what a candidate leaves unexplained: more the more that is."""
         residuals = self._fitter.evidence.residuals(candidate.model(self._fitter.nominal))
         if residuals is None:
             return np.inf
-        return ACCEPT * max(1.0, float(np.mean(residuals.z**2)))
+        return self._least_gain * max(1.0, float(np.mean(residuals.z**2)))
 
     def _ratio(self, candidate: Candidate) -> float:
         """Of a candidate's worst phase to its limit."""

@@ -116,7 +116,7 @@ EFFECTS = _by_id(
     ),
     _single("lift_offset", "x_0", "lift_offset", 2 * _UM, 20 * _UM),
     _single("needle_lift_sensor_lag", "tau", "lift_sensor_lag", 5 * _US, 50 * _US, both=False),
-    _single("lift_gain", "g", "lift_gain", 0.03, 0.2),
+    _single("lift_gain", "g", "lift_gain", 0.05, 0.2),
     _single("rail_pressure_sensor_gain", "g", "rail_pressure_sensor_gain", 0.002, 0.03),
     _single("rail_pressure_sensor_offset", "o", "rail_pressure_sensor_offset", 0.2 * MPA, 4 * MPA),
     _single("line_pressure_sensor_lag", "tau", "line_pressure_sensor_lag", 3 * _US, 60 * _US, both=False),

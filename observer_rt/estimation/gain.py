@@ -8,7 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
-from observer_rt.estimation.small_matrices import multiply, product
+from observer_rt.foundation.small_arrays import multiply, product
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.sensor import lagged_slopes, recorded_mean
 

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.posterior import Belief
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner_separate
 
 ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
 STAY = 6.25  # and (2.5 sigma) that keeps it active
@@ -94,7 +94,7 @@ def _search(
     return best_subset
 
 
-@inner
+@inner_separate
 def _extend(
     factor: NDArray[np.float64],
     left: NDArray[np.float64],
@@ -124,7 +124,7 @@ def _extend(
     return True
 
 
-@inner
+@inner_separate
 def _solve_back(
     factor: NDArray[np.float64],
     left: NDArray[np.float64],

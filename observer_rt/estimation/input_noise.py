@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.open_loop import OpenLoop
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.estimation.small_matrices import multiply, product
+from observer_rt.foundation.small_arrays import copy_matrix, copy_vector, multiply, product
 from observer_rt.model.seat import seat_area_slope
 from observer_rt.model.sensor import lagged_slopes
 
@@ -75,7 +75,7 @@ def _propagate(
         np.zeros((states + 2, states + 2)),
     )
     by_rail, by_area, gradient = np.zeros(states + 2), np.zeros(states + 2), np.zeros(states + 2)
-    by_rail[:states] = rail
+    copy_vector(rail, by_rail[:states])
     by_area[area] = 1.0
     for k in range(max(window.opening, 1), rate.shape[0]):
         if not run.transition[k].any():  # drained: x^ was followed no further
@@ -86,12 +86,13 @@ def _propagate(
         if relaxation > 0.0:
             _, by_start, by_end, _ = lagged_slopes(0.0, 0.0, 0.0, interval, 1.0 / relaxation)
         half = 0.5 * interval * run.gradient[k]
-        change[:states, :states] = run.transition[k]
+        copy_matrix(run.transition[k], change[:states, :states])
         change[2, area] = run.by_area[k] * by_start
         by_area[2] = run.by_area[k] * by_end
-        change[end, :end] = 0.5 * interval * run.gradient[k - 1]
-        for i in range(states):
-            change[end, :end] += half[i] * change[i, :end]
+        for j in range(end):
+            change[end, j] = 0.5 * interval * run.gradient[k - 1, j]
+            for i in range(states):
+                change[end, j] += half[i] * change[i, j]
         change[end, end] = 1.0
         by_rail[end] = half[:states] @ rail
         by_area[end] = half[2] * by_area[2] + half[area]
@@ -104,7 +105,7 @@ def _propagate(
         for i in range(states + 2):
             for j in range(states + 2):
                 covariance[i, j] += by_rail[i] * by_rail[j] + opened**2 * by_area[i] * by_area[j]
-        gradient[:end] = run.gradient[k]
+        copy_vector(run.gradient[k], gradient[:end])
         for i in range(end):
             rate[k] += gradient[i] * product(covariance, gradient, i)
         volume[k] = covariance[end, end]

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.scalars import SCALARS, Scalars
@@ -49,13 +48,7 @@ def learned_of(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = S
 
 def network_of(theta: NDArray[np.float64]) -> Network:
     """The network in a parameter vector (m,)."""
-    network: Network = _taken(theta, zero_network())
-    return network
-
-
-@njit(cache=True, nogil=True)
-def _taken(theta: NDArray[np.float64], network: Network) -> Network:
-    """The network with all that theta has of it."""
+    network = zero_network()
     network.output[0, :] = theta[_WEIGHTS : _WEIGHTS + HIDDEN]
     network.bias[0], network.bias[1] = theta[_NOZZLE], theta[_SEAT]
     network.back_pressure[:] = theta[_BACK_PRESSURE : _BACK_PRESSURE + 2]

@@ -18,6 +18,7 @@ from observer_rt.estimation.predictor import (
     knot_before,
 )
 from observer_rt.estimation.scalars import SCALARS, Scalars
+from observer_rt.foundation.small_arrays import copy_matrix
 from observer_rt.model.borrowed import borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import advance_over, empty_sac
@@ -86,11 +87,11 @@ def _run(
     drained = last + 1 + math.ceil(DRAINING / setting.interval)
     for k in range(max(window.opening, 1), min(drained, window.output.shape[0])):
         interval = interval_before(window, setting, k)
-        tangent.by[:, m : m + states] = unit
+        copy_matrix(unit, tangent.by[:, m : m + states])
         advance_over(x, interval, knot_before(window, k), c, network, tangent)
         if window.resting[k]:
             empty_sac(x, tangent)
-        result.transition[k] = tangent.by[:, m : m + states]
+        copy_matrix(tangent.by[:, m : m + states], result.transition[k])
         u = (interval.end[0], max(interval.end[1], 0.0))
         if is_at_rest(x, u):
             continue

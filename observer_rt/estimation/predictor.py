@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.learned import Learned, by_theta, learned_of
 from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.estimation.sensitivity import Parameter
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate, separate
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import Interval, advance_over, empty_sac
@@ -257,7 +257,7 @@ def _borrowed_gradient_compiled(gradient: Any) -> Any:
     )
 
 
-@inner
+@inner_separate
 def _follow(
     window: Window,
     setting: Setting,
@@ -295,7 +295,7 @@ def _follow(
     return x
 
 
-@njit(cache=True, nogil=True)
+@separate
 def follow(
     window: Window,
     setting: Setting,

@@ -23,6 +23,8 @@ from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.recording.signals.table_writers import TableWriter
 from observer_rt.service.core.counters import Counters
+from observer_rt.service.core.learners import LearnerFactory, make_learner
+from observer_rt.service.learning_ahead import awaited, learning_compiled_beside
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass
 
@@ -128,11 +130,15 @@ def evaluate_stream(
     is_logged = any(isinstance(source, LoggedSignals) for source in sources)
     bench = bench if is_logged else bench_for(bench, sources[0])
     fuel_temperature = None if is_logged else bench.injector.parameters.fluid.reference_temperature
-    run = ObserverRun(
-        bench, knowledge, learning, progress, fuel_temperature=fuel_temperature, reads_ahead=reads_ahead
-    )
     evaluations = [StreamedEvaluation(source, curves_of) for source in sources]
     with ExitStack() as stack:
+        learner_of: LearnerFactory = make_learner
+        if learning and reads_ahead:
+            wait = stack.enter_context(learning_compiled_beside(bench.injector))
+            learner_of = awaited(make_learner, wait)
+        run = ObserverRun(
+            bench, knowledge, learning, progress, learner_of, fuel_temperature, reads_ahead=reads_ahead
+        )
         for path, evaluation in zip(traces, evaluations, strict=False):
             stack.enter_context(file_errors(path))
             evaluation.write_to(stack.enter_context(open_trace(path)))

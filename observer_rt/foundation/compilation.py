@@ -151,11 +151,6 @@ def is_compiled() -> bool:
     return any(_kept_code("*.nbi"))
 
 
-def is_kept(function: str) -> bool:
-    """Whether code of a compiled function, `module.name`, is in the cache."""
-    return any(_kept_code(f"{function}-*.nbi"))
-
-
 def _kept_code(pattern: str) -> Iterator[Path]:
     root = Path(os.environ[_VARIABLE])
     return (path for unit in _unit_digests() for path in (root / _name(unit)).rglob(pattern))

@@ -13,7 +13,7 @@ from numba.extending import overload
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.leapfrog import leapfrog, move_end, move_line
 from observer_rt.model.line.interface import line_fastest
@@ -49,19 +49,6 @@ def _along_compiled(x: Any, step: Any, rate: Any) -> Any:
     return lambda x, step, rate: (x[0] + step * rate[0],) + _along(x[1:], step, rate[1:])  # noqa: RUF005
 
 
-def _weighted(k1: Any, k2: Any, k3: Any, k4: Any) -> Any:
-    """k1 + 2 k2 + 2 k3 + k4, of tuples."""
-
-
-@overload(_weighted, strict=False)
-def _weighted_compiled(k1: Any, k2: Any, k3: Any, k4: Any) -> Any:
-    if len(k1) == 1:
-        return lambda k1, k2, k3, k4: (k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0],)
-    return lambda k1, k2, k3, k4: (
-        (k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0],) + _weighted(k1[1:], k2[1:], k3[1:], k4[1:])  # noqa: RUF005
-    )
-
-
 @njit(cache=True, nogil=True, inline="always")
 def runge_kutta_step(
     rates: Callable[..., Any],
@@ -78,13 +65,31 @@ def runge_kutta_step(
     x: a tuple of any length. tangent: None, or the `Tangent` that moves with it: `rates` then leaves in it the
     derivatives of x' at every stage.
     """
-    k1 = rates(x, u_start, system, tangent, 0)
-    k2 = rates(_along(x, 0.5 * step, k1), u_mid, system, tangent, 1)
-    k3 = rates(_along(x, 0.5 * step, k2), u_mid, system, tangent, 2)
-    k4 = rates(_along(x, step, k3), u_end, system, tangent, 3)
+    total = rate = before = _along(x, -1.0, x)  # 0
+    for stage in range(4):  # a loop, so that what works out the rates is compiled once
+        u = u_start if stage == 0 else (u_end if stage == 3 else u_mid)
+        rate = rates(_along(x, _along_the_step(stage) * step, rate), u, system, tangent, stage)
+        total = _with_stage(total, before, rate, stage)
+        before = rate
     if tangent is not None:
         _move_tangent(x, step, tangent.by, Linearised(tangent.by_state, tangent.by_number))
-    return _along(x, step / 6.0, _weighted(k1, k2, k3, k4))
+    return _along(x, step / 6.0, total)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _along_the_step(stage: int) -> float:
+    """Where a stage's rates are taken, as a share of the step, along those of the stage before."""
+    return 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _with_stage(total: Any, before: Any, rate: Any, stage: int) -> Any:
+    """k1 + 2 (k2 + k3) + k4, of tuples, as far as a stage: 0, 1, 2, 3; before: the rates of the one before it."""
+    if stage == 1:
+        return total  # with the next
+    if stage == 2:
+        return _along(total, 2.0, _along(before, 1.0, rate))
+    return _along(total, 1.0, rate)
 
 
 class Linearised(NamedTuple):
@@ -102,11 +107,13 @@ def _move_tangent(x: Any, step: float, by: NDArray[np.float64], linearised: Line
     """
     for first in range(0, by.shape[1], WIDTH):
         columns = _columns(by, 0, first, x)
-        k1 = _linear_rates(columns, linearised, 0, 0, first, x)
-        k2 = _linear_rates(_along(columns, 0.5 * step, k1), linearised, 1, 0, first, x)
-        k3 = _linear_rates(_along(columns, 0.5 * step, k2), linearised, 2, 0, first, x)
-        k4 = _linear_rates(_along(columns, step, k3), linearised, 3, 0, first, x)
-        _store_columns(_along(columns, step / 6.0, _weighted(k1, k2, k3, k4)), by, 0, first)
+        total = rate = before = _along(columns, -1.0, columns)
+        for stage in range(4):
+            there = _along(columns, _along_the_step(stage) * step, rate)
+            rate = _linear_rates(there, linearised, stage, 0, first, x)
+            total = _with_stage(total, before, rate, stage)
+            before = rate
+        _store_columns(_along(columns, step / 6.0, total), by, 0, first)
 
 
 def _columns(by: NDArray[np.float64], row: int, first: int, x: Any) -> Any:
@@ -255,7 +262,7 @@ def _steps_in(x: Any, interval: Interval, c: Coefficients) -> int:
     return interval.substeps
 
 
-@inner
+@inner_separate
 def runge_kutta(
     x: NDArray[np.float64], interval: Interval, c: Coefficients, network: Network, tangent: Any
 ) -> None:

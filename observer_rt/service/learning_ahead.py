@@ -16,15 +16,19 @@ from threading import Event
 import numpy as np
 
 from observer_rt.config.bench import BenchInjector
+from observer_rt.estimation.gain import GainSchedule
 from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.scalars import Theta
+from observer_rt.foundation.compilation import is_complete, note_complete
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.seat import normalised_area
-from observer_rt.observer.learning.knowledge import no_knowledge
+from observer_rt.observer.learning.knowledge import EventLearner, Outcome, no_knowledge
+from observer_rt.observer.stream.phi import Phi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
-from observer_rt.service.core.learners import make_learner
+from observer_rt.service.core.learners import LearnerFactory, make_learner
 from observer_rt.service.own_injections import BEFORE, INJECTIONS, own_injections
 
 _PACKAGE_FOLDER = Path(__file__).parents[2]
@@ -39,9 +43,12 @@ def learning_compiled_beside(
 ) -> Iterator[Callable[[], object]]:
     """Have another process compile what an injector's learning calls; to be called: waits until it has.
 
-    It waits no longer once `stop` is set.
+    It waits no longer once `stop` is set. Nothing is done where that was compiled before.
     """
-    stop = stop or Event()
+    work, stop = _work(fitted), stop or Event()
+    if is_complete(work):
+        yield lambda: 0
+        return
     paths = (str(_PACKAGE_FOLDER), os.environ.get("PYTHONPATH", ""))
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", f"from {__name__} import serve; serve()"],
@@ -60,12 +67,52 @@ def learning_compiled_beside(
             """Its exit code; None: it goes on."""
             while process.poll() is None and not stop.wait(_LOOK):
                 pass
+            if process.returncode == 0:
+                note_complete(work)
             return process.returncode
 
         yield wait
     finally:
         process.kill()
         process.wait()
+
+
+def _work(fitted: BenchInjector) -> str:
+    """What the types of compiled code depend on."""
+    sampling = fitted.config.sampling
+    return f"learning-{fitted.parameters.line.model}-{sampling.meaning}"
+
+
+class _AwaitedLearner:
+    """A learner whose first event waits until what it calls is compiled; see `EventLearner`."""
+
+    def __init__(self, learner: EventLearner, wait: Callable[[], object]) -> None:
+        self._learner = learner
+        self._wait = wait
+
+    @property
+    def schedule(self) -> GainSchedule:
+        """See `EventLearner`."""
+        return self._learner.schedule
+
+    @property
+    def phi(self) -> Phi:
+        """See `EventLearner`."""
+        return self._learner.phi
+
+    def learn(
+        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
+    ) -> Outcome:
+        """See `EventLearner`."""
+        self._wait()
+        return self._learner.learn(window, standstill, in_force, constants)
+
+
+def awaited(learner_of: LearnerFactory, wait: Callable[[], object]) -> LearnerFactory:
+    """Learners that wait before their first event."""
+    return lambda fitted, constants, knowledge: _AwaitedLearner(
+        learner_of(fitted, constants, knowledge), wait
+    )
 
 
 def serve() -> None:

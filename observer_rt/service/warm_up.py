@@ -2,7 +2,7 @@
 
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from functools import partial
 from itertools import chain
 from threading import Event
@@ -13,7 +13,6 @@ from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
-from observer_rt.foundation.compilation import is_kept
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.service.core.core import Core
@@ -34,12 +33,7 @@ def warm_up(bench: Bench, bus: BusMap, stop: Event | None = None) -> Core:
     left out. Raises `RunError` when a frame does not come through.
     """
     stop = stop or Event()
-    beside = (
-        nullcontext(lambda: None)
-        if is_kept("predictor.follow")
-        else learning_compiled_beside(bench.injector, stop)
-    )
-    with beside as wait:
+    with learning_compiled_beside(bench.injector, stop) as wait:
         core = Core(bench.injector, bus)
         if not stop.is_set():
             core.compiled.proceed()  # compiled now, and not while another process is waited for

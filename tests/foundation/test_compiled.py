@@ -1,13 +1,23 @@
-"""Functions without an entry from Python are named by compiled code only: called from Python they would crash."""
+"""Functions without an entry from Python, and those that are compiled apart from their callers."""
 
 import ast
-from collections.abc import Iterator
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from numba import njit
+
+from observer_rt.foundation.compiled import separate
 
 ROOT = Path(__file__).parents[2]
-COMPILED = ("njit", "inner", "overload", "intrinsic", "register_jitable")
+WITHOUT_ENTRY = ("inner", "inner_separate")
+SEPARATE = ("separate", "inner_separate")
+COMPILED = ("njit", "inner", *SEPARATE, "overload", "intrinsic", "register_jitable")
 SOURCES = {
     path: ast.parse(path.read_text("utf-8"))
     for folder in ("observer_rt", "tests", "tools")
@@ -29,8 +39,41 @@ INNER = {
     f"{module_of(path)}.{node.name}"
     for path, tree in SOURCES.items()
     for node in tree.body
-    if isinstance(node, ast.FunctionDef) and is_decorated(node, ("inner",))
+    if isinstance(node, ast.FunctionDef) and is_decorated(node, WITHOUT_ENTRY)
 }
+CALLED_AND_CALLER = """
+import numpy as np
+from numba import njit
+from observer_rt.foundation.compiled import inner_separate, separate
+
+@inner_separate
+def total(values, first):
+    if first < 0:
+        raise ValueError("first must not be negative")
+    result = 0.0
+    for value in values[first:]:
+        result += value
+    return result
+
+@separate
+def twice(values, first):
+    return 2.0 * total(values, first)
+
+@njit(cache=True)
+def more(values, first):
+    return twice(values, first) + 1.0
+"""
+USER = """
+import numpy as np
+import called_and_caller as code
+
+print(code.more(np.arange(5.0), 2), code.twice(np.arange(5.0), 2))
+try:
+    code.more(np.arange(5.0), -1)
+except ValueError as error:
+    print(error)
+print(sum(code.more.stats.cache_misses.values()), sum(code.twice.stats.cache_misses.values()))
+"""
 
 
 def names_in_python(path: Path, tree: ast.Module) -> Iterator[str]:
@@ -51,6 +94,35 @@ def names_in_python(path: Path, tree: ast.Module) -> Iterator[str]:
             yield imported.get(node.id, f"{module_of(path)}.{node.id}")
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             yield f"{imported.get(node.value.id, node.value.id)}.{node.attr}"
+
+
+def test_code_that_was_kept_finds_what_it_calls(tmp_path: Path) -> None:
+    (tmp_path / "called_and_caller.py").write_text(CALLED_AND_CALLER)
+    (tmp_path / "user.py").write_text("import observer_rt\n" + USER)
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": f"{ROOT}:{tmp_path}"}
+    for name in ("NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES"):
+        environment.pop(name, None)
+    said = [
+        subprocess.check_output([sys.executable, str(tmp_path / "user.py")], env=environment, text=True)
+        for _ in range(2)
+    ]
+    results = ["19.0 18.0", "first must not be negative"]
+    assert [text.splitlines() for text in said] == [[*results, "1 1"], [*results, "0 0"]]
+
+
+@pytest.mark.parametrize(("decorator", "is_held"), [(njit, True), (separate, False)])
+def test_a_caller_does_not_hold_what_is_compiled_apart(decorator: Callable[..., Any], is_held: bool) -> None:
+    @decorator
+    def called(value: float) -> float:
+        return math.sin(value)
+
+    @njit
+    def caller(value: float) -> float:
+        return float(called(value))
+
+    assert caller(0.5) == math.sin(0.5)
+    (code,) = caller.inspect_llvm().values()
+    assert ("@llvm.sin" in code or "@sin(" in code) == is_held
 
 
 def test_there_are_such_functions() -> None:

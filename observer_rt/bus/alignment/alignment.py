@@ -7,13 +7,12 @@ told by `placing`.
 """
 
 import numpy as np
-from numba import njit
 
 from observer_rt.bus.alignment.memory import Alignment
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import MAX_INTERPOLATED, SLOTS
 from observer_rt.config.signals import Role
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate, separate
 from observer_rt.foundation.continuity import Break
 
 # What no sensor of an injector can mean [Pa, m, Pa]: a value beyond it, or none at all, is missing.
@@ -24,7 +23,7 @@ _MASK = SLOTS - 1
 NEEDLE_LIFT = ROLES.index(Role.NEEDLE_LIFT)
 
 
-@njit(cache=True, nogil=True)
+@separate
 def store(
     alignment: Alignment, index: int, role: int, value: float, interpolated: bool = False, share: float = 0.0
 ) -> None:
@@ -52,7 +51,7 @@ def is_stale(alignment: Alignment) -> bool:
     return bool(memory["followers"]["stale"].any() or waiting > PATIENCE)
 
 
-@njit(cache=True, nogil=True)
+@separate
 def decide(alignment: Alignment) -> None:
     """Queue every sample that all messages have passed; a follower that stays away is not waited for long."""
     memory = alignment.memory[0]
@@ -70,7 +69,7 @@ def decide(alignment: Alignment) -> None:
     decide_until(alignment, frontier)
 
 
-@inner
+@inner_separate
 def decide_until(alignment: Alignment, frontier: int) -> None:
     """Queue the complete samples before `frontier`; the others are missing."""
     memory = alignment.memory[0]
@@ -112,7 +111,7 @@ def _begin(alignment: Alignment) -> bool:
     return True
 
 
-@inner
+@inner_separate
 def _frontier_of(alignment: Alignment, follower, others: int) -> int:  # type: ignore[no-untyped-def]
     """The index before which a follower has said all it will, when the others have sent what is before `others`."""
     patience = follower.reach if follower.holds else PATIENCE
@@ -130,7 +129,7 @@ def _frontier_of(alignment: Alignment, follower, others: int) -> int:  # type: i
     return others
 
 
-@inner
+@inner_separate
 def _pass_on(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
     """Queue a complete sample, with what its distance from the last one means."""
     memory = alignment.memory[0]

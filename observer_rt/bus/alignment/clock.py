@@ -13,7 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate, separate
+from observer_rt.foundation.small_arrays import ascending
 
 POINTS = 16  # windows whose lowest stamps the line goes by
 ENOUGH_POINTS = 4  # from which on the line is trusted
@@ -108,7 +109,7 @@ def excess(clock, index: int, stamp: int) -> float:  # type: ignore[no-untyped-d
     return float((stamp - clock.first_stamp) - (index - clock.first_index) * clock.interval)
 
 
-@njit(cache=True, nogil=True)
+@separate
 def delay_of(clock, index: int, stamp: int) -> float:  # type: ignore[no-untyped-def]
     """ns by which a stamp lies above the line; 0 for the first one."""
     if not clock.begun:
@@ -117,7 +118,7 @@ def delay_of(clock, index: int, stamp: int) -> float:  # type: ignore[no-untyped
     return float(excess(clock, index, stamp) - line)
 
 
-@njit(cache=True, nogil=True)
+@separate
 def take_stamp(clock, index: int, stamp: int) -> bool:  # type: ignore[no-untyped-def]
     """Note that the frame whose last sample is `index` was received at `stamp` [ns].
 
@@ -181,7 +182,7 @@ def _open_window(clock, start: float) -> None:  # type: ignore[no-untyped-def]
     clock.together = 0
 
 
-@inner
+@inner_separate
 def _close_window(clock, now: float) -> None:  # type: ignore[no-untyped-def]
     """Take the lowest stamp of the window into the line, or begin a new line when it does not belong to it."""
     off_line = clock.lowest - clock.offset - clock.drift * clock.lowest_at
@@ -210,11 +211,11 @@ def _close_window(clock, now: float) -> None:  # type: ignore[no-untyped-def]
     _open_window(clock, now)
 
 
-@inner
+@inner_separate
 def _draw_line(clock) -> None:  # type: ignore[no-untyped-def]
     """The edge of the lower convex hull under the middle of the points, and how far the points are from it."""
     count = min(clock.points, POINTS)
-    order = np.argsort(clock.places[:count])
+    order = ascending(clock.places[:count])
     x = clock.places[:count][order]
     y = clock.excesses[:count][order]
     hull = np.empty(count, np.int64)
@@ -234,8 +235,8 @@ def _draw_line(clock) -> None:  # type: ignore[no-untyped-def]
     clock.residual = math.inf
     if abs(clock.drift) <= MAX_DRIFT * clock.interval:
         # not their greatest: in some windows every frame may have been late
-        distances = np.sort(y - clock.offset - clock.drift * x)
-        clock.residual = distances[3 * count // 4]
+        distances = y - clock.offset - clock.drift * x
+        clock.residual = distances[ascending(distances)[3 * count // 4]]
 
 
 @inner

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.clock import ENOUGH_POINTS, delay_of
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, separate
 
 SURE = 0.75  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
 DECIDED = 0.5  # the same, from which on frames are lost
@@ -54,7 +54,7 @@ def make_counting(modulus: int) -> NDArray[np.void]:
     return counting
 
 
-@njit(cache=True, nogil=True)
+@separate
 def count_frame(counting, clock, sequence: int, stamp: int) -> int:  # type: ignore[no-untyped-def]
     """Give a frame its `number`; `Count`. `sequence`: its counter; the clock counts in samples."""
     if not counting.begun:

@@ -11,21 +11,20 @@ ramps, which at 20 kHz is worth up to 3 % of the mass.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.alignment import IMPOSSIBLE, NEEDLE_LIFT, store
 from observer_rt.bus.alignment.memory import Alignment
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS
 from observer_rt.bus.mapping.timing import SLOTS
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, separate
 
 SHUT = 4  # samples of a closed needle, from which on it is surely at rest
 MISSED = 1.5  # spacings between two samples, from which on some are missing between them
 SLIP = 0.1  # samples by which a lift may drift off the sample it belongs to while the needle moves
 
 
-@njit(cache=True, nogil=True)
+@separate
 def follow(alignment: Alignment, message: int, position: float, values: NDArray[np.float64]) -> None:
     """Take one sample of a follower: where it lies on the grid, and its values (MAX_INPUTS,) [SI].
 

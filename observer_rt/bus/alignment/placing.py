@@ -6,12 +6,10 @@ device.
 
 from enum import IntEnum
 
-from numba import njit
-
 from observer_rt.bus.alignment.alignment import decide_until
 from observer_rt.bus.alignment.memory import Alignment
 from observer_rt.bus.mapping.timing import SLOTS
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, separate
 from observer_rt.foundation.continuity import Break
 
 OLD_BLOCKS_OF_RESTART = (
@@ -28,7 +26,7 @@ class Placing(IntEnum):
     RESTARTED = 3  # accepted, as the first of a new count
 
 
-@njit(cache=True, nogil=True)
+@separate
 def place_block(
     alignment: Alignment, message: int, raw_index: int, count: int, contiguous: bool
 ) -> tuple[int, int]:

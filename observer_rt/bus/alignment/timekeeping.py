@@ -25,7 +25,7 @@ from observer_rt.bus.alignment.counting import (
     make_counting,
 )
 from observer_rt.bus.mapping.timing import Joining, Numbering
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.foundation.referenced import referenced
 
@@ -85,7 +85,7 @@ def number_frame(keeping: Timekeeping, message: int, sequence: int, stamp: int) 
     return outcome
 
 
-@inner
+@inner_separate
 def note_frame(keeping: Timekeeping, message: int, last: int, stamp: int) -> None:
     """A frame that ends in the sample `last`, by the message's own index or number, was received at `stamp`."""
     clock = keeping.clocks[message]
@@ -153,7 +153,7 @@ def is_prompt(keeping: Timekeeping, tolerance: float) -> bool:
     return bool(max(early, grid.latest) < 1e9 * tolerance)
 
 
-@inner
+@inner_separate
 def doubt_of(keeping: Timekeeping) -> int:
     """`Doubt` in the times of samples that come together now."""
     if not keeping.memory[0].by_stamps:

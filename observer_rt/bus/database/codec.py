@@ -22,7 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import error_code, find_signal, not_available_code
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, separate
 from observer_rt.foundation.errors import UserError
 
 # How the bits of a field are to be read.
@@ -163,7 +163,7 @@ def _nearest_ordinary(code: int, reserved: list[int], row: np.void, place: str) 
     raise UserError(place, "all codes within its range are reserved", "correct GenSigSNA or GenSigError")
 
 
-@njit(cache=True, nogil=True)
+@separate
 def decode(payload: NDArray[np.uint8], table: NDArray[np.void], out: NDArray[np.float64]) -> None:
     """Physical values, in the units of the bus database, of the signals in `table`.
 
@@ -186,7 +186,7 @@ def decode(payload: NDArray[np.uint8], table: NDArray[np.void], out: NDArray[np.
             out[i] = raw * signal.scale + signal.offset
 
 
-@njit(cache=True, nogil=True)
+@separate
 def encode(values: NDArray[np.float64], table: NDArray[np.void], payload: NDArray[np.uint8]) -> None:
     """Write physical values, in the units of the bus database, into `payload` in place.
 

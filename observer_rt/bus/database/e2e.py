@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, separate
 
 UNPROTECTED = 0
 PROFILE_1 = 1
@@ -87,7 +87,7 @@ def shortest_frame(profile: int) -> int:
     return 2 if profile == PROFILE_1 else 3
 
 
-@njit(cache=True, nogil=True)
+@separate
 def protect(payload: NDArray[np.uint8], length: int, profile: int, data_id: int, counter: int) -> None:
     """Write the counter of the message's `counter`-th frame and then the CRC, in place.
 

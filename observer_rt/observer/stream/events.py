@@ -2,7 +2,7 @@
 
 import math
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.observer.stream.standstill import forget_other_noise
 from observer_rt.observer.stream.state import (
     INJECTIONS,
@@ -165,7 +165,7 @@ def judgement_due(observer: Observer, index: int) -> bool:
     return bool(memory.events[memory.events_taken % PENDING_EVENTS].due_index <= index)
 
 
-@inner
+@inner_separate
 def _end_window(observer: Observer, injections_before: int, position: int) -> None:
     """Integrate an injection up to the processed sample `position` if its window is still open: trapezoidal rule."""
     memory = observer.memory[0]
@@ -179,7 +179,8 @@ def _end_window(observer: Observer, injections_before: int, position: int) -> No
     injection.phi_version = memory.phi_version
     injection.state = observer.ring[position & _MASK].state
     middle = observer.ring[((injection.start + position) // 2) & _MASK]
-    injection.middle_x[:] = middle.x_hat[:3]
+    for i in range(3):
+        injection.middle_x[i] = middle.x_hat[i]
     injection.middle_u[0] = middle.rail_pressure
     injection.middle_u[1] = middle.seat_area
     volume = 0.0

@@ -9,7 +9,7 @@ import math
 
 from numba import njit
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.line.interface import is_averaged
 from observer_rt.model.seat import normalised_area
@@ -89,7 +89,7 @@ def open_from(observer: Observer, position: int) -> None:
     memory.fall = 0.0
 
 
-@inner
+@inner_separate
 def _foot_ahead(observer: Observer, position: int, nearest: int) -> int:
     """Samples from `position` to the first recorded as open, from `nearest` to a toe beyond; -1 if there is none.
 
@@ -136,7 +136,7 @@ def _opens_within(observer: Observer, position: int, samples: int) -> bool:
     return False
 
 
-@inner
+@inner_separate
 def stays_low(observer: Observer, position: int) -> bool:
     """Whether a needle long at rest that is recorded as open from `position` on does not rise on.
 
@@ -187,7 +187,7 @@ def slope_of_means(partial: float, full: float, slope: float, tolerance: float) 
     return full / (ratio + math.sqrt(ratio * ratio + ratio) + 0.5)
 
 
-@inner
+@inner_separate
 def _slope_of_means(observer: Observer, outermost: int, inwards: int, slope: float) -> float:
     """The same of the ramp whose outermost sample is `outermost`, the next one `inwards` (1 or -1) of it."""
     factor = observer.constants.inputs.lift_factor

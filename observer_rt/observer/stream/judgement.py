@@ -4,7 +4,8 @@ import math
 
 from numba import njit
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate, separate
+from observer_rt.foundation.small_arrays import copy_matrix, copy_vector
 from observer_rt.observer.stream.pair import FURTHEST_OFFSET
 from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.state import PENDING_EVENTS, Observer, Reason
@@ -16,7 +17,7 @@ _NOT_JUDGED = int(Reason.NOT_JUDGED)
 _NOTHING, _EXAMINED, _LEARNED = (int(each) for each in Taken)
 
 
-@njit(cache=True, nogil=True)
+@separate
 def judged(observer: Observer) -> bool:
     """Judge the oldest closed event by the verdict posted on it; False, with nothing done, where there is none."""
     memory = observer.memory[0]
@@ -98,7 +99,7 @@ def _note_reason(observer: Observer, event, judgement: int) -> None:  # type: ig
         memory.contradicted = False
 
 
-@inner
+@inner_separate
 def _put_learned_into_force(observer: Observer, slot: int, is_coloured: bool) -> None:
     """What was learned, but for an offset that the standstill has moved meanwhile."""
     memory = observer.memory[0]
@@ -116,22 +117,22 @@ def _put_learned_into_force(observer: Observer, slot: int, is_coloured: bool) ->
         memory.phi_version += 1
 
 
-@njit(cache=True, nogil=True)
+@separate
 def carry_on(observer: Observer, slot: int) -> None:
     """Carry the theta, gains and noise of a slot from here on."""
     memory = observer.memory[0]
     verdict = observer.verdicts.slots[slot]
-    memory.theta[:] = verdict.theta
-    memory.output[:] = verdict.output
-    memory.bias[:] = verdict.bias
-    memory.back_pressure[:] = verdict.back_pressure
+    copy_vector(verdict.theta, memory.theta)
+    copy_matrix(verdict.output, memory.output)
+    copy_vector(verdict.bias, memory.bias)
+    copy_vector(verdict.back_pressure, memory.back_pressure)
     memory.learned_offset = verdict.learned_offset
     memory.offset = verdict.learned_offset
     memory.lag = verdict.lag
-    memory.line[:] = verdict.line
+    copy_vector(verdict.line, memory.line)
     for channel in range(3):
         memory.channels[channel].noise = verdict.noise[channel]
-    observer.gains[:] = observer.verdicts.gains[slot]
+    copy_matrix(observer.verdicts.gains[slot], observer.gains)
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ injection would go on for as long.
 
 from numba import njit
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner_separate
 from observer_rt.observer.stream.front_end import LOWEST, known
 from observer_rt.observer.stream.lift_step import shift_lifts, shift_zero
 from observer_rt.observer.stream.state import RING, Observer
@@ -24,7 +24,7 @@ def lingers(observer: Observer, position: int) -> bool:
     return bool(0.0 < lift < MOST_BANDS * memory.lift_on and memory.summit > BEYOND_SEAT)
 
 
-@inner
+@inner_separate
 def come_to_rest(observer: Observer, position: int) -> bool:
     """Shut a needle that lingers at a lift just off its seat, and move the zero there; False if it still moves.
 

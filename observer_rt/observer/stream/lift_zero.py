@@ -4,7 +4,7 @@ import math
 
 from numba import njit
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.foundation.continuity import Break
 from observer_rt.observer.stream.events import forget_opening
 from observer_rt.observer.stream.front_end import dead_band, known
@@ -76,7 +76,7 @@ def is_beyond_limit(observer: Observer) -> bool:
     return bool(abs(observer.memory[0].zero) >= LIMIT)
 
 
-@inner
+@inner_separate
 def follow_lift(observer: Observer, position: int) -> None:
     """Take the lift at `position` into its zero, its noise and its crosstalk, if the needle is shut and at rest.
 
@@ -202,7 +202,7 @@ def _find_crosstalk(observer: Observer) -> None:
     memory.crosstalk = slope if is_there and abs(slope) < most else 0.0
 
 
-@inner
+@inner_separate
 def look_at_start(observer: Observer, position: int) -> None:
     """A moment after the samples began: in a line at rest the needle was shut before, whatever lift it showed."""
     memory = observer.memory[0]

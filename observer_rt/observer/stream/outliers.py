@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numba import njit
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.observer.stream.state import LIFT, LINE, RAIL, RING, Observer
 
@@ -101,7 +101,7 @@ def accepted(memory, longest: int, innovation: float) -> bool:  # type: ignore[n
     return bool(memory.leaping == 0)
 
 
-@inner
+@inner_separate
 def _look(observer: Observer, position: int, number: int, value: float) -> int:
     """Do what is to be done about a channel whose value at a position is odd; its `Doubt`."""
     channel = observer.memory[0].channels[number]
@@ -138,7 +138,7 @@ def _is_wide_open(memory, lift: float) -> bool:  # type: ignore[no-untyped-def]
     return bool(memory.stop_openings >= ENOUGH_OPENINGS and lift - memory.zero > WIDE * memory.stop)
 
 
-@inner
+@inner_separate
 def _was_let_go(observer: Observer, position: int) -> bool:
     """Whether the lift leapt from where it stayed, some samples before a position, quicker than a needle, for good.
 
@@ -269,7 +269,7 @@ def _bridge(observer: Observer, position: int, number: int) -> None:
         _replace(row, number, channel.instead)
 
 
-@inner
+@inner_separate
 def _mend(observer: Observer, position: int, number: int) -> None:
     """Put a straight line in the place of the few values before a position that leapt away from it and came back."""
     memory = observer.memory[0]
@@ -298,7 +298,7 @@ def _mend(observer: Observer, position: int, number: int) -> None:
             return
 
 
-@inner
+@inner_separate
 def _mend_open_lift(observer: Observer, position: int) -> None:
     """Put the straight line that an open needle moves on in the place of the few values that leapt away from it.
 

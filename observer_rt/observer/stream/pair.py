@@ -2,12 +2,9 @@
 
 import math
 
-import numpy as np
-from numba import njit
-from numpy.typing import NDArray
-
 from observer_rt.estimation.predictor import correct, predict
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.borrowed import borrowed
 from observer_rt.model.coefficients import Coefficients
@@ -60,13 +57,6 @@ def coefficients_in_force(observer: Observer) -> Coefficients:
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _copy(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
-    """A state of few numbers; a slice would cost more than they do."""
-    for i in range(target.shape[0]):
-        target[i] = source[i]
-
-
 @inner
 def start_pair(observer: Observer, position: int) -> None:
     """x~ (and x^ with it) begins anew: p_L = y, Q_L = 0, empty sac."""
@@ -80,7 +70,7 @@ def start_pair(observer: Observer, position: int) -> None:
     row.innovation = 0.0
     memory.accepted_innovation = 0.0
     memory.surprise = 0.0
-    _copy(row.x_tilde, row.x_hat)
+    copy_vector(row.x_tilde, row.x_hat)
     memory.since_start = 0
     memory.closed_since_start = 0
 
@@ -101,7 +91,7 @@ def _is_measured(observer: Observer, position: int) -> bool:
     return bool(position + late >= observer.memory[0].segment_start)
 
 
-@inner
+@inner_separate
 def step_pair(observer: Observer, position: int) -> bool:
     """Both systems from the previous sample to this one; False when a state is no longer finite.
 
@@ -122,7 +112,7 @@ def step_pair(observer: Observer, position: int) -> bool:
     knot = (before.lift_after, before.lift_area)
 
     x_tilde, x_hat = borrowed(row.x_tilde), borrowed(row.x_hat)  # as learning has them: one code for both
-    _copy(before.x_tilde, x_tilde)
+    copy_vector(before.x_tilde, x_tilde)
     fraction = constants.sensor.fraction
     indicated, shown = predict(
         x_tilde, before.indicated, interval, knot, fraction, memory.lag, c, network, None
@@ -143,9 +133,9 @@ def step_pair(observer: Observer, position: int) -> bool:
     if row.resting:
         _follow_offset(observer, row.innovation)
         x_tilde[2] = 0.0
-        _copy(x_tilde, x_hat)
+        copy_vector(x_tilde, x_hat)
     else:
-        _copy(before.x_hat, x_hat)
+        copy_vector(before.x_hat, x_hat)
         advance_x_hat(observer.phi, x_hat, interval, knot, c, network)
     return math.isfinite(x_hat.sum() + x_tilde.sum())
 

@@ -8,6 +8,7 @@ from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import separate
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.network import Network
@@ -67,7 +68,7 @@ def carry(kind: type, advance: Callable[..., Any], read: Callable[..., Any], put
     overload(put_into, strict=False)(chosen(put))
 
 
-@njit(cache=True, nogil=True)
+@separate
 def _advance_structured(
     phi: StructuredPhi,
     x: NDArray[np.float64],

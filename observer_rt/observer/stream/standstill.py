@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.observer.stream.lift_figures import LiftFigures
 from observer_rt.observer.stream.state import RING, Observer, Reason
 
@@ -29,7 +29,7 @@ _MASK = RING - 1
 _NUMERICAL = int(Reason.NUMERICAL)
 
 
-@inner
+@inner_separate
 def gather(observer: Observer, position: int) -> None:
     """Take the sample at `position` into the statistics of the standstill."""
     memory = observer.memory[0]

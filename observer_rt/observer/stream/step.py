@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate, separate
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.observer.stream.events import (
     begin_injection,
@@ -57,7 +57,7 @@ _ADAPTED = int(State.ADAPTED)
 _DEGRADED = int(State.DEGRADED)
 
 
-@inner
+@inner_separate
 def push(
     observer: Observer,
     index: int,
@@ -107,7 +107,7 @@ def push(
     _give_on(observer, observer.memory[0].recorded - observer.constants.undoing.ahead)
 
 
-@inner
+@inner_separate
 def _give_on(observer: Observer, end: int) -> None:
     """Append the samples that wait, up to the number `end`, with what is stated of their channels undone."""
     memory = observer.memory[0]
@@ -168,7 +168,7 @@ def _append(
         memory.interpolated += 1
 
 
-@njit(cache=True, nogil=True)
+@separate
 def advance_stream(observer: Observer) -> bool:
     """Process every sample whose look-ahead is complete.
 
@@ -217,7 +217,7 @@ def _cut_short(observer: Observer, position: int) -> bool:
     return bool(following < observer.memory[0].received)
 
 
-@inner
+@inner_separate
 def _finish(observer: Observer) -> None:
     """No sample will come: end the event under way and have every closed one judged."""
     memory = observer.memory[0]
@@ -228,7 +228,7 @@ def _finish(observer: Observer) -> None:
     memory.waiting = memory.events_taken < memory.events_closed
 
 
-@inner
+@inner_separate
 def _process(observer: Observer, position: int) -> bool:
     """One sample; False, with nothing done, when an event must be judged before it."""
     memory = observer.memory[0]
@@ -292,7 +292,7 @@ def _begin_segment(observer: Observer, position: int) -> None:
     memory.breaks += 1
 
 
-@inner
+@inner_separate
 def _move_needle(observer: Observer, position: int, opens: bool) -> None:
     """Dead band and events; the seat area of a closed needle is 0 or, beside an opening, negative."""
     memory = observer.memory[0]
@@ -362,7 +362,7 @@ def _is_only_rest_held(observer: Observer, position: int) -> bool:
     return bool(is_at_rest and row.doubt == _FROZEN and others <= timing.bridge)
 
 
-@inner
+@inner_separate
 def _mark(observer: Observer, position: int) -> None:
     """Validity, reason and state of the processed sample; its rate is not available while not synchronised."""
     memory = observer.memory[0]

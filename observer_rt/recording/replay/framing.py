@@ -250,7 +250,8 @@ def _payloads(values, index, inputs, number, counter):  # type: ignore[no-untype
         blank = inputs.kinds[message.first_kind + kind].blank[: message.length]
         frames = result[kind::kinds]
         for frame in range(blocks):
-            frames[frame] = blank
+            for place in range(message.length):
+                frames[frame, place] = blank[place]
         for g in range(message.first_group, message.first_group + message.group_count):
             group = inputs.groups[g]
             if is_selected(blank, inputs.selection, group.first_condition, group.condition_count):

@@ -1,7 +1,7 @@
 """Many frames in one call: as far as Python need not be asked. Compiled."""
 
 from observer_rt.bus.frame_block import FrameBlock
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner_separate
 from observer_rt.service.compiled.asking import Asking, Need, is_asked_for
 from observer_rt.service.compiled.pipeline import Pipeline, handle
 from observer_rt.service.compiled.publisher import FRAMES
@@ -11,7 +11,7 @@ FULL = FRAMES // 4  # rate frames ready, beyond which there is room for those of
 _NOTHING, _VERDICT, _INPUT = (int(each) for each in Need)
 
 
-@inner
+@inner_separate
 def take_many(pipeline: Pipeline, asking: Asking, block: FrameBlock, first: int) -> tuple[int, int]:
     """Take frames of a block from `first` on: number of the next one, and `Need`.
 

@@ -28,7 +28,7 @@ from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, MAX_SIGNALS, ROLES, Inputs
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.config.signals import Role
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.foundation.referenced import referenced
 from observer_rt.observer.stream.state import Observer
 from observer_rt.observer.stream.step import advance_stream, push
@@ -96,7 +96,7 @@ def listen(pipeline: Pipeline, key: int, payload: NDArray[np.uint8], stamp: int)
             return
 
 
-@inner
+@inner_separate
 def proceed(pipeline: Pipeline) -> bool:
     """Observe what is aligned and publish what is observed; True when a judgement is needed to go on."""
     waiting = advance_stream(pipeline.observer)
@@ -104,7 +104,7 @@ def proceed(pipeline: Pipeline) -> bool:
     return bool(waiting)
 
 
-@inner
+@inner_separate
 def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8], stamp: int) -> None:
     """Check, decode and align one frame of an input message; what fails a check is counted and dropped."""
     receiver = pipeline.receiver[0]
@@ -151,7 +151,7 @@ def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8], stamp: in
     _feed(pipeline)
 
 
-@inner
+@inner_separate
 def _take_group(pipeline: Pipeline, group, payload, counter, contiguous, stamp):  # type: ignore[no-untyped-def]
     """Decode and align the samples of one group: its `Placing`.
 
@@ -177,7 +177,7 @@ def _take_group(pipeline: Pipeline, group, payload, counter, contiguous, stamp):
     return placing
 
 
-@inner
+@inner_separate
 def _raw_index(pipeline: Pipeline, group, counter, stamp):  # type: ignore[no-untyped-def]
     """Index of the group's first sample as sent or, where none is sent, as counted; -1: the frame is dropped."""
     keeping, stream = pipeline.keeping, group.stream
@@ -208,7 +208,7 @@ def _raw_index(pipeline: Pipeline, group, counter, stamp):  # type: ignore[no-un
     return int(raw_index)
 
 
-@inner
+@inner_separate
 def _store(pipeline: Pipeline, group, start):  # type: ignore[no-untyped-def]
     """The decoded samples of a group, the first of which is `start`, onto the grid."""
     receiver = pipeline.receiver[0]
@@ -228,7 +228,7 @@ def _store(pipeline: Pipeline, group, start):  # type: ignore[no-untyped-def]
             follow(pipeline.alignment, group.stream, place - follower.early, receiver.sample)
 
 
-@inner
+@inner_separate
 def _feed(pipeline: Pipeline) -> None:
     """Hand the aligned samples to the observer."""
     alignment = pipeline.alignment.memory[0]

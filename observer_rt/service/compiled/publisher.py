@@ -3,14 +3,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.codec import SIGNAL, encode
 from observer_rt.bus.database.e2e import UNPROTECTED, protect
 from observer_rt.bus.mapping.input_tables import LONGEST_FRAME
 from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, RateMessage
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate, separate
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.referenced import referenced
 from observer_rt.foundation.units import MM3_PER_MS
@@ -77,7 +76,7 @@ def make_publisher(message: RateMessage | None, learning: bool) -> Publisher:
     return publisher
 
 
-@inner
+@inner_separate
 def publish(publisher: Publisher, observer: Observer) -> None:
     """Frames of all blocks completed by the samples processed since the last call."""
     memory = publisher.memory[0]
@@ -103,7 +102,7 @@ def publish(publisher: Publisher, observer: Observer) -> None:
             flush(publisher)
 
 
-@njit(cache=True, nogil=True)
+@separate
 def flush(publisher: Publisher) -> None:
     """The block under way into a frame, what is missing of it as not available; nothing without a block."""
     memory = publisher.memory[0]

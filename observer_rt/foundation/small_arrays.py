@@ -1,0 +1,56 @@
+"""Vectors and matrices of a few numbers, for compiled code: the libraries' take longer to begin, and to compile."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.foundation.compiled import inner
+
+
+@njit(cache=True, nogil=True, inline="always")
+def copy_vector(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
+    """All numbers of one (n,) into the other."""
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def copy_matrix(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
+    """All numbers of one (n, m) into the other."""
+    for i in range(target.shape[0]):
+        for j in range(target.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@njit(cache=True, nogil=True)
+def ascending(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Places of a few values (n,) in ascending order, equal ones as they come."""
+    order = np.arange(values.shape[0])
+    for k in range(1, order.shape[0]):
+        place, i = order[k], k
+        while i > 0 and values[order[i - 1]] > values[place]:
+            order[i] = order[i - 1]
+            i -= 1
+        order[i] = place
+    return order
+
+
+@inner
+def multiply(left: NDArray[np.float64], right: NDArray[np.float64], result: NDArray[np.float64]) -> None:
+    """left (n, k) @ right (k, m) into `result` (n, m), another array."""
+    for i in range(result.shape[0]):
+        for j in range(result.shape[1]):
+            result[i, j] = 0.0
+        for k in range(right.shape[0]):
+            factor = left[i, k]
+            for j in range(result.shape[1]):
+                result[i, j] += factor * right[k, j]
+
+
+@inner
+def product(matrix: NDArray[np.float64], vector: NDArray[np.float64], row: int) -> float:
+    """A row of a matrix times a vector."""
+    total = 0.0
+    for k in range(vector.shape[0]):
+        total += matrix[row, k] * vector[k]
+    return total

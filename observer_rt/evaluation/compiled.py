@@ -7,10 +7,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.right_hand_side import injection_rate
-from observer_rt.observer.stream.pair import coefficients_in_force, network_in_force
 from observer_rt.observer.stream.state import RING, Observer, State
+from observer_rt.observer.stream.stepper import Stepper, coefficients_in_force, network_in_force
 
 FOLLOWED = np.dtype([("position", np.int64), ("flows", np.bool_)], align=True)
 _MASK = RING - 1
@@ -20,20 +21,21 @@ _STARTING = int(State.STARTING)
 
 @njit(cache=True, nogil=True)
 def nominal_rates(
-    ring: NDArray[np.void],
-    nominal: Observer,
+    observer: Observer,
+    nominal: Stepper,
     state: NDArray[np.void],
     x: NDArray[np.float64],
     first: int,
     rates: NDArray[np.float64],
 ) -> None:
-    """Rates of the model as given [m3/s] at samples of a ring from the position `first` on.
+    """Rates of the model as given [m3/s] at samples of an observer from the position `first` on.
 
     x: the model's state at state.position, up to which it was followed; it flows while its last rate is not 0.
 
     A needle that is shut with nothing flowing is passed over until it opens again or the line is at rest.
     """
     c, network, memory = coefficients_in_force(nominal), network_in_force(nominal), state[0]
+    ring = observer.ring
     found = -1  # position of the state to go on from, if that is not x
     for place in range(rates.size):
         position = first + place
@@ -44,18 +46,18 @@ def nominal_rates(
             memory.flows = False
         elif row.seat_area > 0.0 or memory.flows:
             if found >= 0:
-                x[:] = ring[found & _MASK].x_tilde
+                copy_vector(observer.x_tilde[found & _MASK], x)
                 found = -1
             if position - memory.position >= RING:
-                x[:] = np.nan
+                x.fill(np.nan)
                 memory.position = position - 1
             for number in range(memory.position + 1, position + 1):
                 before, after = ring[(number - 1) & _MASK], ring[number & _MASK]
                 interval = Interval(
                     (before.rail_pressure, before.seat_area),
                     (after.rail_pressure, after.seat_area),
-                    nominal.constants.interval,
-                    nominal.constants.substeps,
+                    nominal.interval,
+                    nominal.substeps,
                 )
                 advance_over(x, interval, (before.lift_after, before.lift_area), c, network, None)
             memory.position = position
@@ -64,7 +66,7 @@ def nominal_rates(
         if np.isnan(row.injection_rate):
             rates[place] = np.nan
     if found >= 0:
-        x[:] = ring[found & _MASK].x_tilde
+        copy_vector(observer.x_tilde[found & _MASK], x)
 
 
 @njit(cache=True, nogil=True)
@@ -95,7 +97,7 @@ def begin_samples(held: NDArray[np.void], states: NDArray[np.void], time: NDArra
 
 @njit(cache=True, nogil=True)
 def note_samples(
-    ring: NDArray[np.void],
+    observer: Observer,
     position: int,
     first_index: int,
     nominal: NDArray[np.float64],
@@ -108,7 +110,7 @@ def note_samples(
     states: `passage.STATES` of the same samples, none where they are not wanted.
     """
     for number in range(nominal.size):
-        row = ring[(position + number) & _MASK]
+        row = observer.ring[(position + number) & _MASK]
         place = row.index - first_index
         if not 0 <= place < held.size:
             continue
@@ -119,8 +121,9 @@ def note_samples(
         here.valid = row.valid
         here.state = row.state
         if states.size and not np.isnan(row.injection_rate):
-            states[place].x[:] = row.x_hat[:3]
-            states[place].phi[:] = row.phi
+            x_hat, noted = observer.x_hat[(position + number) & _MASK], states[place]
+            for i in range(3):
+                noted.x[i], noted.phi[i] = x_hat[i], row.phi[i]
 
 
 @njit(cache=True, nogil=True)

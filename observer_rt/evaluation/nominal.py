@@ -6,7 +6,7 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.evaluation.compiled import FOLLOWED, nominal_rates
 from observer_rt.evaluation.trace import Signal
 from observer_rt.observer.learning.knowledge import no_knowledge
-from observer_rt.observer.observer import make_observer
+from observer_rt.observer.observer import make_observer, with_constants
 from observer_rt.observer.stream.state import Observer
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.learners import make_learner
@@ -28,6 +28,7 @@ class NominalModel:
         Call it without gaps.
         """
         rates = np.empty(end - first)
-        nominal = self._nominal._replace(constants=observer.constants)  # of fuel as warm as it is
-        nominal_rates(observer.ring, nominal, self._state, self._x, first, rates)
+        if self._nominal.constants is not observer.constants:  # of fuel as warm as it is
+            self._nominal = with_constants(self._nominal, observer.constants)
+        nominal_rates(observer, self._nominal.stepper, self._state, self._x, first, rates)
         return rates

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.evaluation.compiled import begin_samples, note_samples
 from observer_rt.evaluation.trace import Signal, Trace
-from observer_rt.observer.stream.state import RING
+from observer_rt.observer.stream.state import RING, Observer
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass
@@ -145,10 +145,10 @@ class Passage:
         self.first += done
         self._begin += done
 
-    def note(self, ring: NDArray[np.void], position: int, index: NDArray[np.int64], nominal: Signal) -> None:
+    def note(self, observer: Observer, position: int, index: NDArray[np.int64], nominal: Signal) -> None:
         """What the observer said of some samples, the first of them at a position of its stream.
 
-        ring: of the observer; index (n,) of the samples, rising; nominal [m3/s] (n,): what the nominal model says.
+        index (n,) of the samples, rising; nominal [m3/s] (n,): what the nominal model says.
         """
         if self.begin is None:
             self.begin = position
@@ -159,7 +159,7 @@ class Passage:
             self._reach(int(index[end - 1]) + 1 - self.first_index)
             self._marks.append((position, int(index[first]) - self.first_index))
         states = self._states[self._begin : self._end]
-        note_samples(ring, position, self.first_index + self.first, nominal, self._remembered, states)
+        note_samples(observer, position, self.first_index + self.first, nominal, self._remembered, states)
 
     def note_report(self, report: InjectionReport) -> None:
         """Tell an injection and how sure its rate is."""

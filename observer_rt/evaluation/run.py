@@ -180,7 +180,7 @@ class ObserverRun:
         observer = self._core.compiled.observer
         for passage, position, index in self._reading.parts(self._passages):
             nominal = self._nominal.rates(observer, position, position + len(index))
-            passage.note(observer.ring, position, index, nominal)
+            passage.note(observer, position, index, nominal)
         news, self._news = self._news, []
         for each in news:
             match each:

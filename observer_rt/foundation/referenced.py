@@ -4,7 +4,8 @@ Numba passes a named tuple leaf by leaf, and counts the users of every array in 
 does not inline. With a hundred leaves that is most of what the code does, of its size, and of the time to compile it.
 
 Of what is reached by such a pointer nothing is counted: Python, who owns the tuple, must keep it while compiled code
-runs. Its elements are read where they are used; one that is a referenced tuple, too, is a pointer again.
+runs. Its elements are read where they are used; one that is a referenced tuple, too, is a pointer again. What is
+hidden of a tuple is not part of its type, so that the same code does for whatever it is.
 """
 
 import hashlib
@@ -13,7 +14,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
-from numba import njit, types
+from numba import njit, typeof, types
 from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.core.imputils import lower_getattr_generic
@@ -29,7 +30,7 @@ from numba.extending import (
 from numpy.typing import NDArray
 
 _Kind = TypeVar("_Kind", bound=type)
-_kinds: set[type] = set()
+_hidden_in: dict[type, tuple[str, ...]] = {}
 
 
 class Reference(types.Type):
@@ -48,25 +49,42 @@ class Reference(types.Type):
         return place, self.tuple_type.types[place]
 
 
-def referenced(kind: _Kind) -> _Kind:
-    """Class decorator: compiled code is given such named tuples by reference, from Python and from within others."""
-    _kinds.add(kind)
+def referenced(*hidden: str) -> Callable[[_Kind], _Kind]:
+    """Class decorator: compiled code is given such named tuples by reference, from Python and from within others.
 
-    @typeof_impl.register(kind)
-    def _type_of(value: Any, context: Any) -> Reference:
-        return Reference(_type_by_value(value, context))
+    hidden: elements compiled code does not see, as `name`, or as `name.name` of one within.
+    """
 
-    return kind
+    def register(kind: _Kind) -> _Kind:
+        _hidden_in[kind] = hidden
+
+        @typeof_impl.register(kind)
+        def _type_of(value: Any, context: Any) -> Reference:
+            return Reference(_type_by_value(value, context, ()))
+
+        return kind
+
+    return register
 
 
-def _type_by_value(value: Any, context: Any) -> Any:
+def _type_by_value(value: Any, context: Any, hidden: tuple[str, ...]) -> Any:
     if not isinstance(value, tuple):
         return typeof_impl(value, context)
-    return types.BaseTuple.from_types([_type_by_value(each, context) for each in value], type(value))
+    hidden = (*hidden, *_hidden_in.get(type(value), ()))
+    names = getattr(value, "_fields", range(len(value)))
+    elements = [
+        types.none if name in hidden else _type_by_value(each, context, _within(hidden, name))
+        for name, each in zip(names, value, strict=True)
+    ]
+    return types.BaseTuple.from_types(elements, type(value))
+
+
+def _within(hidden: tuple[str, ...], name: str) -> tuple[str, ...]:
+    return tuple(each.removeprefix(f"{name}.") for each in hidden if each.startswith(f"{name}."))
 
 
 def _is_referenced(kind: Any) -> bool:
-    return isinstance(kind, types.BaseNamedTuple) and kind.instance_class in _kinds
+    return isinstance(kind, types.BaseNamedTuple) and kind.instance_class in _hidden_in
 
 
 register_model(Reference)(models.OpaqueModel)
@@ -89,6 +107,11 @@ def _unbox(kind: Reference, value: Any, c: Any) -> NativeValue:
 def _native(value: Any, kind: Reference) -> bytes:
     """The leaves of a tuple as compiled code has them."""
     return bytes(_entry(kind)(value))
+
+
+def leaves_of(value: Any) -> NDArray[np.uint8]:
+    """The leaves of a referenced tuple as compiled code has them, where they stay."""
+    return np.frombuffer(_native(value, typeof(value)), np.uint8)
 
 
 @cache

@@ -115,7 +115,8 @@ def _write(observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSc
     verdict["back_pressure"] = learned.network.back_pressure
     verdict["learned_offset"] = constants.sensor.offset + learned.offset
     verdict["lag"] = constants.sensor.lag + learned.lag
-    verdict["line"] = learned.coefficients.line
+    line = learned.coefficients.line
+    verdict["line"][: len(line)] = line
     noise, scale = knowledge.noise, constants.coefficients.pressure_scale
     verdict["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale
     observer.verdicts.gains[slot] = schedule.gains

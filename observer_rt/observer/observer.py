@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
+from observer_rt.foundation.bound import Bound, bind
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.coefficients import averaged
@@ -36,12 +37,14 @@ from observer_rt.observer.stream.state import (
     INJECTIONS,
     PENDING_EVENTS,
     RING,
+    SAMPLE,
     Constants,
     Observer,
     Timing,
     observer_dtype,
     sample_dtype,
 )
+from observer_rt.observer.stream.stepper import Stepper, step
 from observer_rt.observer.stream.undoing import louder, undoing_of
 from observer_rt.observer.stream.verdict import no_verdicts
 from observer_rt.observer.stream.window import copy_window
@@ -89,6 +92,7 @@ def constants_for(
 
     return Constants(
         coefficients=averaged(model.coefficients) if means else model.coefficients,
+        means=means,
         inputs=model.inputs,
         sensor=sensor,
         interval=interval,
@@ -120,14 +124,21 @@ def make_observer(
     constants: Constants, knowledge: Knowledge, learner: EventLearner, healthy: Healthy = NOT_FITTED
 ) -> Observer:
     """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
-    lines = len(constants.coefficients.line._fields)
-    observer = Observer(
+    observer = with_constants(
+        Observer(
+            constants,
+            np.zeros(1, observer_dtype(knowledge.in_force.size)),
+            np.zeros(RING, SAMPLE),
+            np.zeros((RING, constants.coefficients.states)),
+            np.zeros((RING, constants.coefficients.states)),
+            np.zeros_like(learner.schedule.gains),
+            learner.phi,
+            no_verdicts(knowledge.in_force.size, learner.schedule, learner.phi),
+            Bound(0, 0),
+            None,
+            None,
+        ),
         constants,
-        np.zeros(1, observer_dtype(lines, knowledge.in_force.size)),
-        np.zeros(RING, sample_dtype(constants.coefficients.states)),
-        np.zeros_like(learner.schedule.gains),
-        learner.phi,
-        no_verdicts(lines, knowledge.in_force.size, learner.schedule, learner.phi),
     )
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
@@ -144,6 +155,25 @@ def make_observer(
     return observer
 
 
+def with_constants(observer: Observer, constants: Constants) -> Observer:
+    """The same memory with other constants."""
+    stepper = Stepper(
+        constants.coefficients,
+        constants.sensor,
+        constants.interval,
+        constants.substeps,
+        observer.memory,
+        observer.ring,
+        observer.x_tilde,
+        observer.x_hat,
+        observer.gains,
+        observer.phi,
+        observer.verdicts.phi,
+    )
+    bound, kept = bind(step, stepper)
+    return observer._replace(constants=constants, step=bound, stepper=stepper, kept=kept)
+
+
 def event_window(observer: Observer, number: int) -> Window | None:
     """Learning window of the `number`-th closed event (0, 1, ..), copied; None when it cannot be learned."""
     event = observer.memory[0]["events"][number % PENDING_EVENTS]
@@ -151,12 +181,12 @@ def event_window(observer: Observer, number: int) -> Window | None:
         return None
     start, end = _window_of(observer, event)
     late = observer.constants.sensor.late
-    samples, first = max(0, end - start), observer.ring[start % RING]
+    samples = max(0, end - start)
     window = Window(
         inputs=np.empty((samples, 2)),
         output=np.empty(samples),
         resting=np.empty(samples, np.bool_),
-        start=np.append(first["x_tilde"], first["indicated"]),
+        start=np.append(observer.x_tilde[start % RING], observer.ring[start % RING]["indicated"]),
         opening=int(event["opening"]) - start,
         knots=np.empty((samples, 2)),
         masked=np.empty(samples, np.bool_),
@@ -172,6 +202,18 @@ def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:
     if start >= end:
         return ring[:0]
     return ring[first:last] if first < last else np.concatenate((ring[first:], ring[:last]))
+
+
+def samples_at(observer: Observer, start: int, end: int) -> NDArray[np.void]:
+    """Samples at positions [start, end), with x~ and x^, copied; dtype `sample_dtype`."""
+    found = np.empty(max(0, end - start), sample_dtype(observer.x_hat.shape[1]))
+    rows = remembered(observer.ring, start, end)
+    for name in SAMPLE.names or ():
+        found[name] = rows[name]
+    found["x_tilde"], found["x_hat"] = (
+        remembered(states, start, end) for states in (observer.x_tilde, observer.x_hat)
+    )
+    return found
 
 
 def event_innovations(observer: Observer, number: int) -> Innovations:

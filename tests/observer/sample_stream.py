@@ -21,6 +21,7 @@ from observer_rt.observer.observer import (
     event_window,
     in_force,
     make_observer,
+    samples_at,
 )
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import INJECTIONS, RING, Observer, sample_dtype
@@ -158,7 +159,7 @@ class Stream:
     def _keep(self) -> None:
         processed = self.count("processed")
         if self.keep:
-            self._kept.append(self.observer.ring[np.arange(self._seen, processed) % RING].copy())
+            self._kept.append(samples_at(self.observer, self._seen, processed))
         self._seen = processed
 
 

@@ -98,7 +98,7 @@ ALIGNMENT = np.dtype(
 )
 
 
-@referenced
+@referenced()
 class Alignment(NamedTuple):
     """Alignment as compiled functions see it; `queue` holds `memory[0].ready` decided samples for the caller."""
 

@@ -49,7 +49,7 @@ TIMEKEEPING = np.dtype(
 )
 
 
-@referenced
+@referenced()
 class Timekeeping(NamedTuple):
     """Clocks and counts of all messages, one row each."""
 

@@ -33,7 +33,7 @@ Conditions: TypeAlias = frozenset[Condition]
 """All must hold; none: the signal is in every frame."""
 
 
-@referenced
+@referenced()
 class Selection(NamedTuple):
     """Conditions as compiled functions see them.
 

@@ -82,7 +82,7 @@ INPUT_KIND = np.dtype(
 )
 
 
-@referenced
+@referenced()
 class Inputs(NamedTuple):
     """What compiled code needs to decode the input frames."""
 

@@ -178,9 +178,10 @@ def _end_window(observer: Observer, injections_before: int, position: int) -> No
     injection.end_index = observer.ring[position & _MASK].index
     injection.phi_version = memory.phi_version
     injection.state = observer.ring[position & _MASK].state
-    middle = observer.ring[((injection.start + position) // 2) & _MASK]
+    place = ((injection.start + position) // 2) & _MASK
+    middle = observer.ring[place]
     for i in range(3):
-        injection.middle_x[i] = middle.x_hat[i]
+        injection.middle_x[i] = observer.x_hat[place, i]
     injection.middle_u[0] = middle.rail_pressure
     injection.middle_u[1] = middle.seat_area
     volume = 0.0

@@ -11,7 +11,6 @@ from numba import njit
 
 from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.model.effective import InputTerms
-from observer_rt.model.line.interface import is_averaged
 from observer_rt.model.seat import normalised_area
 from observer_rt.observer.stream.state import RING, Observer
 
@@ -105,7 +104,7 @@ def _foot_ahead(observer: Observer, position: int, nearest: int) -> int:
 @inner
 def _is_partial(observer: Observer, position: int) -> int:
     """1 where a ramp begins within the mean that `position`, recorded as open, is; else 0."""
-    if not is_averaged(observer.constants.coefficients.line):
+    if not observer.constants.means:
         return 0
     is_first = position <= observer.memory[0].segment_start
     return int(is_first or not _opens_within(observer, position - 1, _reach(observer)))
@@ -205,7 +204,7 @@ def _rise(observer: Observer, foot: int, ahead: int) -> float:
         return 0.0
     rise = _recorded_lift(observer, foot + length) - _recorded_lift(observer, foot + first)
     rise = max(rise / (length - first), 0.0)
-    if is_averaged(observer.constants.coefficients.line):
+    if observer.constants.means:
         return float(_slope_of_means(observer, foot - 1, 1, rise))
     return float(rise)
 
@@ -216,7 +215,7 @@ def _lift_before_foot(observer: Observer, foot: int, rise: float) -> float:
 
     Of means it was, and does not count.
     """
-    if is_averaged(observer.constants.coefficients.line):
+    if observer.constants.means:
         return float(_recorded_lift(observer, foot) - rise)
     return float(min(_recorded_lift(observer, foot) - rise, observer.constants.inputs.lift_shift))
 
@@ -237,7 +236,7 @@ def is_recorded_shut(observer: Observer, position: int) -> bool:
     """Whether an open needle is recorded as shut from `position` on (not while the ramp is still to come)."""
     if position < observer.memory[0].foot:
         return False
-    if is_averaged(observer.constants.coefficients.line) and _ends_within(observer, position):
+    if observer.constants.means and _ends_within(observer, position):
         return bool(_lift_before_end(observer, position) <= 0.0)
     return bool(_no_lift_from(observer, position))
 
@@ -283,7 +282,7 @@ def keep_sinking(observer: Observer, position: int) -> bool:
     if memory.fall > 0.0:
         memory.sinking_lift -= memory.fall
     else:
-        beyond = 2 if is_averaged(observer.constants.coefficients.line) else 1
+        beyond = 2 if observer.constants.means else 1
         last = position - beyond  # its interval may be cut, as at the foot of the opening
         length = min(timing.ramp, last - max(memory.event_opening, memory.foot))
         final = 1 if length > 1 else 0
@@ -306,7 +305,7 @@ def area_at(observer: Observer, position: int) -> float:
         lift = memory.foot_lift - (memory.foot - 1 - position) * memory.rise
     elif memory.fall > 0.0:
         lift = memory.sinking_lift
-    elif is_averaged(observer.constants.coefficients.line) and _ends_within(observer, position):
+    elif observer.constants.means and _ends_within(observer, position):
         lift = _lift_before_end(observer, position)
     else:
         lift = _recorded_lift(observer, position)

@@ -4,14 +4,16 @@ import math
 
 from numba import njit
 
+from observer_rt.foundation.bound import call
 from observer_rt.foundation.compiled import inner, inner_separate, separate
 from observer_rt.foundation.small_arrays import copy_matrix, copy_vector
 from observer_rt.observer.stream.pair import FURTHEST_OFFSET
-from observer_rt.observer.stream.phi import put_into
 from observer_rt.observer.stream.state import PENDING_EVENTS, Observer, Reason
+from observer_rt.observer.stream.stepper import Stepping
 from observer_rt.observer.stream.verdict import SLOTS, Taken
 
 SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
+_PUT = int(Stepping.PUT)
 _PASSED = int(Reason.NONE)
 _NOT_JUDGED = int(Reason.NOT_JUDGED)
 _NOTHING, _EXAMINED, _LEARNED = (int(each) for each in Taken)
@@ -112,7 +114,7 @@ def _put_learned_into_force(observer: Observer, slot: int, is_coloured: bool) ->
     has_followed = abs(offset - memory.learned_offset) < furthest
     if has_followed and not is_coloured:
         memory.offset = offset
-    put_into(observer.phi, observer.verdicts.phi, slot)
+    call(observer.step, _PUT, slot)
     if verdict.is_adopted:
         memory.phi_version += 1
 

@@ -1,11 +1,12 @@
 """The observer's memory: one ring of samples and one record of everything else, both preallocated."""
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.foundation.bound import Bound
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.foundation.referenced import referenced
 from observer_rt.model.coefficients import Coefficients
@@ -292,18 +293,22 @@ _OBSERVER = [
 ]
 
 
+SAMPLE = np.dtype(_SAMPLE, align=True)
+"""A sample of the ring."""
+
+
 def sample_dtype(states: int) -> np.dtype[np.void]:
-    """A sample of the ring, for a model of so many states."""
+    """A sample with x~ and x^ of a model of so many states, as Python is given it."""
     pair = [("x_tilde", np.float64, (states,)), ("x_hat", np.float64, (states,))]
     return np.dtype(_SAMPLE + pair, align=True)
 
 
-def observer_dtype(line_coefficients: int, parameters: int) -> np.dtype[np.void]:
-    """The observer's memory, for a line of so many coefficients and so many parameters."""
-    return np.dtype(_OBSERVER + carried(line_coefficients, parameters), align=True)
+def observer_dtype(parameters: int) -> np.dtype[np.void]:
+    """The observer's memory, for so many parameters."""
+    return np.dtype(_OBSERVER + carried(parameters), align=True)
 
 
-@referenced
+@referenced()
 class Timing(NamedTuple):
     """Durations in samples."""
 
@@ -335,11 +340,12 @@ class Undoing(NamedTuple):
     ahead: int  # samples that must be known beyond one
 
 
-@referenced
+@referenced("coefficients.line")
 class Constants(NamedTuple):
-    """What does not change while the observer runs."""
+    """What does not change while the observer runs; the stream does not see the line."""
 
     coefficients: Coefficients
+    means: bool  # samples are means over the sample period that ends at their time
     inputs: InputTerms
     sensor: Sensor
     interval: float  # s
@@ -351,13 +357,18 @@ class Constants(NamedTuple):
     quickest: float  # m a sample: no needle is
 
 
-@referenced
+@referenced("phi", "verdicts.phi", "stepper", "kept")
 class Observer(NamedTuple):
     """The observer as compiled functions see it: constants and preallocated memory."""
 
     constants: Constants
     memory: NDArray[np.void]  # (1,) `observer_dtype`
-    ring: NDArray[np.void]  # (RING,) `sample_dtype`
+    ring: NDArray[np.void]  # (RING,) `SAMPLE`
+    x_tilde: NDArray[np.float64]  # (RING, states) of the samples in the ring
+    x_hat: NDArray[np.float64]
     gains: NDArray[np.float64]  # (n, states) gain schedule in force
     phi: Phi  # of x^
     verdicts: Verdicts
+    step: Bound  # `stepper.step` of the line and the phi at hand
+    stepper: Any  # the `Stepper` it is bound to
+    kept: Any  # while it may be called

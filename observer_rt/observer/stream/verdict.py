@@ -14,6 +14,7 @@ from observer_rt.estimation.gain import GainSchedule
 from observer_rt.model.network import HIDDEN, OUTPUTS
 from observer_rt.observer.stream.phi import Phi
 
+MOST_COEFFICIENTS = 24  # of a line
 SLOTS = 8  # events that may have a verdict before they are taken
 
 
@@ -38,8 +39,8 @@ _FINDING = np.dtype(
 )
 
 
-def carried(line_coefficients: int, parameters: int) -> list[tuple[Any, ...]]:
-    """Fields of theta as the loop carries it, for a line of so many coefficients and so many parameters."""
+def carried(parameters: int) -> list[tuple[Any, ...]]:
+    """Fields of theta as the loop carries it, for so many parameters."""
     return [
         ("theta", np.float64, (parameters,)),
         ("output", np.float64, (OUTPUTS, HIDDEN)),
@@ -47,11 +48,11 @@ def carried(line_coefficients: int, parameters: int) -> list[tuple[Any, ...]]:
         ("back_pressure", np.float64, (2,)),
         ("learned_offset", np.float64),
         ("lag", np.float64),  # s
-        ("line", np.float64, (line_coefficients,)),  # its coefficients with what was learned of it
+        ("line", np.float64, (MOST_COEFFICIENTS,)),  # its coefficients with what was learned of it
     ]
 
 
-def _verdict_dtype(line_coefficients: int, parameters: int) -> np.dtype[np.void]:
+def _verdict_dtype(parameters: int) -> np.dtype[np.void]:
     fields = [
         ("examined", _FINDING),
         ("learned", _FINDING),
@@ -63,7 +64,7 @@ def _verdict_dtype(line_coefficients: int, parameters: int) -> np.dtype[np.void]
         ("is_adopted", np.bool_),
         ("innovation_sigma", np.float64),
         ("noise", np.float64, (3,)),  # of the channels
-        *carried(line_coefficients, parameters),
+        *carried(parameters),
     ]
     return np.dtype(fields, align=True)
 
@@ -76,11 +77,11 @@ class Verdicts(NamedTuple):
     phi: Phi  # arrays as of what x^ carries, with a first dimension 2 SLOTS
 
 
-def no_verdicts(line_coefficients: int, parameters: int, schedule: GainSchedule, phi: Phi) -> Verdicts:
+def no_verdicts(parameters: int, schedule: GainSchedule, phi: Phi) -> Verdicts:
     """Slots for an observer that carries such a schedule and such a phi."""
     held: Any = phi
     return Verdicts(
-        np.zeros(2 * SLOTS, _verdict_dtype(line_coefficients, parameters)),
+        np.zeros(2 * SLOTS, _verdict_dtype(parameters)),
         np.zeros((2 * SLOTS, *schedule.gains.shape)),
         type(held)(*(np.zeros((2 * SLOTS, *array.shape)) for array in held)),
     )

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.frame_block import FrameBlock
 from observer_rt.foundation.referenced import Reference, reference_to
+from observer_rt.observer.observer import with_constants
 from observer_rt.observer.stream.state import Constants, Observer
 from observer_rt.service.compiled.asking import ASKING, Asking, Need
 from observer_rt.service.compiled.many import take_many
@@ -146,5 +147,5 @@ class CompiledPipeline:
 
     def change_constants(self, constants: Constants) -> None:
         """Observe with other constants from here on."""
-        self._pipeline = self._pipeline._replace(observer=self.observer._replace(constants=constants))
+        self._pipeline = self._pipeline._replace(observer=with_constants(self.observer, constants))
         self._held = self._hold()

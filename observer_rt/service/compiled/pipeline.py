@@ -61,7 +61,7 @@ def make_receiver() -> NDArray[np.void]:
     return receiver
 
 
-@referenced
+@referenced()
 class Pipeline(NamedTuple):
     """All memory of the receive-to-send path."""
 

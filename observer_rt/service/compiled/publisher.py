@@ -45,7 +45,7 @@ PUBLISHER = np.dtype(
 )
 
 
-@referenced
+@referenced()
 class Publisher(NamedTuple):
     """Publisher as compiled functions see it; `out` holds `memory[0].frames` frames for the caller.
 

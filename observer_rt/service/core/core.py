@@ -18,7 +18,7 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.evidence.slow_noise import SlowNoise
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
-from observer_rt.observer.observer import make_observer, remembered
+from observer_rt.observer.observer import make_observer, samples_at
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.lift_figures import LiftFigures, lift_figures
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
@@ -180,11 +180,11 @@ class Core:
         return int(self.compiled.observer.memory["processed"][0])
 
     def rows(self, start: int, end: int) -> NDArray[np.void]:
-        """Processed samples at positions [start, end) as a copy, dtype `stream.state.SAMPLE`.
+        """Processed samples at positions [start, end) as a copy, dtype `stream.state.sample_dtype`.
 
         Only the last `RING` samples are remembered.
         """
-        return remembered(self.compiled.observer.ring, max(start, end - RING), end).copy()
+        return samples_at(self.compiled.observer, max(start, end - RING), end)
 
     def inputs(self, first: int, most: int) -> dict[Role, NDArray[np.float64]]:
         """Processed samples from a position on [m; Pa above the chamber pressure], of those that are remembered.

@@ -55,7 +55,7 @@ PUMP = np.dtype(
 )
 
 
-@referenced
+@referenced()
 class Pump(NamedTuple):
     """All memory of the pump; buffers of bus b begin at b * BATCH."""
 

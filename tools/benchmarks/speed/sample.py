@@ -104,7 +104,7 @@ class CObserver:
         rows = at.observer.ring[at.first - 1 : at.end]
         self._inputs = np.column_stack([rows["rail_pressure"], rows["seat_area"]])
         self._output = np.ascontiguousarray(rows["line_pressure"])
-        self._start = np.array([rows["x_tilde"][0], rows["x_hat"][0]])
+        self._start = np.array([at.observer.x_tilde[at.first - 1], at.observer.x_hat[at.first - 1]])
         self._shown = float(rows["indicated"][0])
         self._rates = np.zeros(len(rows))
         self._model = model_of(at.observer)

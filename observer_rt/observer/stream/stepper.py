@@ -1,0 +1,175 @@
+"""What steps the pair x~ and x^ from sample to sample: the only part of the stream compiled for a line and a phi."""
+
+import math
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from observer_rt.estimation.predictor import correct, predict
+from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.foundation.referenced import referenced
+from observer_rt.foundation.small_arrays import copy_vector
+from observer_rt.model.borrowed import borrowed
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.integrator import Interval
+from observer_rt.model.line.interface import line_from, rest_line
+from observer_rt.model.network import Network
+from observer_rt.model.sensor import Sensor
+from observer_rt.observer.stream.phi import Phi, advance_x_hat, put_into, read_phi
+from observer_rt.observer.stream.state import RING
+
+_MASK = RING - 1
+
+
+class Stepping(IntEnum):
+    """What is asked of it, at a position of the ring."""
+
+    START = 0  # x~ and x^ anew: p_L = y, Q_L = 0, empty sac
+    PREDICT = 1  # x~ from the sample before; returns what the sensor is to record of it
+    CORRECT = 2  # x~ by the sample's innovation, then x^; returns nan where a state is no longer finite
+    READ = 3  # injection rate and phi of x^ into the sample's row
+    PUT = 4  # phi of a slot of what was posted into force
+
+
+_START, _PREDICT, _CORRECT = int(Stepping.START), int(Stepping.PREDICT), int(Stepping.CORRECT)
+_READ, _PUT = int(Stepping.READ), int(Stepping.PUT)
+
+
+@referenced()
+class Stepper(NamedTuple):
+    """An observer's model, and its memory as `Observer` has it."""
+
+    coefficients: Coefficients
+    sensor: Sensor
+    interval: float  # s
+    substeps: int
+    memory: NDArray[np.void]
+    ring: NDArray[np.void]
+    x_tilde: NDArray[np.float64]
+    x_hat: NDArray[np.float64]
+    gains: NDArray[np.float64]
+    phi: Phi
+    posted: Phi
+
+
+@njit(cache=True, nogil=True)
+def step(stepper: Stepper, what: int, position: int) -> float:
+    """One of `Stepping`; 0 where that says nothing of a result."""
+    if what == _PREDICT:
+        return float(_predict(stepper, position))
+    if what == _CORRECT:
+        return float(_correct(stepper, position))
+    if what == _READ:
+        _read(stepper, position)
+    elif what == _START:
+        _start(stepper, position)
+    else:
+        put_into(stepper.phi, stepper.posted, position)
+    return 0.0
+
+
+@inner
+def network_in_force(stepper: Stepper) -> Network:
+    """The network whose weights lie in the observer's memory."""
+    memory = stepper.memory[0]
+    return Network(
+        borrowed(memory.hidden),
+        borrowed(memory.output),
+        borrowed(memory.bias),
+        borrowed(memory.back_pressure),
+    )
+
+
+@inner
+def coefficients_in_force(stepper: Stepper) -> Coefficients:
+    """The model's coefficients with the line terms in the observer's memory."""
+    c = stepper.coefficients
+    return Coefficients(
+        line_from(stepper.memory[0].line, c.line),
+        c.seat,
+        c.nozzle,
+        c.sac,
+        c.pressure_scale,
+        c.flow_scale,
+        c.area_scale,
+        c.chamber_pressure,
+        c.density,
+        c.compression,
+    )
+
+
+@inner
+def _start(stepper: Stepper, position: int) -> None:
+    row = position & _MASK
+    x_tilde = stepper.x_tilde[row]
+    rest_line(x_tilde, stepper.ring[row].line_pressure - stepper.memory[0].offset, stepper.coefficients.line)
+    x_tilde[2] = 0.0
+    copy_vector(x_tilde, stepper.x_hat[row])
+
+
+@inner
+def _between(stepper: Stepper, position: int) -> tuple[Interval, tuple[float, float]]:
+    """The interval before a sample, and where the area bends in it."""
+    before, row = stepper.ring[(position - 1) & _MASK], stepper.ring[position & _MASK]
+    interval = Interval(
+        (before.rail_pressure, before.seat_area),
+        (row.rail_pressure, row.seat_area),
+        stepper.interval,
+        stepper.substeps,
+    )
+    return interval, (before.lift_after, before.lift_area)
+
+
+@inner_separate
+def _predict(stepper: Stepper, position: int) -> float:
+    before, row = (position - 1) & _MASK, position & _MASK
+    interval, knot = _between(stepper, position)
+    network, c = network_in_force(stepper), coefficients_in_force(stepper)
+    x_tilde = borrowed(stepper.x_tilde[row])  # as learning has it: one code for both
+    copy_vector(stepper.x_tilde[before], x_tilde)
+    indicated, shown = predict(
+        x_tilde,
+        stepper.ring[before].indicated,
+        interval,
+        knot,
+        stepper.sensor.fraction,
+        stepper.memory[0].lag,
+        c,
+        network,
+        None,
+    )
+    stepper.ring[row].indicated = indicated
+    return float(shown)
+
+
+@inner_separate
+def _correct(stepper: Stepper, position: int) -> float:
+    """With the needle long shut the sac is at chamber pressure and x^ := x~; otherwise x^ runs open loop."""
+    row = stepper.ring[position & _MASK]
+    x_tilde, x_hat = borrowed(stepper.x_tilde[position & _MASK]), borrowed(stepper.x_hat[position & _MASK])
+    gain = stepper.gains[min(stepper.memory[0].since_start, stepper.gains.shape[0] - 1)]
+    row.indicated = correct(x_tilde, row.indicated, row.innovation, gain, None)
+    if row.resting:
+        x_tilde[2] = 0.0
+        copy_vector(x_tilde, x_hat)
+    else:
+        interval, knot = _between(stepper, position)
+        network, c = network_in_force(stepper), coefficients_in_force(stepper)
+        copy_vector(stepper.x_hat[(position - 1) & _MASK], x_hat)
+        advance_x_hat(stepper.phi, x_hat, interval, knot, c, network)
+    return 0.0 if math.isfinite(x_hat.sum() + x_tilde.sum()) else math.nan
+
+
+@inner_separate
+def _read(stepper: Stepper, position: int) -> None:
+    row = stepper.ring[position & _MASK]
+    phi, rate = (0.0, 0.0, 0.0), 0.0
+    if not row.resting:
+        u = (row.rail_pressure, max(row.seat_area, 0.0))
+        x_hat = borrowed(stepper.x_hat[position & _MASK])
+        phi, rate = read_phi(stepper.phi, x_hat, u, coefficients_in_force(stepper), network_in_force(stepper))
+    row.phi[0], row.phi[1], row.phi[2] = phi
+    row.injection_rate = rate

@@ -13,7 +13,7 @@ from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.line.lump import stiffness, stiffness_slopes
 from observer_rt.model.line.wave import (
@@ -80,7 +80,7 @@ def _mean_of_open(first: float, last: float) -> float:
     return 0.5 * highest * highest / abs(last - first)
 
 
-@inner
+@inner_separate
 def leapfrog(
     x: NDArray[np.float64],
     interval: Any,

@@ -6,7 +6,9 @@ With the package's tuples: those of a test, in the shared cache, would be looked
 import sys
 
 import numpy as np
-from numba import njit
+import pytest
+from numba import njit, typeof
+from numba.core.errors import TypingError
 
 from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Constants
@@ -31,7 +33,7 @@ def _add_twice(publisher: Publisher, amount: float) -> float:
 def _read(constants: Constants) -> tuple[float, int, bool, float]:
     """Of a tuple that is referenced, too, and of one by value."""
     timing, c = constants.timing, constants.coefficients
-    return constants.interval, timing.bridge, constants.undoing.stated, c.line.a1 + c.density
+    return constants.interval, timing.bridge, constants.undoing.stated, c.nozzle.flow + c.density
 
 
 def _publisher(*values: float) -> Publisher:
@@ -56,7 +58,7 @@ def test_numbers_are_read_at_every_depth() -> None:
     c = constants.coefficients
     for bridge in (50, 7):
         changed = constants._replace(timing=constants.timing._replace(bridge=bridge))
-        assert _read(changed) == (constants.interval, bridge, False, c.line.a1 + c.density)
+        assert _read(changed) == (constants.interval, bridge, False, c.nozzle.flow + c.density)
 
 
 def test_nobody_holds_an_array_after_the_call() -> None:
@@ -65,3 +67,20 @@ def test_nobody_holds_an_array_after_the_call() -> None:
     _add_twice(publisher, 1.0)
     after = sys.getrefcount(publisher.values)
     assert after == before
+
+
+def test_what_is_hidden_is_not_part_of_the_type() -> None:
+    constants = bench_constants(load_bench().injector)
+    averaged_line = constants.coefficients.line.with_mean()
+    other = constants._replace(coefficients=constants.coefficients._replace(line=averaged_line))
+    assert typeof(other.coefficients) != typeof(constants.coefficients)
+    assert typeof(other) == typeof(constants)
+
+
+def test_compiled_code_does_not_see_what_is_hidden() -> None:
+    @njit
+    def read(constants: Constants) -> float:
+        return float(constants.coefficients.line.a1)
+
+    with pytest.raises(TypingError, match="a1"):
+        read(bench_constants(load_bench().injector))

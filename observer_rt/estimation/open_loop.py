@@ -19,7 +19,7 @@ from observer_rt.estimation.predictor import (
 )
 from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.foundation.small_arrays import copy_matrix
-from observer_rt.model.borrowed import borrowed_network, borrowed_tangent
+from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import advance_over, empty_sac
 from observer_rt.model.network import Network
@@ -73,13 +73,13 @@ def _run(
     setting: Setting,
     c: Coefficients,
     network: Network,
-    x: NDArray[np.float64],
+    state: NDArray[np.float64],
     tangent: Tangent,
     result: OpenLoop,
 ) -> None:
-    """Fill `result`, which holds zeros, from the opening on; x: the state one sample before."""
-    states, m = x.shape[0], result.slopes.shape[1]
-    network, tangent = borrowed_network(network), borrowed_tangent(tangent)
+    """Fill `result`, which holds zeros, from the opening on; state: one sample before, moved on with it."""
+    states, m = state.shape[0], result.slopes.shape[1]
+    x, network, tangent = borrowed(state), borrowed_network(network), borrowed_tangent(tangent)
     unit = np.eye(states)
     last = window.output.shape[0] - 1
     while last > 0 and window.inputs[last, 1] <= 0.0:

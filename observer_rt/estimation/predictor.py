@@ -272,7 +272,8 @@ def _follow(
     c, network = learned.coefficients, learned.network
     lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
     output = window.output
-    x = window.start[:-1].copy()
+    state = window.start[:-1].copy()
+    x = borrowed(state)
     indicated = window.start[-1]
     errors[:1] = 0.0
     rate[:1] = 0.0
@@ -292,7 +293,7 @@ def _follow(
             indicated = correct(x, indicated, errors[k], setting.gain, gradient)
         if window.resting[k]:
             empty_sac(x, None if gradient is None else gradient.tangent)
-    return x
+    return state
 
 
 @separate

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.small_arrays import copy_vector
+from observer_rt.model.borrowed import borrowed
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.observer.stream.state import RING, Observer, State
@@ -24,18 +25,18 @@ def nominal_rates(
     observer: Observer,
     nominal: Stepper,
     state: NDArray[np.void],
-    x: NDArray[np.float64],
+    held: NDArray[np.float64],
     first: int,
     rates: NDArray[np.float64],
 ) -> None:
     """Rates of the model as given [m3/s] at samples of an observer from the position `first` on.
 
-    x: the model's state at state.position, up to which it was followed; it flows while its last rate is not 0.
+    held: the model's state at state.position, up to which it was followed; it flows while its last rate is not 0.
 
     A needle that is shut with nothing flowing is passed over until it opens again or the line is at rest.
     """
     c, network, memory = coefficients_in_force(nominal), network_in_force(nominal), state[0]
-    ring = observer.ring
+    ring, x = observer.ring, borrowed(held)
     found = -1  # position of the state to go on from, if that is not x
     for place in range(rates.size):
         position = first + place

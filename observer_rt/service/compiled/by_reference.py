@@ -87,7 +87,9 @@ class CompiledPipeline:
         self._held = self._hold()
 
     def _hold(self) -> Any:
-        return _hold.compile((typeof(self._pipeline).tuple_type,))(self._pipeline)
+        held = _hold.compile((typeof(self._pipeline).tuple_type,))(self._pipeline)
+        held.kept = self.observer.kept  # by who is at work with it, while another takes its place
+        return held
 
     @cached_property
     def _handle(self) -> Any:

@@ -9,6 +9,7 @@ from typing import Any
 from llvmlite import binding
 from numba import njit
 from numba.core import cgutils
+from numba.core.compiler import CompileResult
 from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from numba.core.registry import CPUDispatcher
 
@@ -65,6 +66,19 @@ class _Needed:
     def __call__(self) -> None:
         """Load it, or compile it; Numba calls this before it loads code that was kept."""
         getattr(importlib.import_module(self.module), self.name).compile(self.types)
+
+
+_rebuild = CompileResult._rebuild
+
+
+def _rebuilt(*kept: Any) -> Any:
+    """Numba's own, and the library is told what it needs: else a caller compiled later, that holds it, is not."""
+    found = _rebuild(*kept)
+    found.library._reload_init.update(found.reload_init)
+    return found
+
+
+CompileResult._rebuild = _rebuilt
 
 
 def _call_by_symbol(needed: _Needed, description: Any) -> Any:

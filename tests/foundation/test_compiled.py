@@ -42,9 +42,8 @@ INNER = {
     if isinstance(node, ast.FunctionDef) and is_decorated(node, WITHOUT_ENTRY)
 }
 CALLED_AND_CALLER = """
-import numpy as np
 from numba import njit
-from observer_rt.foundation.compiled import inner_separate, separate
+from observer_rt.foundation.compiled import inner, inner_separate, separate
 
 @inner_separate
 def total(values, first):
@@ -59,20 +58,31 @@ def total(values, first):
 def twice(values, first):
     return 2.0 * total(values, first)
 
+@inner
+def held(values, first):
+    return twice(values, first) + 1.0
+
 @njit(cache=True)
 def more(values, first):
-    return twice(values, first) + 1.0
+    return held(values, first)
+
+@njit(cache=True)
+def most(values, first):
+    return held(values, first) + 1.0
 """
 USER = """
+import sys
 import numpy as np
+import observer_rt
 import called_and_caller as code
 
-print(code.more(np.arange(5.0), 2), code.twice(np.arange(5.0), 2))
-try:
-    code.more(np.arange(5.0), -1)
-except ValueError as error:
-    print(error)
-print(sum(code.more.stats.cache_misses.values()), sum(code.twice.stats.cache_misses.values()))
+for name in sys.argv[1:]:
+    function = getattr(code, name)
+    print(name, function(np.arange(5.0), 2), sum(function.stats.cache_misses.values()))
+    try:
+        function(np.arange(5.0), -1)
+    except ValueError as error:
+        print(error)
 """
 
 
@@ -98,16 +108,20 @@ def names_in_python(path: Path, tree: ast.Module) -> Iterator[str]:
 
 def test_code_that_was_kept_finds_what_it_calls(tmp_path: Path) -> None:
     (tmp_path / "called_and_caller.py").write_text(CALLED_AND_CALLER)
-    (tmp_path / "user.py").write_text("import observer_rt\n" + USER)
+    (tmp_path / "user.py").write_text(USER)
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": f"{ROOT}:{tmp_path}"}
     for name in ("NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES"):
         environment.pop(name, None)
-    said = [
-        subprocess.check_output([sys.executable, str(tmp_path / "user.py")], env=environment, text=True)
-        for _ in range(2)
-    ]
-    results = ["19.0 18.0", "first must not be negative"]
-    assert [text.splitlines() for text in said] == [[*results, "1 1"], [*results, "0 0"]]
+
+    def said(*names: str) -> list[str]:
+        command = [sys.executable, str(tmp_path / "user.py"), *names]
+        return subprocess.check_output(command, env=environment, text=True).splitlines()
+
+    raised = "first must not be negative"
+    assert said("more") == ["more 19.0 1", raised]
+    assert said("most") == ["most 20.0 1", raised]  # holds what was kept, which calls what is apart
+    assert said("most", "twice") == ["most 20.0 0", raised, "twice 18.0 0", raised]
+    assert said("more") == ["more 19.0 0", raised]
 
 
 @pytest.mark.parametrize(("decorator", "is_held"), [(njit, True), (separate, False)])

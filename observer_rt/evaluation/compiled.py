@@ -122,9 +122,8 @@ def note_samples(
         here.valid = row.valid
         here.state = row.state
         if states.size and not np.isnan(row.injection_rate):
-            x_hat, noted = observer.x_hat[(position + number) & _MASK], states[place]
-            for i in range(3):
-                noted.x[i], noted.phi[i] = x_hat[i], row.phi[i]
+            copy_vector(observer.x_hat[(position + number) & _MASK], states[place].x)
+            copy_vector(row.phi, states[place].phi)
 
 
 @njit(cache=True, nogil=True)

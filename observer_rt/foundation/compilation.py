@@ -148,12 +148,8 @@ def _digest(paths: Iterable[Path]) -> str:
 
 def is_compiled() -> bool:
     """Whether anything of this source was compiled before."""
-    return any(_kept_code("*.nbi"))
-
-
-def _kept_code(pattern: str) -> Iterator[Path]:
     root = Path(os.environ[_VARIABLE])
-    return (path for unit in _unit_digests() for path in (root / _name(unit)).rglob(pattern))
+    return any(any((root / _name(unit)).rglob("*.nbi")) for unit in _unit_digests())
 
 
 def note_complete(work: str) -> None:

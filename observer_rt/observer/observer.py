@@ -207,9 +207,7 @@ def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:
 def samples_at(observer: Observer, start: int, end: int) -> NDArray[np.void]:
     """Samples at positions [start, end), with x~ and x^, copied; dtype `sample_dtype`."""
     found = np.empty(max(0, end - start), sample_dtype(observer.x_hat.shape[1]))
-    rows = remembered(observer.ring, start, end)
-    for name in SAMPLE.names or ():
-        found[name] = rows[name]
+    found[list(SAMPLE.names or ())] = remembered(observer.ring, start, end)
     found["x_tilde"], found["x_hat"] = (
         remembered(states, start, end) for states in (observer.x_tilde, observer.x_hat)
     )

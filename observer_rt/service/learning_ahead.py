@@ -16,14 +16,11 @@ from threading import Event
 import numpy as np
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.estimation.gain import GainSchedule
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.scalars import Theta
 from observer_rt.foundation.compilation import is_complete, note_complete
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.seat import normalised_area
-from observer_rt.observer.learning.knowledge import EventLearner, Outcome, no_knowledge
-from observer_rt.observer.stream.phi import Phi
+from observer_rt.observer.learning.knowledge import OverheardLearner, no_knowledge
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
 from observer_rt.recording.signals.recording import Recording
@@ -83,36 +80,9 @@ def _work(fitted: BenchInjector) -> str:
     return f"learning-{fitted.parameters.line.model}-{sampling.meaning}"
 
 
-class _AwaitedLearner:
-    """A learner whose first event waits until what it calls is compiled; see `EventLearner`."""
-
-    def __init__(self, learner: EventLearner, wait: Callable[[], object]) -> None:
-        self._learner = learner
-        self._wait = wait
-
-    @property
-    def schedule(self) -> GainSchedule:
-        """See `EventLearner`."""
-        return self._learner.schedule
-
-    @property
-    def phi(self) -> Phi:
-        """See `EventLearner`."""
-        return self._learner.phi
-
-    def learn(
-        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
-    ) -> Outcome:
-        """See `EventLearner`."""
-        self._wait()
-        return self._learner.learn(window, standstill, in_force, constants)
-
-
 def awaited(learner_of: LearnerFactory, wait: Callable[[], object]) -> LearnerFactory:
     """Learners that wait before their first event."""
-    return lambda fitted, constants, knowledge: _AwaitedLearner(
-        learner_of(fitted, constants, knowledge), wait
-    )
+    return lambda *of: OverheardLearner(learner_of(*of), lambda *_: wait())
 
 
 def serve() -> None:

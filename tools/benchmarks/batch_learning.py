@@ -11,21 +11,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
+from observer_rt.estimation.gain import NoiseLevels, gain_schedule
 from observer_rt.estimation.gating import best_subset
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.prediction_error import Linearisation
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.estimation.scalars import SCALARS, Theta
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.observer.learning.change import FIRST_ITERATIONS, ITERATIONS
 from observer_rt.observer.learning.doubts.adequacy import BURN_IN
 from observer_rt.observer.learning.fitting import TOLERANCE, Cost, EventFitter, Limits
-from observer_rt.observer.learning.knowledge import EventLearner, Outcome
+from observer_rt.observer.learning.knowledge import EventLearner, OverheardLearner
 from observer_rt.observer.paper_scheme.bfgs import minimise
-from observer_rt.observer.stream.phi import Phi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
 
@@ -70,29 +69,12 @@ class SeenEvent:
     first: int
 
 
-class Listener:
+class Listener(OverheardLearner):
     """A learner that keeps what it is given, and lets another one learn."""
 
     def __init__(self, learner: EventLearner) -> None:
-        self._learner = learner
+        super().__init__(learner, lambda window, standstill: self.heard.append((window, standstill)))
         self.heard: list[tuple[Window, Standstill]] = []
-
-    @property
-    def schedule(self) -> GainSchedule:
-        """As of the other."""
-        return self._learner.schedule
-
-    @property
-    def phi(self) -> Phi:
-        """As of the other."""
-        return self._learner.phi
-
-    def learn(
-        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
-    ) -> Outcome:
-        """As the other learns."""
-        self.heard.append((window, standstill))
-        return self._learner.learn(window, standstill, in_force, constants)
 
 
 @dataclass(frozen=True, eq=False)

@@ -180,18 +180,6 @@ def _line_from(values: Any, line: Any) -> Any:
     return lambda values, line: kind(*to_fixed_tuple(values, size))
 
 
-def is_averaged(line: Any) -> bool:
-    """Whether samples are means over the sample period that ends at their time; a constant when compiled."""
-    return bool(type(line).averaged)
-
-
-@overload(is_averaged, strict=False)
-def _is_averaged(line: Any) -> Any:
-    if line.instance_class.averaged:
-        return lambda line: True
-    return lambda line: False
-
-
 def begin_mean(x: NDArray[np.float64], tangent: Any, line: Any) -> None:
     """Let the integral of p_L, where a line has it, begin anew in x (n,); tangent: as of `integrator.advance`.
 

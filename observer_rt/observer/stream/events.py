@@ -3,6 +3,7 @@
 import math
 
 from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.observer.stream.standstill import forget_other_noise
 from observer_rt.observer.stream.state import (
     INJECTIONS,
@@ -180,8 +181,7 @@ def _end_window(observer: Observer, injections_before: int, position: int) -> No
     injection.state = observer.ring[position & _MASK].state
     place = ((injection.start + position) // 2) & _MASK
     middle = observer.ring[place]
-    for i in range(3):
-        injection.middle_x[i] = observer.x_hat[place, i]
+    copy_vector(observer.x_hat[place], injection.middle_x)
     injection.middle_u[0] = middle.rail_pressure
     injection.middle_u[1] = middle.seat_area
     volume = 0.0

@@ -8,7 +8,6 @@ from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import separate
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.network import Network
@@ -68,7 +67,7 @@ def carry(kind: type, advance: Callable[..., Any], read: Callable[..., Any], put
     overload(put_into, strict=False)(chosen(put))
 
 
-@separate
+@njit(cache=True, nogil=True)
 def _advance_structured(
     phi: StructuredPhi,
     x: NDArray[np.float64],

@@ -19,6 +19,7 @@ from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
 from observer_rt.foundation.compiled import inner
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.foundation.units import MICROMETRE, MILLISECOND
 from observer_rt.recording.signals.recording import Recording, Sampled
 
@@ -250,8 +251,7 @@ def _payloads(values, index, inputs, number, counter):  # type: ignore[no-untype
         blank = inputs.kinds[message.first_kind + kind].blank[: message.length]
         frames = result[kind::kinds]
         for frame in range(blocks):
-            for place in range(message.length):
-                frames[frame, place] = blank[place]
+            copy_vector(blank, frames[frame])
         for g in range(message.first_group, message.first_group + message.group_count):
             group = inputs.groups[g]
             if is_selected(blank, inputs.selection, group.first_condition, group.condition_count):

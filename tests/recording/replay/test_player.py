@@ -74,7 +74,7 @@ def test_without_a_grid_nothing_is_late() -> None:
 
 def test_statistics_for_screen_and_program() -> None:
     statistics = play(at(0.0, 0.001), Sink(), 1.0)
-    assert statistics.as_text().startswith("2 frames in 0.0")
+    assert statistics.as_text().startswith(f"2 frames in {statistics.duration:.3f} s")
     assert "median" in statistics.as_text()
     assert statistics.as_json()["frames"] == 2
     assert statistics.as_json()["lateness_median_s"] == statistics.lateness.median
@@ -85,9 +85,13 @@ def test_nothing_to_play() -> None:
 
 
 def test_stop_ends_a_long_wait() -> None:
+    class Stopping(Sink):
+        def on_sent(self, frame: Frame) -> None:
+            super().on_sent(frame)
+            threading.Timer(0.05, stop.set).start()
+
     stop = threading.Event()
-    threading.Timer(0.05, stop.set).start()
-    statistics = play(at(0.0, 3600.0), Sink(), 1.0, stop=stop)
+    statistics = play(at(0.0, 3600.0), Stopping(), 1.0, stop=stop)
     assert statistics.frames == 1
     assert statistics.duration < 600
 
@@ -165,14 +169,14 @@ class LooseSink(Sink):
 
 def test_an_interface_that_drops_is_waited_for_and_no_frame_is_left_out() -> None:
     sink, told = LooseSink(), list[str]()
-    statistics = play(at(0.0, 0.01, 0.02, 0.03), sink, 1.0, tell=told.append)
+    statistics = play(at(0.0, 0.01, 0.02, 0.32), sink, 1.0, tell=told.append)
     assert [frame.frame_id for frame in sink.sent] == [0, 1, 2, 3]
     assert told == [
         "waiting for the interface: vcan9 is down\n  remedy: up",
         "the interface is back, going on",
     ]
     assert 0.25 < statistics.paused < statistics.duration
-    assert sink.stamps[3] - sink.stamps[2] >= 0.009  # the grid goes on as much later
+    assert sink.stamps[3] - sink.stamps[2] >= 0.2  # the grid goes on as much later
     assert "without the interface" in statistics.as_text()
     assert statistics.as_json()["paused_s"] == statistics.paused
 

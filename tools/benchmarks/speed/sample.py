@@ -126,7 +126,8 @@ class CObserver:
 def model_of(observer: Observer) -> Model:
     """What is in force in an observer."""
     memory, c = observer.memory[0], observer.constants.coefficients
-    line = dict(zip(LumpLine._fields, memory["line"].tolist(), strict=False))
+    coefficients = memory["line"][: len(LumpLine._fields)].tolist()
+    line = dict(zip(LumpLine._fields, coefficients, strict=True))
     model = Model(a5=c.sac.a5, a6=c.sac.a6, nozzle_flow=c.nozzle.flow)
     for name in ("a1", "a2_nozzle", "a2_seat", "a3", "a4", "leak", "air", "chamber_pressure"):
         setattr(model, name, line[name])

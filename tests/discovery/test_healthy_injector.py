@@ -44,6 +44,16 @@ def test_what_is_new_is_named_by_its_difference(options: SearchOptions) -> None:
     assert low - 0.01 < 0.08 < high + 0.01
 
 
+def test_a_size_is_no_surer_than_a_fitted_model_is_exact(options: SearchOptions) -> None:
+    hidden = sized("bulk_modulus", r=0.1)
+    (surely,), (named,) = _discover(hidden).effects, _discover(OWN, hidden, options=options).effects
+    widths = []
+    for size in (surely.parameters[0], named.parameters[0]):
+        low, high = size.ci95
+        widths.append((high - low) / size.value)
+    assert widths[0] < 0.03 < widths[1] < 0.06
+
+
 def test_the_smallest_size_that_could_be_seen_is_seen(options: SearchOptions) -> None:
     """And half of it is not: at five standard deviations a size is told, at two and a half it is not."""
     smallest = {one.id: one.size for one in _discover(OWN, options=options).smallest_visible}

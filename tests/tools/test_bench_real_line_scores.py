@@ -33,8 +33,8 @@ SINGLE = RealResult(
     listed=("seat_area",),
     smallest=(("seat_area", 0.02), ("guide_leakage", 1e-15)),
     intervals=(Interval("v_S", 0.05, 0.15, 0.1),),
-    line_pressure=RealGap(1.0, 0.2),
-    injected_mass=RealGap(2.0, 0.1),
+    line_pressure=RealGap(1.0, 0.2, 0.1),
+    injected_mass=RealGap(2.0, 0.1, 0.1),
     seconds=3.0,
     core_seconds=2.0,
 )
@@ -115,12 +115,13 @@ def test_a_wrong_name_is_an_error_when_it_is_sure() -> None:
 
 
 def test_a_gap_may_grow_within_tolerances() -> None:
-    assert not RealGap(0.1, 0.1029).larger(0.003)
-    assert RealGap(0.1, 0.1031).larger(0.003)
-    assert not RealGap(1.0, 1.019).larger(0.003)
-    assert RealGap(1.0, 1.021).larger(0.003)
+    assert not RealGap(0.1, 0.1029, 0.0).larger(0.003)
+    assert RealGap(0.1, 0.1031, 0.0).larger(0.003)
+    assert not RealGap(1.0, 1.019, 0.0).larger(0.003)
+    assert RealGap(1.0, 1.021, 0.0).larger(0.003)
+    assert not RealGap(0.03, 0.06, 0.06).larger(0.003)  # no better could be done
     assert not SINGLE.gap_larger
-    assert replace(SINGLE, injected_mass=RealGap(1.0, 1.1)).gap_larger
+    assert replace(SINGLE, injected_mass=RealGap(1.0, 1.1, 0.9)).gap_larger
     assert not NOTHING.gap_larger
 
 
@@ -144,7 +145,7 @@ def test_missed_bars_are_said() -> None:
     assert summary.violations([*good, late], 0) == []
     accused = replace(HEALTHY, verdict="named", claims=(("seat_area", 0.95),))
     bad = [NOTHING] * 4 + [replace(PAIR, verdict="none")] * 4 + [accused] * 2
-    bad += [replace(OUTSIDE, verdict="none"), replace(SINGLE, seconds=30.1, line_pressure=RealGap(0.1, 0.2))]
+    bad += [replace(OUTSIDE, verdict="none"), replace(SINGLE, seconds=30.1, line_pressure=RealGap(0.1, 0.2, 0.1))]
     bad += [late] * 10
     said = summary.violations(good + bad, 1)
     assert [line.split(":")[0] for line in said] == [
@@ -175,7 +176,7 @@ def test_json_has_the_agreed_figures_and_tells_what_was_missed() -> None:
     assert miss.startswith(
         "bad taper: seat_area 0.1 (5.0 times the smallest visible): named line_friction (0.95)"
     )
-    assert "gap 1.000 to 0.200 MPa" in miss
+    assert "gap 1.000 to 0.200 MPa (with the true sizes 0.100)" in miss
     assert miss.endswith("SURE")
 
 

@@ -163,4 +163,4 @@ def _miss(r: RealResult) -> str:
 
 
 def _gap(gap: RealGap, unit: str) -> str:
-    return f"{gap.before:.3f} to {gap.after:.3f} {unit}"
+    return f"{gap.before:.3f} to {gap.after:.3f} {unit} (with the true sizes {gap.true:.3f})"

@@ -43,7 +43,8 @@ from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
-from observer_rt.terminal.console import results, say, say_if_compiling
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import results, say
 from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination
 from observer_rt.terminal.stop import stop_on_signals
 
@@ -66,7 +67,7 @@ class DemoResult:
 def run_demo(wear: float, injections: int, speed: float, seed: int, figure: Path, console: Console) -> None:
     """The command: set the scene, show the view, print the table, write the picture."""
     check_destination("--figure", figure, FIGURE_SUFFIXES)
-    say_if_compiling(console)
+    show_compiling(console)
     say(console, f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...")
     scene = Demo(wear, injections, seed)
     say(

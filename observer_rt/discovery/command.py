@@ -29,7 +29,8 @@ from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.effect import SizedEffect
 from observer_rt.recording.formats import open_recording
 from observer_rt.recording.signals.stream import SignalStream
-from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import progress_bar, results, say
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def discover_files(
     make_folder(options.out)
     for one in measured:
         say(console, coverage(one))
-    say_if_compiling(console)
+    show_compiling(console)
     store = fits_in(options.out, question, stated)
     if store.taken_over:
         say(console, f"going on with {store.taken_over} candidates fitted before")

@@ -32,7 +32,8 @@ from observer_rt.service.core.learners import doubt_about_fit, refuse_state
 from observer_rt.service.keeping.lock import sole_writer
 from observer_rt.service.restoring import restored_knowledge
 from observer_rt.service.state_file import model_hash, save_knowledge
-from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import progress_bar, results, say
 from observer_rt.terminal.destinations import (
     FIGURE_SUFFIXES,
     check_destination,
@@ -67,7 +68,7 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
     paths = without_truths(given, console)
     refuse_early(bench, paths, options)
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
-    say_if_compiling(console)
+    show_compiling(console)
     model = model_hash(bench.injector.parameters)
     bench = _with_fuel(bench, sources, options)
     pressure_scale = bench.injector.parameters.scaling.pressure

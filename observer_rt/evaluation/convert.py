@@ -28,7 +28,8 @@ from observer_rt.recording.formats import (
 )
 from observer_rt.recording.replay.device import Device
 from observer_rt.recording.replay.framing import bench_for
-from observer_rt.terminal.console import progress_bar, say, say_if_compiling
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import progress_bar, say
 from observer_rt.terminal.destinations import check_destination, refuse_existing
 
 FIRST_FRAMES = (
@@ -121,7 +122,7 @@ def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) 
             "a recording of signals has no frames",
             "name a bench file by --bench, which says how they are sent",
         )
-    say_if_compiling(console)
+    show_compiling(console)
     stream = open_source(source, bench, (), console)
     bench = bench_for(bench, stream)
     names = [link.config.channel for link in bench.config.buses]

@@ -13,7 +13,8 @@ from observer_rt.recording.formats import is_log, open_recording
 from observer_rt.recording.signals.csv_file import TRUTH_SUFFIX
 from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.stream import SignalStream
-from observer_rt.terminal.console import progress_bar, say, say_if_compiling
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import progress_bar, say
 
 
 def open_source(
@@ -38,7 +39,7 @@ def open_source(
             "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"
         )
     else:
-        say_if_compiling(console)
+        show_compiling(console)
         with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
             source = LoggedSignals(bench, path, from_channels, progress)
     if not in_one_go:

@@ -23,7 +23,8 @@ from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.model.effect import SizedEffect
 from observer_rt.recording.signals.stream import SignalStream
-from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import progress_bar, results, say
 from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination, refuse_existing
 
 
@@ -63,7 +64,7 @@ def fit_files(
     warned = warnings(found)
     for line in (*map(coverage, found), *(f"warning: {one}" for one in warned)):
         say(console, line)
-    say_if_compiling(console)
+    show_compiling(console)
     with progress_bar(console, "fitting", 1.0) as progress:
         try:
             done = calibrate(file, found, weighed, progress)

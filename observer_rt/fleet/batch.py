@@ -25,7 +25,8 @@ from observer_rt.model.effects import BUILT_IN
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.restoring import restored_knowledge
 from observer_rt.service.state_file import model_hash
-from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import progress_bar, results, say
 from observer_rt.terminal.destinations import check_folder
 from observer_rt.terminal.stop import stop_on_signals
 
@@ -82,7 +83,7 @@ def batch(bench: Bench, sources: Sequence[str], options: BatchOptions, console: 
     knowledge = _knowledge(bench, options, console)
     task = Task(bench, Path.cwd(), knowledge, options.learning, options.pattern, effects)
     found = None
-    say_if_compiling(console)
+    show_compiling(console)
     with dataset, stop_on_signals() as stop, connected(options.scheduler, options.workers) as cluster:
         work = Work(cluster, stop, console)
         counts = _evaluate(work, task, paths, dataset)

@@ -146,12 +146,6 @@ def _digest(paths: Iterable[Path]) -> str:
     return digest.hexdigest()
 
 
-def is_compiled() -> bool:
-    """Whether anything of this source was compiled before."""
-    root = Path(os.environ[_VARIABLE])
-    return any(any((root / _name(unit)).rglob("*.nbi")) for unit in _unit_digests())
-
-
 def note_complete(work: str) -> None:
     """Remember that all code is in the cache that a kind of work needs: it was done."""
     _completion(work).touch()

@@ -11,7 +11,8 @@ from observer_rt.paper.figures import draw_figure_3, draw_figure_4, draw_figure_
 from observer_rt.paper.report import report
 from observer_rt.paper.study import NOZZLE_WEAR, run_study
 from observer_rt.paper.table import markdown, screen_table, write_csv
-from observer_rt.terminal.console import progress_bar, results, say, say_if_compiling
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import progress_bar, results, say
 from observer_rt.terminal.destinations import check_folder
 
 
@@ -25,7 +26,7 @@ def reproduce_into(folder: Path, sample_rate: float, console: Console) -> None:
     with file_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     check_folder("--out", folder)
-    say_if_compiling(console)
+    show_compiling(console)
     with progress_bar(console, "reproducing", 1.0) as progress:
         study = run_study(load_bench(), sample_rate, progress)
     with file_errors(folder):

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bench_map import BenchMap, map_bench
 from observer_rt.config.bench import Bench
-from observer_rt.foundation.compilation import compiled_code, is_compiled
+from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.service.injector_service import InjectorService
 from observer_rt.service.keeping.keeper import keeper_of
@@ -28,7 +28,7 @@ from observer_rt.service.show import Screen, draw
 from observer_rt.service.side_by_side import serve_side_by_side
 from observer_rt.service.warm_up import warm_up
 from observer_rt.service.words import Topic
-from observer_rt.terminal.console import COMPILING
+from observer_rt.terminal.compiling import tell_compiling
 from observer_rt.terminal.destinations import check_destination
 from observer_rt.terminal.stop import stop_on_signals
 
@@ -68,8 +68,7 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
             )
         # from here on, so that a signal while compiling is neither lost nor an interrupt in the middle of it
         stop = stack.enter_context(stop_on_signals())
-        if not is_compiled():
-            log.say(Topic.START, COMPILING)
+        tell_compiling(partial(log.say, Topic.START))
         if trouble := compiled_code().trouble:
             log.say(Topic.START, f"warning: {trouble}\n  remedy: {compiled_code().remedy}")
         for alone, bus in zip(bench.each, mapped.injectors, strict=True):

@@ -20,7 +20,8 @@ from observer_rt.simulation.schedule import (
     parse_shots,
 )
 from observer_rt.simulation.simulate import simulate, truth_path, write_truth
-from observer_rt.terminal.console import progress_bar, say, say_if_compiling
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import progress_bar, say
 from observer_rt.terminal.destinations import check_destination, refuse_existing
 
 MAX_SAMPLES = 20_000_000  # that a machine of 4 GiB can hold with their truth
@@ -75,7 +76,7 @@ def simulate_to_file(output: Path, options: SimulateOptions, console: Console) -
     if options.fuel_temperature is not None:
         injector = at_temperature(injector, temperature_of("--fuel-temperature", options.fuel_temperature))
     effects = parse_effects(options.effects)
-    say_if_compiling(console)
+    show_compiling(console)
     with progress_bar(console, "simulating", 1.0) as progress:
         simulation = simulate(
             injector,

@@ -211,13 +211,3 @@ def test_another_users_folder_is_not_used(package: Path, temporary: Path, blocke
         elsewhere = kept(package, blocked, TMPDIR=str(temporary))
         assert not elsewhere.variable.is_relative_to(temporary)
         shutil.rmtree(elsewhere.variable)
-
-
-def test_compiled_or_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert not compilation.is_compiled()
-    (tmp_path / "model-of-another-state").mkdir()
-    (tmp_path / "model-of-another-state" / "function-1.nbi").write_bytes(b"")
-    assert not compilation.is_compiled()
-    (compilation.unit_folder(str(tmp_path), "model") / "function-1.nbi").write_bytes(b"")
-    assert compilation.is_compiled()

@@ -145,7 +145,10 @@ def test_missed_bars_are_said() -> None:
     assert summary.violations([*good, late], 0) == []
     accused = replace(HEALTHY, verdict="named", claims=(("seat_area", 0.95),))
     bad = [NOTHING] * 4 + [replace(PAIR, verdict="none")] * 4 + [accused] * 2
-    bad += [replace(OUTSIDE, verdict="none"), replace(SINGLE, seconds=30.1, line_pressure=RealGap(0.1, 0.2, 0.1))]
+    bad += [
+        replace(OUTSIDE, verdict="none"),
+        replace(SINGLE, seconds=30.1, line_pressure=RealGap(0.1, 0.2, 0.1)),
+    ]
     bad += [late] * 10
     said = summary.violations(good + bad, 1)
     assert [line.split(":")[0] for line in said] == [

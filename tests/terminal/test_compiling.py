@@ -1,0 +1,55 @@
+"""That Numba compiles is said once, and a bar is drawn meanwhile."""
+
+import io
+import threading
+from collections.abc import Callable
+
+import pytest
+from numba import njit
+from numba.core import event
+from rich.console import Console
+
+from observer_rt.terminal import compiling
+from observer_rt.terminal.compiling import CompilingShown
+
+
+def _compile(seed: int) -> None:
+    def function(x: float) -> float:
+        return x + seed
+
+    assert njit(function)(1.0) == 1.0 + seed
+
+
+def _said(work: Callable[[], object], console: Console | None = None) -> list[str]:
+    said: list[str] = []
+    with event.install_listener("numba:compile", CompilingShown(said.append, console)):
+        work()
+    return said
+
+
+def test_it_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+
+    def work() -> None:
+        for seed in range(3):
+            _compile(seed)
+
+    (line,) = _said(work)
+    assert "once for this version" in line
+
+
+def test_a_moment_is_not_worth_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "PATIENCE", 3600.0)
+    assert _said(lambda: _compile(1)) == []
+
+
+def test_a_bar_is_drawn_until_nothing_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+    monkeypatch.setattr(compiling, "IDLE", 0.05)
+    screen = io.StringIO()
+    _said(lambda: _compile(1), Console(file=screen, force_terminal=True, width=80))
+    for thread in threading.enumerate():
+        if thread.name == "compiling":
+            thread.join(60.0)
+            assert not thread.is_alive()
+    assert "compiling functions" in screen.getvalue()

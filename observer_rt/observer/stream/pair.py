@@ -18,8 +18,7 @@ SHORT = (
 OFFSET_FOLLOWS = 5e-3
 FURTHEST_OFFSET = 1.5 * MEGAPASCAL  # from the learned one: what moves further is no offset of a good sensor
 _MASK = RING - 1
-_START, _PREDICT = int(Stepping.START), int(Stepping.PREDICT)
-_CORRECT, _READ = int(Stepping.CORRECT), int(Stepping.READ)
+_START, _PREDICT, _CORRECT = int(Stepping.START), int(Stepping.PREDICT), int(Stepping.CORRECT)
 
 
 @inner
@@ -88,9 +87,3 @@ def _follow_offset(observer: Observer, innovation: float) -> None:
         return
     moved = memory.offset - memory.learned_offset + innovation * observer.constants.interval / OFFSET_FOLLOWS
     memory.offset = memory.learned_offset + min(max(moved, -furthest), furthest)
-
-
-@inner
-def read_out(observer: Observer, position: int) -> None:
-    """Injection rate and phi of x^ at a sample, into its row."""
-    call(observer.step, _READ, position)

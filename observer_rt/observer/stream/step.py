@@ -29,7 +29,7 @@ from observer_rt.observer.stream.judgement import given_up, judged
 from observer_rt.observer.stream.lift_rest import come_to_rest, lingers
 from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, take_out_zero
 from observer_rt.observer.stream.outliers import inspect
-from observer_rt.observer.stream.pair import read_out, start_pair, step_pair
+from observer_rt.observer.stream.pair import start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
 from observer_rt.observer.stream.state import LINE, MAX_EVENT, RAIL, RING, WAITING, Observer, Reason, State
 from observer_rt.observer.stream.undoing import keep_waiting, true_lift, true_rail_pressure
@@ -258,7 +258,6 @@ def _process(observer: Observer, position: int) -> bool:
     elif not step_pair(observer, position):
         _recover(observer, position)
     _settle(observer, position)
-    read_out(observer, position)
     _mark(observer, position)
     gather(observer, position)
     follow_lift(observer, position)

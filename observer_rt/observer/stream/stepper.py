@@ -30,12 +30,10 @@ class Stepping(IntEnum):
     START = 0  # x~ and x^ anew: p_L = y, Q_L = 0, empty sac
     PREDICT = 1  # x~ from the sample before; returns what the sensor is to record of it
     CORRECT = 2  # x~ by the sample's innovation, then x^; returns nan where a state is no longer finite
-    READ = 3  # injection rate and phi of x^ into the sample's row
-    PUT = 4  # phi of a slot of what was posted into force
+    PUT = 3  # phi of a slot of what was posted into force
 
 
 _START, _PREDICT, _CORRECT = int(Stepping.START), int(Stepping.PREDICT), int(Stepping.CORRECT)
-_READ, _PUT = int(Stepping.READ), int(Stepping.PUT)
 
 
 @referenced()
@@ -57,14 +55,15 @@ class Stepper(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def step(stepper: Stepper, what: int, position: int) -> float:
-    """One of `Stepping`; 0 where that says nothing of a result."""
+    """One of `Stepping`; 0 where that says nothing of a result.
+
+    After START and CORRECT the sample's row has injection rate and phi of x^.
+    """
     if what == _PREDICT:
         return float(_predict(stepper, position))
     if what == _CORRECT:
         return float(_correct(stepper, position))
-    if what == _READ:
-        _read(stepper, position)
-    elif what == _START:
+    if what == _START:
         _start(stepper, position)
     else:
         put_into(stepper.phi, stepper.posted, position)
@@ -103,11 +102,12 @@ def coefficients_in_force(stepper: Stepper) -> Coefficients:
 
 @inner
 def _start(stepper: Stepper, position: int) -> None:
-    row = position & _MASK
-    x_tilde = stepper.x_tilde[row]
-    rest_line(x_tilde, stepper.ring[row].line_pressure - stepper.memory[0].offset, stepper.coefficients.line)
+    row = stepper.ring[position & _MASK]
+    x_tilde, x_hat = stepper.x_tilde[position & _MASK], borrowed(stepper.x_hat[position & _MASK])
+    rest_line(x_tilde, row.line_pressure - stepper.memory[0].offset, stepper.coefficients.line)
     x_tilde[2] = 0.0
-    copy_vector(x_tilde, stepper.x_hat[row])
+    copy_vector(x_tilde, x_hat)
+    _read(stepper, position, x_hat)
 
 
 @inner
@@ -160,16 +160,17 @@ def _correct(stepper: Stepper, position: int) -> float:
         network, c = network_in_force(stepper), coefficients_in_force(stepper)
         copy_vector(stepper.x_hat[(position - 1) & _MASK], x_hat)
         advance_x_hat(stepper.phi, x_hat, interval, knot, c, network)
+    _read(stepper, position, x_hat)
     return 0.0 if math.isfinite(x_hat.sum() + x_tilde.sum()) else math.nan
 
 
-@inner_separate
-def _read(stepper: Stepper, position: int) -> None:
+@inner
+def _read(stepper: Stepper, position: int, x_hat: NDArray[np.float64]) -> None:
+    """Injection rate and phi of x^ into a sample's row; both are 0 at rest."""
     row = stepper.ring[position & _MASK]
     phi, rate = (0.0, 0.0, 0.0), 0.0
     if not row.resting:
         u = (row.rail_pressure, max(row.seat_area, 0.0))
-        x_hat = borrowed(stepper.x_hat[position & _MASK])
         phi, rate = read_phi(stepper.phi, x_hat, u, coefficients_in_force(stepper), network_in_force(stepper))
     row.phi[0], row.phi[1], row.phi[2] = phi
     row.injection_rate = rate

@@ -15,7 +15,7 @@ from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.model.effects import sized
 from observer_rt.model.line.lump import LumpLine
 from observer_rt.model.network import ARGUMENTS, HIDDEN
-from observer_rt.observer.stream.pair import read_out, step_pair
+from observer_rt.observer.stream.pair import step_pair
 from observer_rt.observer.stream.state import RING, Observer
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import Event, Schedule, Shot
@@ -66,7 +66,6 @@ def step_samples(observer: Observer, first: int, end: int) -> None:
     """The pair and its rate at positions [first, end) of the ring, which were gone through before."""
     for position in range(first, end):
         step_pair(observer, position)
-        read_out(observer, position)
 
 
 class OpenNeedle:

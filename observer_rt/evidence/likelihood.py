@@ -13,6 +13,7 @@ from observer_rt.estimation.learned import Learned, nothing_learned
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
 from observer_rt.evidence.bounded_fit import Residuals
 from observer_rt.evidence.healthy_shape import expected
+from observer_rt.evidence.lift_noise import LiftNoise
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.open_loop import SPARE_SUBSTEPS
 from observer_rt.evidence.rail_pressure import smoothing_of
@@ -83,6 +84,8 @@ class Trial:
         needed = substeps_needed(nominal.injector, rate, nominal.departures)
         self._substeps = min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS)
         self._gains: dict[tuple[Line, float, float], GainSchedule] = {}
+        self._nominal = nominal
+        self._lift_noise = LiftNoise(measurement, self._with_lift_lag)
         self._nominal_key = _input_key(nominal)
         self._nominal_inputs = self._inputs(nominal)
         c = measurement.coefficients_of(nominal)
@@ -114,9 +117,14 @@ class Trial:
             z -= self._expected / (schedule.innovation_sigma * model.coefficients.pressure_scale)
         if not np.isfinite(z).all():
             return None
+        log_sigma = math.log(schedule.innovation_sigma)
+        if model.inputs.lift_lag > 0.0:
+            variance = 1.0 + self._lift_noise.variance(model.inputs.lift_lag)
+            z /= np.sqrt(variance)
+            log_sigma += 0.5 * float(np.mean(np.log(variance)))
         rate_z = self._judged_rate(rate[self._rows.rate_rows + late])
         masses = model.coefficients.density * self._rows.volumes(rate)
-        return Judged(z, math.log(schedule.innovation_sigma), rate_z, masses)
+        return Judged(z, log_sigma, rate_z, masses)
 
     def lift_and_rate(
         self, model: EffectiveModel, at_line: bool
@@ -150,6 +158,16 @@ class Trial:
         innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
         predict(batch, setting, nothing_learned(c), innovation, rate, NO_SLOPES)
         return innovation, rate_as_recorded(self.measurement, rate)
+
+    def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
+        """Normalised innovations (n,), where counted, of the nominal model with a lag [s] of the lift undone.
+
+        measurement: this recording, or with other noise in its lift.
+        """
+        model, schedule = self._nominal.with_terms("inputs", lift_lag=lag), self._schedule(self._nominal)
+        inputs = TrueInputs(measurement, model.inputs, measurement.coefficients_of(model))
+        innovation, _ = self._predicted(model, inputs, 0, schedule)
+        return np.asarray(innovation[self._rows.counted] / schedule.innovation_sigma)
 
     def _substeps_of(self, model: EffectiveModel) -> int:
         rate = self.measurement.recording.sample_rate

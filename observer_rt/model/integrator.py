@@ -14,8 +14,9 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.model.closed_end import move_end
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.leapfrog import leapfrog, move_end, move_line
+from observer_rt.model.leapfrog import leapfrog, move_line
 from observer_rt.model.line.interface import line_fastest
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import is_at_rest, right_hand_side, tangent_rates

@@ -75,7 +75,7 @@ class Device:
 
     def __init__(self, bench: Path | Bench = EXAMPLE_BENCH, index: int = 0) -> None:
         self.index = index
-        bus = map_bus(bench if isinstance(bench, Bench) else load_bench(bench))
+        bus = map_bus(_loaded(bench))
         self._framer = Framer(bus)
         self._block = math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
 
@@ -94,8 +94,7 @@ def frames_of(
 ) -> list[TimedFrame]:
     """As `replay` sends a recording: where its end, or a span's, fills no frame, the rest is "not available"."""
     samples = recording if isinstance(recording, Recording) else read_recording(recording)
-    bus = map_bus(bench if isinstance(bench, Bench) else load_bench(bench))
-    return list(Framer(bus).frames(samples, whole(samples) if spans is None else spans))
+    return list(Framer(map_bus(_loaded(bench))).frames(samples, whole(samples) if spans is None else spans))
 
 
 def encoded(
@@ -238,7 +237,7 @@ class Result:
 
 def run(bench: Path | Bench, frames: Iterable[TimedFrame], **options: Any) -> Result:
     """Frames through a fresh core in lockstep, to the end, stamped by their times; options: of `Core`."""
-    loaded = bench if isinstance(bench, Bench) else load_bench(bench)
+    loaded = _loaded(bench)
     notes = Notes()
     core = Core(loaded.injector, map_bus(loaded), listeners=[notes], **options)
     out = hand(core, frames)
@@ -253,3 +252,7 @@ def hand(core: Core, frames: Iterable[TimedFrame]) -> list[OutputFrame]:
             frame.frame_id, frame.is_extended, frame.payload, EPOCH + frame.stamp_ns, frame.bus
         )
     return out
+
+
+def _loaded(bench: Path | Bench) -> Bench:
+    return bench if isinstance(bench, Bench) else load_bench(bench)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from observer_rt.bus.links.link import Frame
-from observer_rt.config.bench import Bench, load_bench, load_injector
+from observer_rt.config.bench import Bench, load_bench
 from observer_rt.evaluation.evaluate import History, evaluate, evaluate_logs
 from observer_rt.evaluation.logged import read_logged
 from observer_rt.foundation.errors import UserError
@@ -16,9 +16,6 @@ from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.formats import log_formats, suffixes_of
 from observer_rt.recording.replay.framing import Span, whole, windows
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
 from tests.benches import bench_with
 from tests.device import frames_of, later, simulated
 from tests.recording.canlog.log_cases import sent_log, write_log
@@ -101,8 +98,7 @@ def test_the_same_frames_give_the_same_in_every_format(write: Write, suffix: str
 def test_the_same_classic_frames_give_the_same_in_every_format(
     write: Write, classic_bench: Bench, suffix: str
 ) -> None:
-    schedule = make_schedule([60e6], 2, 0.05, [1.1e-3])
-    recording = simulate(load_injector(), schedule, 20e3, (), NoiseLevels(), seed=4).recording
+    recording = simulated(2, 0.0, (60e6,), 20e3, seed=4)
     path = write(log_of(recording, whole(recording), classic_bench), suffix)
     logged = read_logged(classic_bench, path)
     assert logged.notes == ()

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import PACKAGE_DATA, load_bench
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.signals.recording import Recording
-from tests.service.participants import SAMPLE_RATE, worn_recording
+from tests.benches import SAMPLE_RATE
+from tests.device import frames_of, worn_recording
 
 NAMES = ("one", "two", "three")
 RATE_ID, SUMMARY_ID, STATUS_ID, STEP = 0x300, 0x301, 0x302, 0x10
@@ -100,16 +100,9 @@ def frames_of_all(benches: Sequence[Path], recordings: Sequence[Recording]) -> l
     """The frames of all devices in order of time, those of the rail pressure once."""
     frames: dict[tuple[int, float], TimedFrame] = {}
     for bench, recording in zip(benches, recordings, strict=True):
-        for frame in Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)):
+        for frame in frames_of(bench, recording):
             assert frames.setdefault((frame.frame_id, frame.time), frame) == frame
     return sorted(frames.values(), key=lambda frame: frame.time)
-
-
-def log_lines(frames: Sequence[TimedFrame], channel: str) -> list[str]:
-    """The frames as a candump log has them."""
-    return [
-        f"({frame.time:.9f}) {channel} {frame.frame_id:03X}##1{frame.payload.hex()}\n" for frame in frames
-    ]
 
 
 def lift_id(number: int) -> int:

@@ -11,7 +11,7 @@ from observer_rt.check.checkup import checkup
 from observer_rt.check.findings import Finding, Level
 from observer_rt.check.load import expected_load
 from observer_rt.config.bench import load_bench
-from tests.service.bus_frames import twin_bench
+from tests.benches import twin_bench
 
 THREE = (Path(__file__).parents[1] / "bus" / "databases" / "three_buses.toml").read_text()
 

@@ -5,7 +5,7 @@ from observer_rt.check.findings import Level
 from observer_rt.check.observer import observer_findings
 from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import Role
-from tests.service.stated_channels import bench_with
+from tests.benches import bench_with
 
 
 def test_nothing_is_said_where_nothing_is_stated() -> None:

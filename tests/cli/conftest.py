@@ -10,12 +10,9 @@ from typing import Any
 import pytest
 
 from observer_rt.cli.app import main
-from observer_rt.config.bench import EXAMPLE_BENCH, load_injector
-from observer_rt.model.effects import sized
+from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.recording.formats import write_recording
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from tests.device import simulated
 
 
 @dataclass(frozen=True)
@@ -60,11 +57,7 @@ def document(command: Command, *arguments: object) -> dict[str, Any]:
 def worn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Recording of a worn nozzle: four events at 50 kHz with noise and a measured rate."""
     path = tmp_path_factory.mktemp("worn") / "worn.csv"
-    schedule = make_schedule([60e6, 120e6], 4, 0.05, [1.1e-3])
-    simulation = simulate(
-        load_injector(), schedule, 50e3, (sized("orifice_area", v_H=0.3),), NoiseLevels(), True, seed=3
-    )
-    write_recording(path, simulation.recording)
+    write_recording(path, simulated(4, 0.3, (60e6, 120e6), seed=3, measured_rate=True))
     return path
 
 

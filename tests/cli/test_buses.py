@@ -11,9 +11,10 @@ import pytest
 
 from observer_rt.bus.links.open import open_link
 from observer_rt.recording.formats import open_log
+from tests.benches import block_bench, twin_bench
 from tests.cli.conftest import Command
-from tests.service.bus_frames import block_bench, frames_of, twin_bench
-from tests.service.participants import until, worn_recording
+from tests.device import candump_lines, frames_of, later, worn_recording
+from tests.service.participants import until
 
 CHANNELS = ("can0", "can1", "can2", "can3")
 
@@ -21,11 +22,7 @@ CHANNELS = ("can0", "can1", "can2", "can3")
 def log_of(bench: Path, path: Path) -> int:
     """The frames of a recording as `candump` would have logged them; their number."""
     frames = frames_of(bench, worn_recording())
-    lines = [
-        f"({100 + frame.time:.9f}) {CHANNELS[frame.bus]} {frame.frame_id:03X}##1{frame.payload.hex()}"
-        for frame in frames
-    ]
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text("".join(candump_lines(later(frames, 100.0), CHANNELS)))
     return len(frames)
 
 

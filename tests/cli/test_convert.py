@@ -6,11 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench
 from observer_rt.recording.formats import is_log, open_log, read_recording
-from observer_rt.recording.replay.framing import Framer, whole
 from tests.cli.conftest import Command
+from tests.device import frames_of
 from tests.recording.canlog.log_cases import as_read, mixture, sent_log, write_log
 
 FORMATS = (".asc", ".blf", ".log", ".mf4", ".trc")
@@ -98,7 +96,7 @@ def test_a_log_becomes_a_recording_by_a_bench_file(
 ) -> None:
     """Replayed, recorded, converted: the samples that were sent, in the recording's own time."""
     recording = read_recording(worn)
-    frames = sent_log(Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)))
+    frames = sent_log(frames_of(bench, recording))
     write_log(tmp_path / "bus.blf", frames)
     for target in ("out.csv", "out.mf4"):
         outcome = command("convert", tmp_path / "bus.blf", tmp_path / target, "--bench", bench)

@@ -5,12 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.links.link import Frame
-from observer_rt.recording.canlog.can_log import LogFrame
 from tests.cli.conftest import Command
+from tests.device import simulated
 from tests.pages import ROOT, Page
-from tests.recording.canlog.log_cases import START, write_log
-from tests.service.foreign_frames import classic_frames, fd_frames, multiplexed_frames, recording
+from tests.recording.canlog.log_cases import sent_log, write_log
+from tests.service.foreign_frames import classic_frames, fd_frames, multiplexed_frames
 
 PAGE = Page("docs/dbc.md")
 DATABASES = ROOT / "tests" / "bus" / "databases"
@@ -49,14 +48,9 @@ def with_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for path in DATABASES.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     for name, (frames, rate, a_sample) in DEVICES.items():
-        is_fd = name != "testbed_classic"
-        entries = [
-            LogFrame(
-                Frame(identifier, payload, START + round(n / rate / a_sample * 1e9), extended, is_fd), "can0"
-            )
-            for n, (identifier, extended, payload, _) in enumerate(frames(recording(rate)))
-        ]
-        write_log(tmp_path / f"{name}.log", entries)
+        sent = enumerate(frames(simulated(rate=rate)))
+        timed = (frame._replace(time=n / rate / a_sample) for n, frame in sent)
+        write_log(tmp_path / f"{name}.log", sent_log(timed))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

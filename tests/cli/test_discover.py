@@ -13,10 +13,8 @@ import observer_rt.discovery.command
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.formats import read_recording, write_recording
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
 from tests.cli.conftest import Command
+from tests.device import simulated
 
 
 def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
@@ -264,10 +262,7 @@ def _write_log(path: Path, messages: list[can.Message]) -> None:
 def healthy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Recording of a new nozzle."""
     path = tmp_path_factory.mktemp("healthy") / "healthy.csv"
-    schedule = make_schedule([60e6, 120e6], 4, 0.05, [1.1e-3])
-    write_recording(
-        path, simulate(load_injector(), schedule, 50e3, (), NoiseLevels(), True, seed=4).recording
-    )
+    write_recording(path, simulated(4, 0.0, (60e6, 120e6), seed=4, measured_rate=True))
     return path
 
 

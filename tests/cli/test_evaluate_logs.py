@@ -5,18 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench
 from observer_rt.recording.formats import read_recording
-from observer_rt.recording.replay.framing import Framer, whole
 from tests.cli.conftest import Command, document
+from tests.device import candump_lines, frames_of
 
 
 def test_a_log_is_evaluated_as_the_recording_it_was_made_of(
     command: Command, worn: Path, bench: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "bus.log"
-    log.write_text("(0.0) can0 123#R\n" + "".join(candump_lines(worn, bench)))
+    log.write_text("(0.0) can0 123#R\n" + "".join(candump_lines(frames_of(bench, worn))))
     expected = json.loads(command("evaluate", worn, "--bench", bench, "--json").out)["recordings"][0]
     outcome = command("evaluate", log, "--bench", bench, "--json")
     assert outcome.code == 0
@@ -32,7 +30,7 @@ def test_logs_of_a_device_that_went_on_are_as_one(
     """Such as files a recorder began anew, here within the third injection."""
     within = 1394  # frames of nine samples
     assert read_recording(worn).needle_lift[9 * within] > 100e-6
-    lines = candump_lines(worn, bench)
+    lines = candump_lines(frames_of(bench, worn))
     for name, part in (("whole", lines), ("first", lines[:within]), ("second", lines[within:])):
         (tmp_path / f"{name}.log").write_text("".join(part))
     (known,) = document(command, tmp_path / "whole.log", "--bench", bench)["recordings"]
@@ -53,7 +51,7 @@ def test_after_a_restart_a_log_goes_on_with_what_was_learned(
     command: Command, worn: Path, bench: Path, tmp_path: Path, first: str
 ) -> None:
     log, state = tmp_path / "bus.log", tmp_path / "learned"
-    log.write_text("".join(candump_lines(worn, bench)))
+    log.write_text("".join(candump_lines(frames_of(bench, worn))))
     before = log if first == "bus.log" else worn
     chained = document(command, before, log, "--bench", bench, "--chain")["recordings"]
     document(command, before, "--bench", bench, "--save-state", state)
@@ -61,10 +59,3 @@ def test_after_a_restart_a_log_goes_on_with_what_was_learned(
     assert chained[1] == known
     (fresh,) = document(command, log, "--bench", bench)["recordings"]
     assert chained[1] != fresh
-
-
-def candump_lines(recording: Path, bench: Path) -> list[str]:
-    """A recording as the log of its frames."""
-    signals = read_recording(recording)
-    frames = Framer(map_bus(load_bench(bench))).frames(signals, whole(signals))
-    return [f"({f.time:.6f}) can0 {f.frame_id:03X}##1{f.payload.hex()}\n" for f in frames]

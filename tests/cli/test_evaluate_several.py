@@ -10,10 +10,10 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.recording.formats import read_recording, write_recording
 from tests.cli.conftest import Command, document
+from tests.device import candump_lines
 from tests.three_injectors import (
     NAMES,
     lift_id,
-    log_lines,
     one_alone,
     three_injectors,
     three_on,
@@ -26,7 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bench of three, `bus.log` with the frames of all, and the recording of the first."""
     folder = tmp_path_factory.mktemp("three")
     three = three_on(folder, "can0")
-    (folder / "bus.log").write_text("".join(log_lines(three.frames, "can0")))
+    (folder / "bus.log").write_text("".join(candump_lines(three.frames)))
     for name, each in zip(NAMES, three.recordings, strict=True):
         write_recording(folder / f"{name}.csv", each)
     return folder

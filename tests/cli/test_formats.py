@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.log_format import LogFormat
 from observer_rt.recording.formats import BUILT_IN, formats, is_log, open_log, read_recording
-from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.replay.log_frames import LogPart
 from tests.cli.conftest import Command, document
+from tests.device import frames_of
 from tests.recording.canlog.log_cases import sent_log, write_log
 
 PAGE = Path(__file__).parents[2] / "docs" / "recordings.md"
@@ -64,8 +62,7 @@ def test_a_log_format_from_outside(
     command: Command, install: Install, tmp_path: Path, worn: Path, bench: Path
 ) -> None:
     install("hex_of_others", LOG)
-    recording = read_recording(worn)
-    frames = sent_log(Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)))
+    frames = sent_log(frames_of(bench, worn))
     log, blf = tmp_path / "bus.hexlog", tmp_path / "bus.blf"
     write_log(blf, frames)
     assert command("convert", blf, log).code == 0

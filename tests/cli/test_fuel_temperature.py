@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Command, document
-from tests.cli.test_evaluate_logs import candump_lines
+from tests.device import candump_lines, frames_of
 
 HOT = 90.0  # degC
 
@@ -67,7 +67,7 @@ def test_a_log_tells_its_own(command: Command, recording: Path, bench: Path, tmp
     signal = '[signals.fuel_temperature]\nmessage = "SampleBlock"\nsignal = "FuelTemperature"\n'
     bench.write_text(bench.read_text() + signal)
     log = tmp_path / "bus.log"
-    log.write_text("".join(candump_lines(recording, bench)))
+    log.write_text("".join(candump_lines(frames_of(bench, recording))))
     outcome = command("evaluate", log, "--bench", bench, "--fuel-temperature", 60)
     assert outcome.code == 2
     assert "a log tells it by signals.fuel_temperature" in outcome.err

@@ -8,14 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import RunError
-from observer_rt.recording.formats import read_recording
-from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.service.keeping.lock import sole_writer
 from observer_rt.service.keeping.notebook import Notebook
 from tests.cli.conftest import Command
+from tests.device import frames_of
 from tests.service.keeping.report_samples import some_report
 from tests.service.participants import ScriptedLink, give_link
 
@@ -77,8 +75,7 @@ def test_a_daemon_writes_what_it_says(
 ) -> None:
     text = bench.read_text().replace("lockstep = false", "lockstep = true")
     bench.write_text(text.replace('# journal = "injections.sqlite"', 'journal = "mine.sqlite"'))
-    samples = read_recording(worn)
-    frames = list(Framer(map_bus(load_bench(bench))).frames(samples, whole(samples)))
+    frames = frames_of(bench, worn)
     link = ScriptedLink(frames, RunError("vcan9 went away"))
     give_link(monkeypatch, link)
     outcome = command("run", "--bench", bench)

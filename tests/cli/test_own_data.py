@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench
 from observer_rt.recording.formats import read_recording, write_recording
-from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
 from tests.cli.conftest import Command, document
+from tests.device import frames_of, later
 from tests.recording.canlog.log_cases import sent_log, write_log
 
 SECTION = """
@@ -186,10 +184,8 @@ def test_a_recording_becomes_a_log_by_a_bench_file(
 
 
 def test_a_log_with_a_restart_is_split(command: Command, worn: Path, bench: Path, tmp_path: Path) -> None:
-    frames = list(
-        Framer(map_bus(load_bench(bench))).frames(read_recording(worn), whole(read_recording(worn)))
-    )
-    again = [frame._replace(time=frame.time + frames[-1].time + 1.0) for frame in frames]
+    frames = frames_of(bench, worn)
+    again = later(frames, frames[-1].time + 1.0)
     path = tmp_path / "bus.blf"
     write_log(path, sent_log([*frames, *again]))
     outcome = command("evaluate", path, "--bench", bench)

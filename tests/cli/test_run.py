@@ -18,16 +18,16 @@ import pytest
 
 from observer_rt.bus.links.link import Frame, Link, LinkDownError
 from observer_rt.bus.links.open import open_link
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.formats import read_recording
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.service import opening
 from observer_rt.service.state_file import load_knowledge, model_hash
 from tests.cli.conftest import Command, Outcome
 from tests.cli.injector_files import FITTED, injector
+from tests.device import frames_of
 from tests.links import FakeLink
 from tests.service.end_to_end import SUMMARY, Heard, decoded
 from tests.service.participants import BLOCK_ID, ScriptedLink, give_link, listening, until
@@ -39,11 +39,6 @@ def bench(bench: Path, tmp_path: Path) -> Path:
     text = bench.read_text().replace("lockstep = false", "lockstep = true")
     bench.write_text(text.replace('"can0"', f'"{tmp_path.name}"'))
     return bench
-
-
-def frames_of(bench: Path, recording: Path) -> list[TimedFrame]:
-    samples = read_recording(recording)
-    return list(Framer(map_bus(load_bench(bench))).frames(samples, whole(samples)))
 
 
 def run_and_stop(

@@ -4,12 +4,11 @@ import re
 from pathlib import Path
 
 from observer_rt.bus.links.open import open_link
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.formats import read_recording
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from tests.cli.bench_engineer import bench_engineer
 from tests.cli.conftest import Command
+from tests.device import frames_of, merged
 from tests.service.participants import listening
 from tests.service.pulse_bench import TEXT, Told
 from tests.service.pulse_frames import durations
@@ -29,14 +28,7 @@ def test_commands_and_missing_injections_are_printed(
     bench.write_text(f'{text}\n[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{Told.TIME}')
     channel = load_bench(bench).config.link.channel
     recording = read_recording(worn)
-    frames = [
-        *Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)),
-        *(
-            TimedFrame(one.time, one.frame.frame_id, False, False, one.frame.payload)
-            for one in durations(PULSES)
-        ),
-    ]
-    frames.sort(key=lambda frame: frame.time)
+    frames = merged(frames_of(bench, recording), durations(PULSES))
 
     with (
         listening("virtual", channel) as listener,

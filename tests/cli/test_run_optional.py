@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.links.open import open_link
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.formats import read_recording
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.replay.framing import TimedFrame
 from tests.cli.bench_engineer import bench_engineer
 from tests.cli.conftest import Command
+from tests.device import frames_of
 from tests.service.participants import listening
 from tests.service.slow_frames import TEXT, bed
 
@@ -32,14 +32,13 @@ def bench(bench: Path, tmp_path: Path) -> Path:
     return bench
 
 
-def frames_of(bench: Path, recording: Path) -> list[TimedFrame]:
+def sent_to(bench: Path, recording: Path) -> list[TimedFrame]:
     """Learning is off from the start; the measured mass [mg] is 10, 10.01, 10.02, ..."""
-    samples = read_recording(recording)
     frames: list[TimedFrame] = []
-    for number, frame in enumerate(Framer(map_bus(load_bench(bench))).frames(samples, whole(samples))):
+    for number, frame in enumerate(frames_of(bench, recording)):
         if number % EVERY == 0:
             for word in (bed("LearnEnable", 0), bed("Mass", 10 + number / EVERY / 100)):
-                frames.append(TimedFrame(frame.time, word.frame_id, False, False, word.payload))
+                frames.append(word._replace(time=frame.time))
         frames.append(frame)
     return frames
 
@@ -48,7 +47,7 @@ def test_learning_stops_and_errors_of_the_estimate_are_printed(
     command: Command, bench: Path, worn: Path
 ) -> None:
     channel = load_bench(bench).config.link.channel
-    frames = frames_of(bench, worn)
+    frames = sent_to(bench, worn)
     samples = read_recording(worn).samples
 
     with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:

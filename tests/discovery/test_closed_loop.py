@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from observer_rt.recording.formats import write_recording
-from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
+from tests.device import frames_of
 from tests.service.end_to_end import SUMMARY, Heard, command, decoded, write_bench
 from tests.service.participants import over_bus
 
@@ -62,7 +61,7 @@ def on_the_bus(folder: Path, model: Path | None, effects: tuple[SizedEffect, ...
         text = bench.read_text()
         assert "[model]\n" in text
         bench.write_text(text.replace("[model]\n", f'[model]\nfile = "{model}"\n'))
-    frames = list(Framer(map_bus(load_bench(bench))).frames(made.recording, whole(made.recording)))
+    frames = frames_of(bench, made.recording)
     heard, _ = over_bus(bench, frames)
     return published(heard, made.truth.injection_rate)
 

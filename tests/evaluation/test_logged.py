@@ -8,21 +8,17 @@ import numpy as np
 import pytest
 
 from observer_rt.bus.links.link import Frame
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import Bench, load_bench, load_injector
+from observer_rt.config.bench import Bench, load_bench
 from observer_rt.evaluation.evaluate import History, evaluate, evaluate_logs
 from observer_rt.evaluation.logged import read_logged
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.effects import sized
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.formats import log_formats, suffixes_of
-from observer_rt.recording.replay.framing import Framer, Span, whole, windows
+from observer_rt.recording.replay.framing import Span, whole, windows
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from tests.benches import bench_with
+from tests.device import frames_of, later, simulated
 from tests.recording.canlog.log_cases import sent_log, write_log
-from tests.service.stated_channels import bench_with
 from tests.service.time_frames import Clock, merged, plant, send, write_time_bench
 from tests.service.time_scenarios import LIFT_ALONE
 
@@ -32,12 +28,8 @@ START = 1_700_000_000_123_456_000  # ns since 1970
 HOLDING_FD = sorted(suffixes_of(each for each in log_formats() if each.keeps_fd))
 
 
-@cache
 def worn() -> Recording:
-    schedule = make_schedule([60e6, 120e6], 3, 0.05, [1.1e-3])
-    return simulate(
-        load_injector(), schedule, RATE, (sized("orifice_area", v_H=0.3),), NoiseLevels(), seed=3
-    ).recording
+    return simulated(3, 0.3, (60e6, 120e6), RATE, seed=3)
 
 
 @cache
@@ -48,8 +40,7 @@ def frames(bench: Bench = BENCH) -> list[LogFrame]:
 def log_of(
     recording: Recording, spans: list[Span], bench: Bench = BENCH, shift: float = 0.0
 ) -> list[LogFrame]:
-    sent = Framer(map_bus(bench)).frames(recording, spans)
-    return sent_log((frame._replace(time=frame.time + shift) for frame in sent), START)
+    return sent_log(later(frames_of(bench, recording, spans), shift), START)
 
 
 @cache
@@ -107,8 +98,7 @@ def test_the_same_frames_give_the_same_in_every_format(write: Write, suffix: str
 def test_the_same_classic_frames_give_the_same_in_every_format(
     write: Write, classic_bench: Bench, suffix: str
 ) -> None:
-    schedule = make_schedule([60e6], 2, 0.05, [1.1e-3])
-    recording = simulate(load_injector(), schedule, 20e3, (), NoiseLevels(), seed=4).recording
+    recording = simulated(2, 0.0, (60e6,), 20e3, seed=4)
     path = write(log_of(recording, whole(recording), classic_bench), suffix)
     logged = read_logged(classic_bench, path)
     assert logged.notes == ()

@@ -12,7 +12,7 @@ from observer_rt.model.effects import sized
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
-from tests.service.stated_channels import bench_with
+from tests.benches import bench_with
 
 RATE, FINE = 100e3, 1e6
 LATE = {"rail_pressure": 31e-6, "needle_lift": 23e-6, "line_pressure": 44e-6}  # s

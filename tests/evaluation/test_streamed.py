@@ -3,7 +3,6 @@
 import io
 import json
 from collections.abc import Iterator
-from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.config.bench import load_bench
 from observer_rt.evaluation import passage
 from observer_rt.evaluation.document import write_document
 from observer_rt.evaluation.evaluate import evaluate, evaluate_logs
@@ -22,26 +21,21 @@ from observer_rt.evaluation.spool import Spool
 from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.evaluation.trace import Signal
 from observer_rt.evaluation.trace_file import write_trace
-from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.effects import effective_model
 from observer_rt.recording.formats import open_recording, write_recording
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals import csv_file
 from observer_rt.recording.signals.recording import Chunk, Recording
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream, Stretch
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from tests.device import frames_of, later, simulated
 from tests.recording.canlog.log_cases import sent_log, write_log
 
 BENCH = load_bench()
 C = effective_model(BENCH.injector.parameters).coefficients
 
 
-@cache
 def worn() -> Recording:
-    schedule = make_schedule([60e6, 120e6], 4, 0.05, [1.1e-3])
-    effects = (sized("orifice_area", v_H=0.3),)
-    return simulate(load_injector(), schedule, 100e3, effects, NoiseLevels(), True, seed=3).recording
+    return simulated(4, 0.3, (60e6, 120e6), 100e3, seed=3, measured_rate=True)
 
 
 class Cut(SignalStream):
@@ -109,9 +103,9 @@ def test_stretches_are_one_history_with_a_pause_between(tmp_path: Path) -> None:
 
 
 def test_a_restarted_device_splits_the_log(tmp_path: Path) -> None:
-    frames = list(Framer(map_bus(BENCH)).frames(worn(), whole(worn())))
+    frames = frames_of(BENCH, worn())
     end = frames[-1].time + 1.0
-    again = [frame._replace(time=frame.time + end) for frame in frames]
+    again = later(frames, end)
     path = tmp_path / "bus.blf"
     write_log(path, sent_log([*frames, *again]))
     log = LoggedSignals(BENCH, path)

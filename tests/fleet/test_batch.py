@@ -6,15 +6,12 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.fleet.dataset import read_injections
 from observer_rt.foundation.file_hash import file_hash
-from observer_rt.model.effects import sized
 from observer_rt.recording.formats import open_recording, write_recording
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from tests.device import simulated
 from tests.fleet.running import PATIENCE, ended, started, wait_until, workers_of
 
 pytestmark = pytest.mark.slow
@@ -27,13 +24,10 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("measured")
     for number in range(6):
         wear = 0.1 * (number % 3)
-        schedule = make_schedule([60e6, 120e6], INJECTIONS, 0.05, [1.1e-3])
-        made = simulate(
-            load_injector(), schedule, 50e3, (sized("orifice_area", v_H=wear),), NoiseLevels(), seed=number
-        )
+        made = simulated(INJECTIONS, wear, (60e6, 120e6), seed=number)
         path = folder / f"injector_{number % 3}" / f"run_{number // 3}.csv"
         path.parent.mkdir(exist_ok=True)
-        write_recording(path, made.recording)
+        write_recording(path, made)
     shutil.copy(folder / "injector_1" / "run_0.csv", folder / "injector_1" / "copy.csv")
     (folder / "injector_2" / "damaged.csv").write_text("time_s,rail_pressure_MPa\n1,2\n")
     (folder / "injector_2" / "run_0.csv.truth.csv").write_text("not for the observer")

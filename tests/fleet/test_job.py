@@ -2,33 +2,26 @@
 
 import gc
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pytest
 
-from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.fleet.job import Failed, Task, evaluated
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.effects import sized
 from observer_rt.recording.formats import open_recording, write_recording
 from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.service.core.core import Core
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from tests.device import worn_recording
 
 
-@cache
 def worn() -> Recording:
-    schedule = make_schedule([60e6, 120e6], 24, 0.05, [1.1e-3])
-    effects = (sized("orifice_area", v_H=0.2),)
-    return simulate(load_injector(), schedule, 50e3, effects, NoiseLevels(), seed=3).recording
+    return worn_recording(24, 0.2)
 
 
 def result_of(path: Path) -> pa.Table | Failed:

@@ -11,12 +11,11 @@ import pytest
 from asammdf import MDF
 from cantools.database.can import Database
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.formats import open_log, open_writer, read_recording, write_recording
-from observer_rt.recording.replay.framing import Framer, whole
+from tests.device import frames_of, worn_recording
 from tests.pages import ROOT
-from tests.service.participants import bench_file, worn_recording
+from tests.service.participants import bench_file
 from tests.watch.traffic import BEGIN, Observed, traffic, write_log
 
 DATABASE = ROOT / "dbc" / "observer_fd.dbc"
@@ -31,7 +30,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("foreign")
     bench = load_bench(bench_file(folder, "can0", "socketcan"))
     recording = worn_recording(4)
-    frames = list(Framer(map_bus(bench)).frames(recording, whole(recording)))
+    frames = frames_of(bench, recording)
     write_log(folder / "bus.log", list(traffic(frames, [Observed(bench)])), ["can0"])
     return folder / "bus.log"
 

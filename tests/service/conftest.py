@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from tests.service.core_frames import ONE_MESSAGE, Device, Frame, bench_text, recording
+from observer_rt.recording.replay.framing import TimedFrame
+from tests.benches import sample_bench
+from tests.device import Device, simulated
 
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("core") / "bench.toml"
-    path.write_text(bench_text(ONE_MESSAGE))
-    return path
+    return sample_bench(tmp_path_factory.mktemp("core"))
 
 
 @pytest.fixture(scope="module")
-def frames() -> list[Frame]:
-    return Device(ONE_MESSAGE).send(recording())
+def frames(bench: Path) -> list[TimedFrame]:
+    return Device(bench).send(simulated())

@@ -1,37 +1,24 @@
 """Frames of the example databases, encoded by cantools as the devices of such benches send them."""
 
-from collections.abc import Iterable
-from functools import cache
+from collections.abc import Iterator
 from pathlib import Path
 
 import cantools.database
 from cantools.database.can import Database
 
-from observer_rt.config.bench import load_injector
-from observer_rt.model.effects import sized
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from tests.device import encoded
 
 DATABASES = Path(__file__).parents[1] / "bus" / "databases"
 INJECTIONS = 3
-Sent = Iterable[tuple[int, bool, bytes, int]]  # identifier, is extended, payload, stamp [ns]
-
-
-@cache
-def recording(rate: float) -> Recording:
-    """Injections of a worn injector, with noise."""
-    schedule = make_schedule([100e6], INJECTIONS, 0.05, [1.1e-3])
-    effects = (sized("orifice_area", v_H=0.2),)
-    return simulate(load_injector(), schedule, rate, effects, NoiseLevels(), seed=8).recording
 
 
 def database(name: str) -> Database:
     return cantools.database.load_file(DATABASES / f"{name}.dbc")
 
 
-def classic_frames(data: Recording) -> Sent:
+def classic_frames(data: Recording) -> Iterator[TimedFrame]:
     """One sample a frame, Motorola, the three channels one after the other."""
     messages = [
         database("testbed_classic").get_message_by_name(f"DAQ_{n}")
@@ -46,10 +33,10 @@ def classic_frames(data: Recording) -> Sent:
             strict=True,
         ):
             values = {f"{prefix}_MsgCnt": n, f"{prefix}_{name}": float(value), f"{prefix}_SensorState": 1}
-            yield message.frame_id, False, message.encode(values), 0
+            yield encoded(message, values)
 
 
-def fd_frames(data: Recording) -> Sent:
+def fd_frames(data: Recording) -> Iterator[TimedFrame]:
     """Blocks of twelve: pressures in one message, the lift as floats in another."""
     pressures = database("fast_daq_fd").get_message_by_name("FD_Pressures")
     needle = database("fast_daq_fd").get_message_by_name("FD_Needle")
@@ -60,14 +47,14 @@ def fd_frames(data: Recording) -> Sent:
             values[f"pRail_{k + 1}"] = data.rail_pressure[first + k] / 1e3
             values[f"pLine_{k + 1}"] = data.line_pressure[first + k] / 1e3
             lifts[f"xNeedle_{k + 1}"] = data.needle_lift[first + k] / 1e-3
-        yield pressures.frame_id, True, pressures.encode(values), 0
-        yield needle.frame_id, True, needle.encode(lifts), 0
+        yield encoded(pressures, values)
+        yield encoded(needle, lifts)
 
 
 CHANNELS = {"Rail": ("rail_pressure", 1e6), "Lift": ("needle_lift", 1e-3), "Line": ("line_pressure", 1e6)}
 
 
-def multiplexed_frames(data: Recording) -> Sent:
+def multiplexed_frames(data: Recording) -> Iterator[TimedFrame]:
     """Six samples in two halves of each of three channels; slow channels in between."""
     message = database("adc_multiplexed").get_message_by_name("ADC_Data")
     for first in range(0, data.samples - 5, 6):
@@ -76,7 +63,7 @@ def multiplexed_frames(data: Recording) -> Sent:
                 values = {"ADC_Channel": 3.0 * half + n, "ADC_Overrange": 0.0, "ADC_Time": float(first)}
                 for k in range(3 * half, 3 * half + 3):
                     values[f"ADC_{name}_{k}"] = float(getattr(data, role)[first + k]) / unit
-                yield message.frame_id, False, message.encode(values), 0
+                yield encoded(message, values)
         if first % 60 == 0:
             slow = {
                 "ADC_Channel": 15,
@@ -85,4 +72,4 @@ def multiplexed_frames(data: Recording) -> Sent:
                 "ADC_Page": 0,
                 "ADC_Temperature": 42.0,
             }
-            yield message.frame_id, False, message.encode(slow), 0
+            yield encoded(message, slow)

@@ -15,33 +15,21 @@ from observer_rt.bus.can_frame import EXTENDED_MASK
 from observer_rt.bus.links.link import Frame, Link
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import Bench, load_bench, load_injector
+from observer_rt.config.bench import Bench, load_bench
 from observer_rt.foundation.errors import RunError
-from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
-from observer_rt.recording.signals.recording import Recording
 from observer_rt.service import opening
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from tests.benches import SAMPLE_RATE
 from tests.links import FakeLink
 from tests.service.end_to_end import STATUS, Heard, Listener, decoded, output_bus, write_bench
 
-SAMPLE_RATE = 50e3
 BLOCK_ID = 0x100  # of the message with samples
 PATIENCE = 60.0  # s, after which the test fails: the machine is too slow, or the daemon stuck
-
-
-def worn_recording(injections: int = 4, v_h: float = 0.3) -> Recording:
-    """Events every 50 ms at alternating pressures, with noise."""
-    schedule = make_schedule([60e6, 120e6], injections, 0.05, [1.1e-3])
-    effects = (sized("orifice_area", v_H=v_h),)
-    return simulate(load_injector(), schedule, SAMPLE_RATE, effects, NoiseLevels(), seed=3).recording
 
 
 def until(condition: Callable[[], bool]) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import cantools
 from cantools.database.can import Database
 
-from tests.service.core_frames import ONE_MESSAGE, bench_text
+from tests.benches import sample_bench
 
 LEVELS = 20  # samples in a frame of levels
 SAFE_ID, SAFE_BLOCK_ID, DATA_ID = 0x340, 0x341, 0x2345
@@ -85,11 +85,10 @@ class Told:
 def pulse_bench(folder: Path, energizing: str, extra: str = "") -> Path:
     """A bench with the lines of [signals.energizing], on a bus where frames take no time."""
     (folder / "bed.dbc").write_text(TEXT)
-    path = folder / "bench.toml"
     link = f'[link]\ninterface = "virtual"\nchannel = "{folder.name}"\n'
-    lines = f'{extra}\n[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{energizing}'
-    path.write_text(link + bench_text(ONE_MESSAGE, lines))
-    return path
+    return sample_bench(
+        folder, extra=f'{extra}\n{link}[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{energizing}'
+    )
 
 
 TRIPLE = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}

@@ -1,13 +1,13 @@
 """A test bed that sends the optional inputs: its database, its part of a bench file, its frames by plain cantools."""
 
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import cantools
-import e2e.p05
-from cantools.database.can import Database, Message
+from cantools.database.can import Database
 
-from tests.service.core_frames import ONE_MESSAGE, Frame, bench_text
+from observer_rt.recording.replay.framing import TimedFrame
+from tests.benches import sample_bench
+from tests.device import encoded, protected
 
 PROTECTED_ID, DATA_ID = 802, 0x1234
 TEXT = f"""VERSION ""
@@ -40,36 +40,19 @@ def slow_bench(folder: Path, roles: dict[str, tuple[str, str]], extra: str = "")
         f'[signals.{role}]\nmessage = "{message}"\nsignal = "{signal}"\n'
         for role, (message, signal) in roles.items()
     )
-    path = folder / "bench.toml"
-    path.write_text(bench_text(ONE_MESSAGE, f'{extra}\n[[dbc]]\nfile = "bed.dbc"\n{signals}'))
-    return path
+    return sample_bench(folder, extra=f'{extra}\n[[dbc]]\nfile = "bed.dbc"\n{signals}')
 
 
-def bed(signal: str, value: float | None) -> Frame:
+def bed(signal: str, value: float | None) -> TimedFrame:
     """A frame of `Bed` with one of its signals; None: not available."""
-    message: Message = BED.get_message_by_name("Bed")
-    values = {"Page": PAGES[signal], signal: 0 if value is None else value}
-    payload = bytearray(message.encode(values))
+    message = BED.get_message_by_name("Bed")
+    payload = bytearray(message.encode({"Page": PAGES[signal], signal: value or 0}))
     if value is None:
         payload[1:3] = NOT_AVAILABLE[signal].to_bytes(2, "little")
-    return Frame(message.frame_id, bytes(payload))
+    return encoded(message, bytes(payload))
 
 
-def safe_bed(counter: int, enable: int = 1, mass: float = 0.0) -> Frame:
+def safe_bed(counter: int, enable: int = 1, mass: float = 0.0) -> TimedFrame:
     """A frame of `SafeBed`; mass [kg]."""
-    message: Message = BED.get_message_by_name("SafeBed")
-    payload = bytearray(message.encode({"LearnEnableSafe": enable, "MassSafe": mass}))
-    e2e.p05.e2e_p05_protect(payload, DATA_ID, length=8, increment_counter=False)
-    payload[2] = counter
-    e2e.p05.e2e_p05_protect(payload, DATA_ID, length=8, increment_counter=False)
-    return Frame(message.frame_id, bytes(payload))
-
-
-def inserted(frames: Sequence[Frame], at: Iterable[tuple[int, Frame]]) -> list[Frame]:
-    """The frames with others before those of the numbers given."""
-    others = list(at)
-    result: list[Frame] = []
-    for number, frame in enumerate(frames):
-        result += [other for place, other in others if place == number]
-        result.append(frame)
-    return result
+    message = BED.get_message_by_name("SafeBed")
+    return protected(encoded(message, {"LearnEnableSafe": enable, "MassSafe": mass}), DATA_ID, counter)

@@ -1,7 +1,7 @@
 """Databases as benches have them, with the bench files of `docs/dbc.md`: the same samples, the same estimate."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,7 +18,7 @@ from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.model.effects import sized
-from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.recording.replay.recording_frames import RecordingPart
 from observer_rt.recording.signals.recording import Recording
@@ -27,27 +27,28 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.service.reports.news import Notes
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
-from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device, bench_text
+from tests.benches import sample_bench
+from tests.device import Device, frames_of, run, simulated
 from tests.service.foreign_frames import (
     DATABASES,
     INJECTIONS,
-    Sent,
     classic_frames,
     database,
     fd_frames,
     multiplexed_frames,
-    recording,
 )
 from tests.service.participants import serving, until
 
 RESULTS: list[can.typechecking.CanFilter] = [
     {"can_id": frame_id, "can_mask": 0x7FF, "extended": False} for frame_id in (0x201, 0x202)
 ]
+
+
+Frames = Callable[[Recording], Iterable[TimedFrame]]
 
 
 @dataclass(frozen=True)
@@ -60,28 +61,17 @@ class Outcome:
     rates: dict[int, float]
 
 
-def through(bench: Path, frames: Sent) -> Outcome:
-    loaded = load_bench(bench)
-    notes = Notes()
-    core = Core(loaded.injector, map_bus(loaded), listeners=[notes])
-    out: list[OutputFrame] = []
-    for frame_id, is_extended, payload, stamp in frames:
-        out += core.handle(frame_id, is_extended, payload, stamp)
-    out += core.finish()
-    rows = core.rows(0, core.processed)
-    return Outcome(
-        out,
-        notes.injections,
-        core,
-        dict(zip(rows["index"].tolist(), rows["injection_rate"].tolist(), strict=True)),
-    )
+def through(bench: Path, frames: Iterable[TimedFrame]) -> Outcome:
+    result = run(bench, frames)
+    rows = result.core.rows(0, result.core.processed)
+    rates = dict(zip(rows["index"].tolist(), rows["injection_rate"].tolist(), strict=True))
+    return Outcome(result.frames, result.reports, result.core, rates)
 
 
 def in_blocks(folder: Path, rate: float, data: Recording) -> Outcome:
     """A recording through our own FD layout."""
-    path = folder / "blocks.toml"
-    path.write_text(bench_text(ONE_MESSAGE).replace(f"rate_hz = {SAMPLE_RATE}", f"rate_hz = {rate}"))
-    return through(path, ((f.frame_id, False, f.payload, 0) for f in Device(ONE_MESSAGE).send(data)))
+    path = sample_bench(folder / "blocks", rate=rate)
+    return through(path, Device(path).send(data))
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +80,7 @@ def in_our_layout(tmp_path_factory: pytest.TempPathFactory) -> Callable[[float],
 
     @cache
     def run(rate: float) -> Outcome:
-        return in_blocks(tmp_path_factory.mktemp("own"), rate, recording(rate))
+        return in_blocks(tmp_path_factory.mktemp("own"), rate, simulated(rate=rate))
 
     return run
 
@@ -104,10 +94,13 @@ EXAMPLES = [
 
 @pytest.mark.parametrize(("name", "rate", "frames"), EXAMPLES)
 def test_the_same_estimate_as_in_our_own_layout(
-    name: str, rate: float, frames: Callable[[Recording], Sent], in_our_layout: Callable[[float], Outcome]
+    name: str,
+    rate: float,
+    frames: Frames,
+    in_our_layout: Callable[[float], Outcome],
 ) -> None:
     own = in_our_layout(rate)
-    foreign = through(DATABASES / f"{name}.toml", frames(recording(rate)))
+    foreign = through(DATABASES / f"{name}.toml", frames(simulated(rate=rate)))
     assert foreign.core.counters.lost_samples == 0
     assert foreign.core.counters.repeated_frames == foreign.core.counters.old_frames == 0
     assert len(foreign.reports) == len(own.reports) == INJECTIONS
@@ -127,28 +120,24 @@ def test_the_same_estimate_as_in_our_own_layout(
 
 
 @pytest.mark.parametrize(("name", "rate", "frames"), EXAMPLES)
-def test_replay_sends_what_cantools_encodes(
-    name: str, rate: float, frames: Callable[[Recording], Sent]
-) -> None:
+def test_replay_sends_what_cantools_encodes(name: str, rate: float, frames: Frames) -> None:
     """By frame: what a replay of the same recording by the bench file puts on the bus."""
-    data = recording(rate)
+    data = simulated(rate=rate)
     db = database(name)
 
-    def contents(sent: Sent) -> dict[int, list[dict[str, float]]]:
+    def contents(sent: Iterable[TimedFrame]) -> dict[int, list[dict[str, float]]]:
         found: dict[int, list[dict[str, float]]] = {}
-        for frame_id, _, payload, _ in sent:
-            message = db.get_message_by_frame_id(frame_id)
-            raw = message.decode(payload, decode_choices=False, scaling=False)
+        for frame in sent:
+            message = db.get_message_by_frame_id(frame.frame_id)
+            raw = message.decode(frame.payload, decode_choices=False, scaling=False)
             kept = {n: v for n, v in raw.items() if not n.endswith(("SensorState", "Temperature", "Page"))}
             if kept.get("ADC_Channel") != 15:
-                found.setdefault(frame_id, []).append(kept)
+                found.setdefault(frame.frame_id, []).append(kept)
         return found
 
-    bus = map_bus(load_bench(DATABASES / f"{name}.toml"))
-    replayed = contents(
-        (f.frame_id, f.is_extended, f.payload, 0) for f in Framer(bus).frames(data, whole(data))
-    )
-    assert RecordingPart(HeldSignals(data), bus).extent.frames == sum(map(len, replayed.values()))
+    bench = load_bench(DATABASES / f"{name}.toml")
+    replayed = contents(frames_of(bench, data))
+    assert RecordingPart(HeldSignals(data), map_bus(bench)).extent.frames == sum(map(len, replayed.values()))
     expected = contents(frames(data))
     assert expected.keys() == replayed.keys()
     for frame_id, sent in expected.items():
@@ -157,9 +146,9 @@ def test_replay_sends_what_cantools_encodes(
 
 
 def test_a_lost_half_of_a_channel_is_lost_samples() -> None:
-    sent = list(multiplexed_frames(recording(50e3)))[:3000]
-    fourth = [n for n, (_, _, payload, _) in enumerate(sent) if payload[0] & 0xF == 3][100]
-    outcome = through(DATABASES / "adc_multiplexed.toml", iter(sent[:fourth] + sent[fourth + 1 :]))
+    sent = list(multiplexed_frames(simulated(rate=50e3)))[:3000]
+    fourth = [n for n, frame in enumerate(sent) if frame.payload[0] & 0xF == 3][100]
+    outcome = through(DATABASES / "adc_multiplexed.toml", sent[:fourth] + sent[fourth + 1 :])
     assert outcome.core.counters.lost_samples == 3
     assert outcome.core.counters.jumps == 0
 
@@ -181,7 +170,7 @@ def _pages(frames: list[OutputFrame], name: str) -> list[dict[str, float]]:
 
 
 def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
-    outcome = through(DATABASES / "testbed_classic.toml", classic_frames(recording(10e3)))
+    outcome = through(DATABASES / "testbed_classic.toml", classic_frames(simulated(rate=10e3)))
     assert {frame.frame_id for frame in outcome.frames} == {0x201}
     summaries = _pages(outcome.frames, "InjectionSummary")
     assert len(summaries) == len(outcome.reports) == INJECTIONS
@@ -214,7 +203,7 @@ def _exchange_classic_frames(folder: Path, interface: str, channel: str, speed: 
     path.write_text(text + "status_period_ms = 1000\n[learning]\nlockstep = true\n")
     bench = load_bench(path)
     bus = map_bus(bench)
-    data = recording(10e3)
+    data = simulated(rate=10e3)
     frames = list(RecordingPart(HeldSignals(data), bus).frames())
     inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
     warm_up(bench, bus)
@@ -263,14 +252,11 @@ def test_our_classic_layout(tmp_path: Path) -> None:
     schedule = make_schedule([100e6], 10, 0.2, [1.1e-3])
     effects = (sized("orifice_area", v_H=0.2),)
     data = simulate(load_injector(), schedule, 10e3, effects, NoiseLevels(), seed=8).recording
-    bus = map_bus(load_bench(classic_layout(tmp_path, 10e3)))
-    frames = list(Framer(bus).frames(data, whole(data)))
+    frames = frames_of(classic_layout(tmp_path, 10e3), data)
     for number, frame in enumerate(frames):
         assert e2e.p01.e2e_p01_check(bytearray(frame.payload), 256, length=8)
         assert frame.payload[1] == number % 15
-    classic = through(
-        tmp_path / "bench.toml", ((f.frame_id, f.is_extended, f.payload, f.stamp_ns) for f in frames)
-    )
+    classic = through(tmp_path / "bench.toml", frames)
     own = in_blocks(tmp_path, 10e3, data)
     assert classic.core.counters.lost_samples == 0
     assert len(_pages(classic.frames, "InjectionSummary")) == len(classic.reports) == len(own.reports) == 10

@@ -12,19 +12,13 @@ from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.foundation.errors import RunError
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole, windows
+from observer_rt.recording.replay.framing import TimedFrame, windows
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
+from tests.device import frames_of, worn_recording
 from tests.service.end_to_end import RATE, SUMMARY, decoded, published_rates
-from tests.service.participants import (
-    ScriptedLink,
-    bench_file,
-    over_bus,
-    serving,
-    until,
-    worn_recording,
-)
+from tests.service.participants import ScriptedLink, bench_file, over_bus, serving, until
 
 BLOCK = 9  # samples of a SampleBlock
 
@@ -41,7 +35,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def frames(bench: Path, recording: Recording) -> list[TimedFrame]:
-    return list(Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)))
+    return frames_of(bench, recording)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +67,7 @@ def test_frames_equal_those_of_evaluate(
 
 def test_windowed_source_every_index_sent_once(bench: Path, recording: Recording) -> None:
     spans = windows(recording)
-    frames = list(Framer(map_bus(load_bench(bench))).frames(recording, spans))
+    frames = frames_of(bench, recording, spans)
     heard, daemon = over_bus(bench, frames)
     rate, count = published_rates(heard.rates, recording.samples)
     assert count.max() == 1

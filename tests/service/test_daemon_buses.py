@@ -22,9 +22,10 @@ from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
-from tests.service.bus_frames import block_bench, frames_of
+from tests.benches import block_bench
+from tests.device import frames_of, worn_recording
 from tests.service.end_to_end import RATE, SUMMARY, Heard
-from tests.service.participants import listening, serving, until, worn_recording
+from tests.service.participants import listening, serving, until
 from tests.service.test_daemon_link import TroubledLink
 
 BLOCK = 28

@@ -14,12 +14,13 @@ from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.warm_up import warm_up
+from tests.device import frames_of, worn_recording
 from tests.service.end_to_end import RATE, published_rates
-from tests.service.participants import ScriptedLink, bench_file, serving, until, worn_recording
+from tests.service.participants import ScriptedLink, bench_file, serving, until
 
 BLOCK = 9  # samples of a SampleBlock
 FIRST, LOST, LAST = 600, 200, 600  # frames before, during and after an outage
@@ -70,7 +71,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def frames(bench: Path) -> list[TimedFrame]:
     recording = worn_recording()
-    return list(Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)))
+    return frames_of(bench, recording)
 
 
 def daemon_on(bench: Path, link: TroubledLink) -> tuple[Daemon, list[str]]:

@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.recording.replay.framing import Framer, Span, TimedFrame
+from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.core import Core
 from observer_rt.service.core.counters import Counters
+from tests.device import damaged, frames_of, run
 
 RATE = 50e3
 WINDOWS = [Span(0, 600), Span(3000, 3600)]
@@ -55,25 +54,20 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     return load_bench(path)
 
 
-def standstill_frames(bus: BusMap) -> list[TimedFrame]:
+def standstill_frames(bench: Bench) -> list[TimedFrame]:
     """Two windows of a closed needle."""
     samples = 4000
     pressure = np.full(samples, 100e6)
     recording = Recording(np.arange(samples) / RATE, pressure, np.zeros(samples), pressure)
-    return list(Framer(bus).frames(recording, WINDOWS))
+    return frames_of(bench, recording, WINDOWS)
 
 
-def counted(bench: Bench, bus: BusMap, frames: list[TimedFrame]) -> Counters:
-    core = Core(bench.injector, bus)
-    for frame in frames:
-        core.handle(frame.frame_id, frame.is_extended, frame.payload, 0)
-    core.finish()
-    return core.counters
+def counted(bench: Bench, frames: list[TimedFrame]) -> Counters:
+    return run(bench, frames).core.counters
 
 
 def test_a_pause_is_no_loss(bench: Bench) -> None:
-    bus = map_bus(bench)
-    counters = counted(bench, bus, standstill_frames(bus))
+    counters = counted(bench, standstill_frames(bench))
     assert (counters.jumps, counters.lost_samples, counters.sequence_errors) == (1, 0, 0)
     assert counters.samples == 1200
 
@@ -81,27 +75,22 @@ def test_a_pause_is_no_loss(bench: Bench) -> None:
 @pytest.mark.parametrize("missing", range(6))
 def test_a_frame_lost_at_a_pause_makes_it_a_loss(bench: Bench, missing: int) -> None:
     """Any of the last three frames before it and the first three after it."""
-    bus = map_bus(bench)
-    frames = standstill_frames(bus)
+    frames = standstill_frames(bench)
     first = len(frames) // 2 - 3 + missing
-    counters = counted(bench, bus, frames[:first] + frames[first + 1 :])
+    counters = counted(bench, frames[:first] + frames[first + 1 :])
     assert counters.jumps == 0
     assert counters.lost_samples >= 2400
 
 
 def test_a_repeated_frame_changes_nothing(bench: Bench) -> None:
-    bus = map_bus(bench)
-    frames = standstill_frames(bus)
+    frames = standstill_frames(bench)
     last = len(frames) // 2 - 1
-    counters = counted(bench, bus, [*frames[: last + 1], frames[last], *frames[last + 1 :]])
+    counters = counted(bench, [*frames[: last + 1], frames[last], *frames[last + 1 :]])
     assert (counters.jumps, counters.lost_samples, counters.repeated_frames) == (1, 0, 1)
 
 
 def test_damaged_frames_are_counted_once(bench: Bench) -> None:
-    bus = map_bus(bench)
-    frames = standstill_frames(bus)
-    payload = bytearray(frames[9].payload)
-    payload[7] ^= 1
-    frames[9] = frames[9]._replace(payload=bytes(payload))
-    counters = counted(bench, bus, frames)
+    frames = standstill_frames(bench)
+    frames[9] = damaged(frames[9], 56)
+    counters = counted(bench, frames)
     assert (counters.crc_errors, counters.frames, counters.lost_samples) == (1, len(frames), 3)

@@ -15,10 +15,11 @@ from observer_rt.recording.replay.player import play
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.warm_up import warm_up
+from tests.benches import block_bench
+from tests.device import frames_of, worn_recording
 from tests.interface import OwnInterface
-from tests.service.bus_frames import block_bench, frames_of
 from tests.service.end_to_end import RATE, SUMMARY, output_bus, run_over
-from tests.service.participants import serving, until, worn_recording
+from tests.service.participants import serving, until
 from tests.service.test_daemon_buses import opened
 
 SPEED = 0.05  # of replay: user-mode Linux has one processor for daemon, replay and listener

@@ -4,13 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.recording.replay.framing import Framer, whole
+from tests.device import frames_of, worn_recording
 from tests.interface import FRAME_BYTES, OwnInterface
 from tests.service.end_to_end import RATE, SUMMARY
-from tests.service.participants import bench_file, over_bus, worn_recording
+from tests.service.participants import bench_file, over_bus
 
 BUS = 1000  # frames/s: fewer than the slowest machine sends
 QUEUE = 20  # frames
@@ -23,7 +22,7 @@ def test_inputs_and_results_wait_for_one_full_queue(own_interface: OwnInterface,
     path = bench_file(tmp_path, own_interface.name, "socketcan")
     bench = load_bench(path)
     recording = worn_recording(2)
-    frames = list(Framer(map_bus(bench)).frames(recording, whole(recording)))
+    frames = frames_of(bench, recording)
     expected = evaluate(bench, [recording]).frames
     heard, daemon = over_bus(path, frames)
     assert own_interface.refused > 0

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.recording.replay.framing import Framer, Span, TimedFrame, whole, windows
+from observer_rt.recording.replay.framing import Span, TimedFrame, whole, windows
 from observer_rt.recording.signals.recording import Recording
+from tests.device import frames_of, worn_recording
 from tests.service.end_to_end import RATE, SUMMARY, published_rates
-from tests.service.participants import bench_file, over_bus, worn_recording
+from tests.service.participants import bench_file, over_bus
 
 SPEED = 0.1
 BLOCK = 9  # samples of a SampleBlock
@@ -28,7 +28,7 @@ def bench(tmp_path: Path, vcan: str) -> Path:
 
 
 def framed(bench: Path, recording: Recording, spans: list[Span]) -> list[TimedFrame]:
-    return list(Framer(map_bus(load_bench(bench))).frames(recording, spans))
+    return frames_of(bench, recording, spans)
 
 
 @pytest.mark.vcan

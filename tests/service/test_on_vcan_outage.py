@@ -10,14 +10,15 @@ import pytest
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.warm_up import warm_up
+from tests.device import frames_of, worn_recording
 from tests.interface import OwnInterface
 from tests.service.end_to_end import STATUS, decoded
-from tests.service.participants import bench_file, serving, until, worn_recording
+from tests.service.participants import bench_file, serving, until
 
 BLOCK = 9  # samples of a SampleBlock
 FIRST, LOST, LAST = 600, 200, 600  # frames before, during and after the outage
@@ -50,8 +51,7 @@ def test_the_daemon_stays_and_goes_on(
     bench = load_bench(bench_file(tmp_path, name, "socketcan"))
     bus = map_bus(bench)
     warm_up(bench, bus)
-    recording = worn_recording()
-    frames = list(Framer(bus).frames(recording, whole(recording)))
+    frames = frames_of(bench, worn_recording())
     inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
     notes = Notes()
     messages = notes.messages

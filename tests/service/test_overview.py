@@ -10,7 +10,8 @@ from observer_rt.config.bench import load_bench
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.overview import TURN, Overview
 from observer_rt.service.view import View
-from tests.service.participants import ScriptedLink, serving, until, worn_recording
+from tests.device import worn_recording
+from tests.service.participants import ScriptedLink, serving, until
 from tests.three_injectors import NAMES, frames_of_all, one_alone, three_injectors
 
 

@@ -11,14 +11,14 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.screen.shown import NominalModel, Reference
 from observer_rt.service.view import View
-from tests.service.participants import ScriptedLink, bench_file, serving, until, worn_recording
+from tests.device import frames_of, hand, worn_recording
+from tests.service.participants import ScriptedLink, bench_file, serving, until
 
 
 def drawn(view: View, width: int, height: int, now: int | None = None) -> list[str]:
@@ -44,7 +44,7 @@ def view(path: Path) -> View:
 
     bench = load_bench(path)
     view = View("title of the view", bench.injector, references)
-    link = ScriptedLink(Framer(map_bus(bench)).frames(recording, whole(recording)))
+    link = ScriptedLink(frames_of(bench, recording))
     daemon = Daemon(bench, map_bus(bench), [link], listeners=[view.hear])
     view.watch(daemon)
     with serving(daemon):
@@ -101,11 +101,10 @@ def test_the_nominal_model_is_what_an_injector_that_learned_nothing_shows(path: 
     bench = load_bench(path)
     nominal = NominalModel(bench.injector)
     found: list[tuple[float, float]] = []
-    recording = worn_recording(injections=4, v_h=0.0)
     notes = Notes()
     core = Core(bench.injector, map_bus(bench), learning=False, listeners=[notes])
-    for frame in Framer(map_bus(bench)).frames(recording, whole(recording)):
-        core.handle(frame.frame_id, frame.is_extended, frame.payload, 0)
+    for frame in frames_of(bench, worn_recording(v_h=0.0)):
+        hand(core, [frame])
         for report in notes.injections[len(found) :]:
             (reference,) = nominal(report, core.rows(report.start, report.end + 1))
             found.append((reference.mass, report.mass))

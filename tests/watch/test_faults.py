@@ -9,10 +9,12 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Reason, State
+from observer_rt.recording.replay.framing import Span
 from observer_rt.service.core.messages import FrameWriter
 from observer_rt.service.words import REASONS
 from observer_rt.watch.injector import WatchedInjector
-from tests.service.core_frames import THREE_MESSAGES, Device, bench_text, recording
+from tests.benches import THREE_MESSAGES, sample_bench
+from tests.device import Device, simulated
 
 SECOND = 1_000_000_000
 BEGIN = 1_780_000_000 * SECOND
@@ -22,13 +24,11 @@ class Bus:
     """Devices and an observer at work, until some of them are switched off."""
 
     def __init__(self, folder: Path) -> None:
-        path = folder / "bench.toml"
-        path.write_text(bench_text(THREE_MESSAGES))
-        bench = load_bench(path)
+        bench = load_bench(sample_bench(folder, THREE_MESSAGES))
         self.bus = map_bus(bench)
         self.injector = WatchedInjector(bench)
         self.injector.begin(BEGIN)
-        self.frames = {frame.frame_id: frame for frame in Device(THREE_MESSAGES).send(recording(), 0, 56)}
+        self.frames = {frame.frame_id: frame for frame in Device(bench).send(simulated(), Span(0, 56))}
         self._status = FrameWriter(self.bus.status)
 
     def run(

@@ -10,12 +10,13 @@ from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
-from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.watch.injection import SeenInjection
 from observer_rt.watch.injector import Seen, WatchedInjector
-from tests.service.participants import SAMPLE_RATE, bench_file, worn_recording
+from tests.benches import SAMPLE_RATE
+from tests.device import frames_of, worn_recording
+from tests.service.participants import bench_file
 from tests.watch.traffic import BEGIN, Observed, traffic
 
 WEAR = 0.2
@@ -27,7 +28,7 @@ class Watched:
     def __init__(self, bench: Bench, recording: Recording) -> None:
         self.recording = recording
         observer = Observed(bench)
-        frames = list(Framer(map_bus(bench)).frames(recording, whole(recording)))
+        frames = frames_of(bench, recording)
         self.came: Sequence[BusFrame] = list(traffic(frames, [observer]))
         self.reports = observer.reports
         self.seen = seen_after(bench, self.came)

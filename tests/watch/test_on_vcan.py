@@ -14,8 +14,9 @@ from tornado.ioloop import IOLoop
 from tornado.websocket import websocket_connect
 
 from observer_rt.recording.formats import write_recording
+from tests.device import worn_recording
 from tests.service.end_to_end import START_TIMEOUT, command
-from tests.service.participants import bench_file, until, worn_recording
+from tests.service.participants import bench_file, until
 from tests.watch.message import unpacked
 from tools.benchmarks.live_page.browser import served
 

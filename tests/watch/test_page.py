@@ -12,10 +12,9 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from observer_rt.bus.links.link import BusFrame
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.recording.replay.framing import Framer, whole
-from tests.service.participants import bench_file, worn_recording
+from tests.device import frames_of, worn_recording
+from tests.service.participants import bench_file
 from tests.three_injectors import (
     NAMES,
     frames_of_all,
@@ -41,7 +40,7 @@ def one(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     path = bench_file(folder, "can0", "socketcan")
     bench = load_bench(path)
     recording = worn_recording(INJECTIONS, 0.2)
-    frames = list(Framer(map_bus(bench)).frames(recording, whole(recording)))
+    frames = frames_of(bench, recording)
     write_log(folder / "bus.log", list(traffic(frames, [Observed(bench)])), ["can0"])
     return path, folder / "bus.log"
 

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from observer_rt.bus.links.link import BusFrame, Frame
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.watch.listening import LiveSource, Taker
 from observer_rt.watch.watching import Watching
 from tests.bus.j1939_bench import write_j1939_bench
-from tests.service.participants import bench_file, over_bus, until, worn_recording
+from tests.device import frames_of, worn_recording
+from tests.service.participants import bench_file, over_bus, until
 
 
 def test_injections_are_seen_beside_the_daemon(tmp_path: Path) -> None:
@@ -24,7 +23,7 @@ def test_injections_are_seen_beside_the_daemon(tmp_path: Path) -> None:
     watching = Watching(bench, LiveSource(bench))
     watching.start()
     try:
-        heard, _ = over_bus(path, list(Framer(map_bus(bench)).frames(recording, whole(recording))))
+        heard, _ = over_bus(path, frames_of(bench, recording))
         until(lambda: len(watching.injectors()[0].injections) == len(heard.summaries) == 4)
         (seen,) = watching.injectors()
         (bus,) = watching.buses()

@@ -1,7 +1,6 @@
-"""The core on frames made and read by plain cantools and autosar-e2e: undisturbed traffic."""
+"""The core on undisturbed traffic, what it sends read by plain cantools and autosar-e2e."""
 
 from concurrent.futures import Executor, Future
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,27 +11,18 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.stream.state import Reason, State
+from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.service.core.core import Core
-from tests.service.core_frames import (
-    ONE_MESSAGE,
-    RATES,
-    SAMPLE_RATE,
-    THREE_MESSAGES,
-    Device,
-    Frame,
-    Result,
-    bench_text,
-    recording,
-    run,
-)
+from tests.benches import ONE_MESSAGE, SAMPLE_RATE, THREE_MESSAGES, sample_bench
+from tests.device import RATES, Device, Result, hand, run, simulated
 
 
 @pytest.fixture(scope="module")
-def result(bench: Path, frames: list[Frame]) -> Result:
+def result(bench: Path, frames: list[TimedFrame]) -> Result:
     return run(bench, frames)
 
 
-def test_every_index_is_published_exactly_once(result: Result, frames: list[Frame]) -> None:
+def test_every_index_is_published_exactly_once(result: Result, frames: list[TimedFrame]) -> None:
     sent = 9 * len(frames)
     covered = result.covered
     assert covered[:sent] == list(range(sent))
@@ -52,12 +42,12 @@ def test_published_rate_is_that_of_the_observer(result: Result) -> None:
 
 def test_evaluation_of_the_recording_gives_the_same_frames(bench: Path, result: Result) -> None:
     """`evaluate` codes the recording by its own encoder: what comes out is the same, bit for bit."""
-    history = evaluate(load_bench(bench), [recording()])
+    history = evaluate(load_bench(bench), [simulated()])
     own = [frame.payload for frame in history.frames]
     assert own[: len(result.frames) - 5] == [frame.payload for frame in result.frames][:-5]
 
 
-def test_same_frames_same_bytes(bench: Path, frames: list[Frame], result: Result) -> None:
+def test_same_frames_same_bytes(bench: Path, frames: list[TimedFrame], result: Result) -> None:
     assert run(bench, frames).frames == result.frames
 
 
@@ -66,32 +56,32 @@ def test_stamps_change_nothing_where_messages_share_an_index(
     tmp_path: Path, messages: dict[str, str]
 ) -> None:
     """Not a bit of what goes out, whatever the receiver's clock does: it stands still, or it runs wild."""
-    bench = tmp_path / "bench.toml"
-    bench.write_text(bench_text(messages))
-    frames = Device(messages).send(recording(), 0, 14_000)
+    bench = sample_bench(tmp_path, messages)
+    frames = Device(bench).send(simulated(), Span(0, 14_000))
     random = np.random.default_rng(7)
-    wild = [replace(frame, stamp_ns=int(random.integers(-(1 << 62), 1 << 62))) for frame in frames]
-    assert run(bench, wild).frames == run(bench, frames).frames
+    wild = [frame._replace(time=random.uniform(-4e9, 4e9)) for frame in frames]
+    still = [frame._replace(time=0.0) for frame in frames]
+    expected = run(bench, frames).frames
+    assert run(bench, wild).frames == run(bench, still).frames == expected
 
 
-def test_frames_of_others_change_nothing(bench: Path, frames: list[Frame], result: Result) -> None:
+def test_frames_of_others_change_nothing(bench: Path, frames: list[TimedFrame], result: Result) -> None:
     loaded = load_bench(bench)
     core = Core(loaded.injector, map_bus(loaded))
     out = []
     for frame in frames:
         out += core.handle(0x7FF, False, b"\x00" * 8, 0)
         out += core.handle(frame.frame_id, True, frame.payload, 0)  # an extended frame with our number
-        out += core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+        out += hand(core, [frame])
         out += core.handle(0x200, False, frame.payload, 0)  # our own output, by somebody else
     assert out + core.finish() == result.frames
     assert core.counters.frames == len(frames)
 
 
 def test_three_messages_give_the_same_rates(tmp_path: Path, result: Result) -> None:
-    bench = tmp_path / "bench.toml"
-    bench.write_text(bench_text(THREE_MESSAGES))
-    three = run(bench, Device(THREE_MESSAGES).send(recording()))
-    common = 28 * (recording().samples // 28)
+    bench = sample_bench(tmp_path, THREE_MESSAGES)
+    three = run(bench, Device(bench).send(simulated()))
+    common = 28 * (simulated().samples // 28)
     assert three.core.counters.samples == common
     assert {i: c for i, c in three.rates.items() if i < common - 40} == {
         i: c for i, c in result.rates.items() if i < common - 40
@@ -102,7 +92,7 @@ def test_three_messages_give_the_same_rates(tmp_path: Path, result: Result) -> N
 
 @pytest.mark.parametrize("start", [0xFFFFFFFF - 5000, 3_000_000_000])
 def test_index_wraps_and_starts_anywhere(bench: Path, result: Result, start: int) -> None:
-    moved = run(bench, Device(ONE_MESSAGE, index=start).send(recording()))
+    moved = run(bench, Device(bench, index=start).send(simulated()))
     assert moved.core.counters.lost_samples == 0
     assert moved.core.counters.restarts == 0
     codes = {(index - start) % (1 << 32): code for index, code in moved.rates.items()}
@@ -157,12 +147,8 @@ def test_header_tells_validity_and_state(result: Result) -> None:
     assert result.core.state == (State.ADAPTED, Reason.NONE)
 
 
-def test_learning_switched_off(bench: Path, frames: list[Frame]) -> None:
-    loaded = load_bench(bench)
-    core = Core(loaded.injector, map_bus(loaded), learning=False)
-    for frame in frames:
-        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
-    core.finish()
+def test_learning_switched_off(bench: Path, frames: list[TimedFrame]) -> None:
+    core = run(bench, frames, learning=False).core
     assert core.counters.adoptions == 0
     assert core.counters.events == 3
     assert core.state == (State.DEGRADED, Reason.MODEL_INADEQUATE)  # worn by 20 %, which it cannot know
@@ -176,12 +162,11 @@ class NeverDone(Executor):
 
 
 def test_learning_that_never_ends_is_counted_and_keeps_nothing_from_being_judged(
-    bench: Path, frames: list[Frame]
+    bench: Path, frames: list[TimedFrame]
 ) -> None:
     loaded = load_bench(bench)
     core = Core(loaded.injector, map_bus(loaded), executor=NeverDone())
-    for frame in frames:
-        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+    hand(core, frames)
     assert core.counters.events == 3
     assert core.counters.late_adoptions == 1
     assert core.counters.passed_over == 1  # and one would be next
@@ -190,9 +175,9 @@ def test_learning_that_never_ends_is_counted_and_keeps_nothing_from_being_judged
 
 
 def test_restored_knowledge_is_valid_one_event_earlier(
-    bench: Path, frames: list[Frame], result: Result
+    bench: Path, frames: list[TimedFrame], result: Result
 ) -> None:
-    restored = run(bench, frames, result.core.knowledge)
+    restored = run(bench, frames, knowledge=result.core.knowledge)
     assert [report.valid for report in restored.reports] == [False, True, True]
     assert restored.reports[0].phi_version == result.core.knowledge.phi_version
     assert restored.reports[0].mass == pytest.approx(result.reports[2].mass, rel=0.02)

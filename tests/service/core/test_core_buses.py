@@ -9,15 +9,8 @@ from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.messages import OutputFrame
-from tests.service.bus_frames import (
-    block_bench,
-    delayed,
-    frames_of,
-    shuffled,
-    through_core,
-    twin_bench,
-)
-from tests.service.participants import SAMPLE_RATE, worn_recording
+from tests.benches import SAMPLE_RATE, block_bench, twin_bench
+from tests.device import delayed, frames_of, run, shuffled, worn_recording
 
 LOOK_BACK = SLOTS / SAMPLE_RATE  # s
 
@@ -35,7 +28,7 @@ def frames(twins: Path) -> list[TimedFrame]:
 @pytest.fixture(scope="module")
 def in_time(twins: Path, frames: list[TimedFrame]) -> list[OutputFrame]:
     """The results of the frames in order of time."""
-    return through_core(twins, frames)[0]
+    return run(twins, frames).frames
 
 
 def test_equal_messages_of_three_buses_are_three_messages(
@@ -44,7 +37,7 @@ def test_equal_messages_of_three_buses_are_three_messages(
     bus = map_bus(load_bench(twins))
     assert [layout.bus for layout in bus.input_layouts] == [0, 1, 2]
     assert {(layout.frame_id, layout.e2e_data_id) for layout in bus.input_layouts} == {(291, 7)}
-    _, core = through_core(twins, frames)
+    core = run(twins, frames).core
     counters = core.counters
     assert (counters.frames, counters.lost_samples, counters.injections) == (len(frames), 0, 4)
     assert (counters.sequence_errors, counters.repeated_frames, counters.old_frames) == (0, 0, 0)
@@ -52,7 +45,7 @@ def test_equal_messages_of_three_buses_are_three_messages(
 
 
 def test_a_frame_on_another_bus_is_not_ours(twins: Path, frames: list[TimedFrame]) -> None:
-    _, core = through_core(twins, [frame._replace(bus=3) for frame in frames[:30]])
+    core = run(twins, [frame._replace(bus=3) for frame in frames[:30]]).core
     assert core.counters.frames == 0
 
 
@@ -63,7 +56,7 @@ def test_a_bus_that_is_read_late_changes_no_result(
     assert max(late) < LOOK_BACK
     reordered = delayed(frames, late)
     assert reordered != frames
-    assert through_core(twins, reordered)[0] == in_time
+    assert run(twins, reordered).frames == in_time
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -72,13 +65,13 @@ def test_buses_interleaved_at_random_change_no_result(
 ) -> None:
     reordered = shuffled(frames, 0.5 * LOOK_BACK, seed)
     assert reordered != frames
-    assert through_core(twins, reordered)[0] == in_time
+    assert run(twins, reordered).frames == in_time
 
 
 def test_beyond_the_look_back_samples_are_lost_and_nothing_is_valid(
     twins: Path, frames: list[TimedFrame]
 ) -> None:
-    _, core = through_core(twins, delayed(frames, (0.0, 1.5 * LOOK_BACK, 0.0)))
+    core = run(twins, delayed(frames, (0.0, 1.5 * LOOK_BACK, 0.0))).core
     assert core.counters.samples < 0.2 * len(frames) / 3 * 28
     assert core.counters.lost_samples > 0 or core.counters.samples == 0
     rows = core.rows(0, core.processed)
@@ -89,8 +82,8 @@ def test_three_buses_and_a_fourth_for_the_results_equal_one_bus(tmp_path: Path) 
     recording = worn_recording()
     one = block_bench(tmp_path / "one", "virtual", ["a"])
     four = block_bench(tmp_path / "four", "virtual", ["a", "b", "c", "d"])
-    expected, _ = through_core(one, frames_of(one, recording))
-    found, _ = through_core(four, frames_of(four, recording))
+    expected = run(one, frames_of(one, recording)).frames
+    found = run(four, frames_of(four, recording)).frames
     assert {frame.bus for frame in found} == {3}
     assert [frame._replace(bus=0) for frame in found] == expected
     assert len(expected) > 300

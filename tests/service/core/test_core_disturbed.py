@@ -8,21 +8,10 @@ import pytest
 
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.observer.stream.state import Reason, State
+from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.simulation.measurement import NoiseLevels
-from tests.service.core_frames import (
-    DATABASE,
-    ONE_MESSAGE,
-    SAMPLE_RATE,
-    THREE_MESSAGES,
-    Device,
-    Frame,
-    Result,
-    bench_text,
-    damaged,
-    protected,
-    recording,
-    run,
-)
+from tests.benches import ONE_MESSAGE, SAMPLE_RATE, THREE_MESSAGES, bench_text, sample_bench
+from tests.device import Device, Result, damaged, later, protected, recoded, run, simulated
 
 SETTLE = round(3e-3 * SAMPLE_RATE)
 LOST = 9_100 // 9  # a frame in the standstill after the first event
@@ -30,12 +19,12 @@ IN_INJECTION = round(0.2008 * SAMPLE_RATE) // 9  # the second one
 
 
 @pytest.fixture(scope="module")
-def clean(bench: Path, frames: list[Frame]) -> Result:
+def clean(bench: Path, frames: list[TimedFrame]) -> Result:
     return run(bench, frames)
 
 
 def test_flipped_bits_change_nothing_that_is_published(
-    bench: Path, frames: list[Frame], clean: Result
+    bench: Path, frames: list[TimedFrame], clean: Result
 ) -> None:
     """Damaged copies before their good frame, any bit, as many as good ones."""
     random = np.random.default_rng(2)
@@ -50,16 +39,16 @@ def test_flipped_bits_change_nothing_that_is_published(
 
 @pytest.mark.parametrize("length", [0, 1, 2, 3, 8, 63])
 def test_frames_of_the_wrong_length_are_dropped_and_counted(
-    bench: Path, frames: list[Frame], clean: Result, length: int
+    bench: Path, frames: list[TimedFrame], clean: Result, length: int
 ) -> None:
     traffic = list(frames)
-    traffic.insert(500, Frame(frames[0].frame_id, frames[500].payload[:length]))
+    traffic.insert(500, frames[500]._replace(payload=frames[500].payload[:length]))
     result = run(bench, traffic)
     assert result.frames == clean.frames
     assert result.core.counters.length_errors == 1
 
 
-def test_repeated_frames_change_nothing(bench: Path, frames: list[Frame], clean: Result) -> None:
+def test_repeated_frames_change_nothing(bench: Path, frames: list[TimedFrame], clean: Result) -> None:
     result = run(bench, [frame for frame in frames for _ in range(2)])
     assert result.frames == clean.frames
     assert result.core.counters.repeated_frames == len(frames)
@@ -67,7 +56,7 @@ def test_repeated_frames_change_nothing(bench: Path, frames: list[Frame], clean:
 
 
 def test_lost_frame_is_not_available_and_then_valid_again(
-    bench: Path, frames: list[Frame], clean: Result
+    bench: Path, frames: list[TimedFrame], clean: Result
 ) -> None:
     result = run(bench, [*frames[:LOST], *frames[LOST + 1 :]])
     lost = range(9 * LOST, 9 * LOST + 9)
@@ -83,7 +72,7 @@ def test_lost_frame_is_not_available_and_then_valid_again(
     assert result.core.state == (State.ADAPTED, Reason.NONE)
 
 
-def test_lost_indices_are_never_published_as_numbers(bench: Path, frames: list[Frame]) -> None:
+def test_lost_indices_are_never_published_as_numbers(bench: Path, frames: list[TimedFrame]) -> None:
     """Many losses everywhere: of what was lost nothing is available, of the rest nothing is there twice."""
     random = np.random.default_rng(4)
     lost = set(random.choice(len(frames), 60, replace=False).tolist())
@@ -96,7 +85,7 @@ def test_lost_indices_are_never_published_as_numbers(bench: Path, frames: list[F
     assert result.core.counters.lost_samples == len(gone)
 
 
-def test_frame_lost_in_an_injection_makes_it_invalid_only(bench: Path, frames: list[Frame]) -> None:
+def test_frame_lost_in_an_injection_makes_it_invalid_only(bench: Path, frames: list[TimedFrame]) -> None:
     result = run(bench, [*frames[:IN_INJECTION], *frames[IN_INJECTION + 1 :]])
     assert [report.event for report in result.reports][:2] == [1, 2]
     second = result.reports[1]
@@ -108,20 +97,16 @@ def test_frame_lost_in_an_injection_makes_it_invalid_only(bench: Path, frames: l
     assert summary["Valid"] == 0
 
 
-def test_interpolated_sample_does_not_interrupt(bench: Path, frames: list[Frame], clean: Result) -> None:
+def test_interpolated_sample_does_not_interrupt(bench: Path, frames: list[TimedFrame], clean: Result) -> None:
     """One sample of one sensor not available in a good frame: marked, counted, and on it goes."""
-    message = DATABASE.get_message_by_name("SampleBlock")
-    values = message.decode(frames[LOST].payload, scaling=False)
-    values["LinePressure_04"] = 0xFFFF
-    payload = bytearray(message.encode(values, scaling=False, strict=False))
-    swapped = Frame(message.frame_id, protected(payload, message.frame_id, values["Counter"]))
+    swapped = recoded(frames[LOST], LinePressure_04=0xFFFF)
     result = run(bench, [*frames[:LOST], swapped, *frames[LOST + 1 :]])
     assert set(result.rates) == set(clean.rates)
     assert result.core.counters.interpolated_samples == 1
     assert result.core.counters.lost_samples == 1
 
 
-def test_reordered_frame_is_dropped(bench: Path, frames: list[Frame]) -> None:
+def test_reordered_frame_is_dropped(bench: Path, frames: list[TimedFrame]) -> None:
     traffic = list(frames)
     traffic[LOST], traffic[LOST + 1] = traffic[LOST + 1], traffic[LOST]
     result = run(bench, traffic)
@@ -131,19 +116,18 @@ def test_reordered_frame_is_dropped(bench: Path, frames: list[Frame]) -> None:
 
 
 def test_frame_of_another_message_of_ours_is_refused_by_its_data_id(
-    bench: Path, frames: list[Frame], clean: Result
+    bench: Path, frames: list[TimedFrame], clean: Result
 ) -> None:
     """A good frame under a wrong identifier: the data id in the CRC tells."""
-    message = DATABASE.get_message_by_name("SampleBlock")
-    foreign = Frame(message.frame_id, protected(bytearray(frames[300].payload), 0x110, 5))
+    foreign = protected(frames[300], 0x110, 5)
     result = run(bench, [*frames[:400], foreign, *frames[400:]])
     assert result.frames == clean.frames
     assert result.core.counters.crc_errors == 1
 
 
-def test_restart_of_the_device(bench: Path, frames: list[Frame], clean: Result) -> None:
+def test_restart_of_the_device(bench: Path, frames: list[TimedFrame], clean: Result) -> None:
     """Switched off and on: the same recording again from index 0, with a fresh counter."""
-    result = run(bench, [*frames[:1200], *Device(ONE_MESSAGE).send(recording())])
+    result = run(bench, [*frames[:1200], *later(Device(bench).send(simulated()), 0.3)])
     assert result.core.counters.restarts == 1
     assert result.core.counters.lost_samples == 0
     starts = [first for first, _, _ in result.rate_frames]
@@ -158,14 +142,9 @@ def test_restart_of_the_device(bench: Path, frames: list[Frame], clean: Result) 
 @pytest.mark.parametrize("messages", [ONE_MESSAGE, THREE_MESSAGES], ids=["one message", "three messages"])
 def test_windowed_source(tmp_path: Path, messages: dict[str, str], clean: Result) -> None:
     """Only 6 ms round each injection is sent: a legal jump, after which 1 ms of shut needle is enough."""
-    bench = tmp_path / "bench.toml"
-    bench.write_text(bench_text(messages))
-    device = Device(messages)
-    traffic = []
-    for event in range(3):
-        start = round((0.150 + 0.05 * event - 0.0035) * SAMPLE_RATE)
-        traffic += device.send(recording(), start, start + 28 * 18)
-    result = run(bench, traffic)
+    bench = sample_bench(tmp_path, messages)
+    starts = [round((0.150 + 0.05 * event - 0.0035) * SAMPLE_RATE) for event in range(3)]
+    result = run(bench, Device(bench).send(simulated(), *(Span(start, start + 28 * 18) for start in starts)))
     assert result.core.counters.jumps == 2
     assert result.core.counters.lost_samples == 0
     assert [report.event for report in result.reports] == [1, 2, 3]
@@ -174,8 +153,8 @@ def test_windowed_source(tmp_path: Path, messages: dict[str, str], clean: Result
 
 
 def test_jump_with_a_lost_frame_is_a_loss(bench: Path) -> None:
-    device = Device(ONE_MESSAGE)
-    first, second = device.send(recording(), 0, 2700), device.send(recording(), 5400, 14_400)
+    device = Device(bench)
+    first, second = (device.send(simulated(), span) for span in (Span(0, 2700), Span(5400, 14_400)))
     assert run(bench, [*first, *second]).core.counters.jumps == 1
     result = run(bench, [*first[:-1], *second])
     assert result.core.counters.jumps == 0
@@ -184,20 +163,14 @@ def test_jump_with_a_lost_frame_is_a_loss(bench: Path) -> None:
 
 @pytest.mark.parametrize("wrong", [lambda k: 9 * k + 1, lambda k: 9 * k - 1], ids=["one late", "one early"])
 def test_index_off_by_one_is_noticed(
-    bench: Path, frames: list[Frame], clean: Result, wrong: Callable[[int], int]
+    bench: Path, frames: list[TimedFrame], clean: Result, wrong: Callable[[int], int]
 ) -> None:
     """So that the comparisons above can fail: indices shifted by a sample give other rates."""
-    message = DATABASE.get_message_by_name("SampleBlock")
-    traffic = []
-    for k, frame in enumerate(frames[1:], start=1):
-        values = message.decode(frame.payload, scaling=False)
-        values["SampleIndex"] = wrong(k)
-        payload = bytearray(message.encode(values, scaling=False, strict=False))
-        traffic.append(Frame(message.frame_id, protected(payload, message.frame_id, k % 256)))
+    traffic = [recoded(frame, SampleIndex=wrong(k)) for k, frame in enumerate(frames[1:], start=1)]
     assert run(bench, traffic).rates != clean.rates
 
 
-def test_roles_swapped_are_noticed(tmp_path: Path, frames: list[Frame], clean: Result) -> None:
+def test_roles_swapped_are_noticed(tmp_path: Path, frames: list[TimedFrame], clean: Result) -> None:
     """Rail and line pressure exchanged in the bench file: other rates, and a wear that is not there."""
     bench = tmp_path / "bench.toml"
     text = bench_text(ONE_MESSAGE)
@@ -214,12 +187,12 @@ def test_roles_swapped_are_noticed(tmp_path: Path, frames: list[Frame], clean: R
 
 def test_needle_signal_that_chatters_is_survived(bench: Path) -> None:
     """A lift sensor gone mad: thousands of openings in one event, each reported once or forgotten, in order."""
-    good = recording()
+    good = simulated()
     lift = good.needle_lift.copy()
     shut = np.random.default_rng(1).normal(size=10_000) * NoiseLevels().needle_lift
     lift[1000:11_000] = shut + np.where(np.arange(10_000) % 8 < 2, 50e-6, 0.0)
     mad = type(good)(good.time, good.rail_pressure, lift, good.line_pressure)
-    result = run(bench, Device(ONE_MESSAGE).send(mad))
+    result = run(bench, Device(bench).send(mad))
     numbers = [report.number for report in result.reports]
     assert numbers == sorted(set(numbers))
     assert numbers[-1] > 1200

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from cantools.database.can import Database
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench
-from observer_rt.service.core.core import Core
-from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device, Result, bench_text, recording, run
+from observer_rt.recording.replay.framing import TimedFrame
+from tests.benches import SAMPLE_RATE, sample_bench
+from tests.device import Device, encoded, run, simulated
 
 SAMPLES = 6  # in a block
 FD = """BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l",\
@@ -59,21 +58,11 @@ def _bench(folder: Path, database: str, roles: dict[str, str]) -> Path:
     return path
 
 
-def _through(bench: Path, frames: Iterator[tuple[int, bool, bytes]]) -> Result:
-    loaded = load_bench(bench)
-    core = Core(loaded.injector, map_bus(loaded))
-    out = []
-    for frame_id, is_extended, payload in frames:
-        out += core.handle(frame_id, is_extended, payload, 0)
-    return Result(core, out + core.finish(), [])
-
-
 @pytest.fixture(scope="module")
 def usual(tmp_path_factory: pytest.TempPathFactory) -> dict[int, int]:
     """Codes of the rate by sample index, in our own layout."""
-    path = tmp_path_factory.mktemp("layout") / "bench.toml"
-    path.write_text(bench_text(ONE_MESSAGE))
-    return run(path, Device(ONE_MESSAGE).send(recording())).rates
+    path = sample_bench(tmp_path_factory.mktemp("layout"))
+    return run(path, Device(path).send(simulated())).rates
 
 
 def _check_same(rates: dict[int, int], usual: dict[int, int]) -> None:
@@ -100,17 +89,17 @@ def test_big_endian_blocks_in_other_units(tmp_path: Path, usual: dict[int, int])
     )
     message = _load(tmp_path).get_message_by_name("Block")
 
-    def frames() -> Iterator[tuple[int, bool, bytes]]:
-        data = recording()
+    def frames() -> Iterator[TimedFrame]:
+        data = simulated()
         for first in range(0, data.samples - SAMPLES + 1, SAMPLES):
             values: dict[str, float] = {"First": first}
             for k in range(SAMPLES):
                 values[f"Rail{k}"] = data.rail_pressure[first + k] / 1e5
                 values[f"Line{k}"] = data.line_pressure[first + k] / 1e5
                 values[f"Lift{k}"] = data.needle_lift[first + k] / 1e-6
-            yield 291, False, message.encode(values)
+            yield encoded(message, values)
 
-    _check_same(_through(bench, frames()).rates, usual)
+    _check_same(run(bench, frames()).rates, usual)
 
 
 def test_one_sample_a_frame_in_three_extended_messages(tmp_path: Path, usual: dict[int, int]) -> None:
@@ -125,16 +114,16 @@ def test_one_sample_a_frame_in_three_extended_messages(tmp_path: Path, usual: di
     )
     database = _load(tmp_path)
 
-    def frames() -> Iterator[tuple[int, bool, bytes]]:
-        data = recording()
+    def frames() -> Iterator[TimedFrame]:
+        data = simulated()
         factors = {"Rail": 1.0, "Line": 1e3, "Lift": 1e-3}
         for index in range(data.samples):
             for role, name in roles.items():
                 message = database.get_message_by_name(f"{name}Frame")
                 value = getattr(data, role)[index] / factors[name]
-                yield message.frame_id, True, message.encode({"Index": index, name: float(value)})
+                yield encoded(message, {"Index": index, name: float(value)})
 
-    _check_same(_through(bench, frames()).rates, usual)
+    _check_same(run(bench, frames()).rates, usual)
 
 
 def _load(folder: Path) -> Database:

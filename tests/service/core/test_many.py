@@ -9,34 +9,19 @@ import pytest
 
 from observer_rt.bus.frame_block import block_of
 from observer_rt.bus.links.link import BusFrame, Frame
-from observer_rt.config.bench import load_injector
-from observer_rt.model.effects import sized
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import Shot, make_schedule
-from observer_rt.simulation.simulate import simulate
-from tests.service import bus_frames, core_frames, pulse_frames
-from tests.service.bus_frames import frames_of, shuffled, twin_bench
-from tests.service.core_frames import (
-    ONE_MESSAGE,
-    SAMPLE_RATE,
-    THREE_MESSAGES,
-    Device,
-    bench_text,
-    damaged,
-    recording,
-    run,
-)
+from observer_rt.simulation.schedule import Shot
+from tests import device
+from tests.benches import ONE_MESSAGE, THREE_MESSAGES, sample_bench, twin_bench
+from tests.device import Device, damaged, frames_of, inserted, run, shuffled, simulated, worn_recording
 from tests.service.inputs import test_energizing, test_fuel_temperature
-from tests.service.participants import worn_recording
 from tests.service.pulse_bench import pulse_bench
 from tests.service.pulse_frames import commands, injected, misfired, samples, watch
-from tests.service.slow_frames import bed, inserted, slow_bench
+from tests.service.slow_frames import bed, slow_bench
 
 BLOCK = 9  # samples in a frame
-TimedResult = tuple[list[OutputFrame], Core]
 
 
 class ManyAtOnce(Core):
@@ -66,25 +51,23 @@ def many(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """From the call on, cores take many frames at once."""
 
     def change() -> None:
-        for module in (core_frames, pulse_frames, bus_frames):
-            monkeypatch.setattr(module, "Core", ManyAtOnce)
+        monkeypatch.setattr(device, "Core", ManyAtOnce)
 
     return change
 
 
-def _core_frames(messages: dict[str, str], made: Recording) -> list[core_frames.Frame]:
+def _disturbed(bench: Path) -> list[TimedFrame]:
     """With a damaged frame, a lost one and some that are none of ours."""
-    frames = Device(messages).send(made)
+    frames = Device(bench).send(simulated())
     frames[300] = damaged(frames[300], 77)
     del frames[700]
-    return inserted(frames, [(n, core_frames.Frame(0x7, b"\x00")) for n in range(0, 900, 90)])
+    return inserted(frames, [(n, TimedFrame(0.0, 0x7, False, False, b"\x00")) for n in range(0, 900, 90)])
 
 
 @pytest.mark.parametrize("messages", [ONE_MESSAGE, THREE_MESSAGES])
 def test_while_it_learns(tmp_path: Path, many: Callable[[], None], messages: dict[str, str]) -> None:
-    path = tmp_path / "bench.toml"
-    path.write_text(bench_text(messages))
-    frames = _core_frames(messages, recording())
+    path = sample_bench(tmp_path, messages)
+    frames = _disturbed(path)
     expected = run(path, frames)
     many()
     found = run(path, frames)
@@ -96,27 +79,23 @@ def test_while_it_learns(tmp_path: Path, many: Callable[[], None], messages: dic
 def test_from_several_buses(tmp_path: Path, many: Callable[[], None]) -> None:
     path = twin_bench(tmp_path)
     frames = shuffled(frames_of(path, worn_recording()), 0.01, 1)
-
-    def through() -> TimedResult:
-        return bus_frames.through_core(path, frames)
-
-    expected, one_by_one = through()
+    expected = run(path, frames)
     many()
-    found, core = through()
-    assert found == expected
-    assert core.counters == one_by_one.counters
+    found = run(path, frames)
+    assert found.frames == expected.frames
+    assert found.core.counters == expected.core.counters
 
 
-def _fuel(celsius: Sequence[float | None]) -> list[core_frames.Frame]:
+def _fuel(bench: Path, celsius: Sequence[float | None]) -> list[TimedFrame]:
     """A temperature every 200 frames: within events, between them, and stale in the end."""
-    frames = test_fuel_temperature.frames_of(test_fuel_temperature.simulation(40.0).recording)
+    frames = Device(bench).send(test_fuel_temperature.simulation(40.0).recording)
     told = ((200 * n, test_fuel_temperature.sensor(each)) for n, each in enumerate(celsius))
     return inserted(frames, told)
 
 
 def test_with_fuel_that_warms_up_and_is_lost(tmp_path: Path, many: Callable[[], None]) -> None:
     path = test_fuel_temperature.bench(tmp_path, "timeout_ms = 50\n")
-    frames = _fuel([40.0, 40.0, 52.0, 52.1, 60.0, None, 41.0, 40.0])
+    frames = _fuel(path, [40.0, 40.0, 52.0, 52.1, 60.0, None, 41.0, 40.0])
     expected = run(path, frames)
     many()
     found = run(path, frames)
@@ -128,11 +107,9 @@ def test_with_fuel_that_warms_up_and_is_lost(tmp_path: Path, many: Callable[[], 
 
 def test_with_learning_held_up_for_a_while(tmp_path: Path, many: Callable[[], None]) -> None:
     path = slow_bench(tmp_path, {"learning_enable": ("Bed", "LearnEnable"), "measured_mass": ("Bed", "Mass")})
-    schedule = make_schedule([100e6], 4, 0.05, [1.1e-3])
-    worn = (sized("orifice_area", v_H=0.2),)
-    made = simulate(load_injector(), schedule, SAMPLE_RATE, worn, NoiseLevels(), seed=8).recording
+    made = simulated(4)
     values = [(n, bed("LearnEnable", int(n // 400 % 2))) for n in range(0, made.samples // BLOCK, 50)]
-    frames = inserted(Device(ONE_MESSAGE).send(made), [*values, (1500, bed("Mass", 12.0))])
+    frames = inserted(Device(path).send(made), [*values, (1500, bed("Mass", 12.0))])
     expected = run(path, frames)
     many()
     found = run(path, frames)
@@ -153,6 +130,6 @@ def test_with_commands(tmp_path: Path, many: Callable[[], None], name: str) -> N
     many()
     found = watch(path, *sent)
     assert found.frames == expected.frames
-    assert found.mismatches == expected.mismatches != []
+    assert found.notes.mismatches == expected.notes.mismatches != []
     assert found.commands == expected.commands
     assert found.core.counters == expected.core.counters

@@ -8,8 +8,7 @@ from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.config.bench import load_bench
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
-from tests.service.bus_frames import frames_of, through_core
-from tests.service.participants import worn_recording
+from tests.device import frames_of, hand, merged, run, worn_recording
 from tests.two_injectors import one_injector, two_injectors
 
 
@@ -22,16 +21,14 @@ def test_a_shared_rail_pressure_feeds_both(tmp_path: Path) -> None:
     frames = frames_of(one_injector(tmp_path, "left", 1), left)
     frames += (f for f in frames_of(one_injector(tmp_path, "right", 2), right) if f.bus > 0)
     results: list[list[OutputFrame]] = [[], []]
-    for frame in sorted(frames, key=lambda frame: frame.time):
+    for frame in merged(frames):
         key = frame_key(frame.frame_id, frame.is_extended, frame.bus)
         for to in mapped.destinations[key]:
-            results[to.injector] += cores[to.injector].handle(
-                frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, frame.bus
-            )
+            results[to.injector] += hand(cores[to.injector], [frame])
     for number, (name, recording) in enumerate((("left", left), ("right", right))):
         path = one_injector(tmp_path, name, number + 1)
-        alone, core = through_core(path, frames_of(path, recording))
-        assert results[number] + cores[number].finish() == alone
-        assert cores[number].counters == core.counters
+        alone = run(path, frames_of(path, recording))
+        assert results[number] + cores[number].finish() == alone.frames
+        assert cores[number].counters == alone.core.counters
     assert [core.counters.injections for core in cores] == [4, 0]
     assert [core.counters.lost_samples for core in cores] == [0, 0]

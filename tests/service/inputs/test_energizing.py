@@ -6,11 +6,10 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.simulation.schedule import Shot
-from tests.service.core_frames import SAMPLE_RATE, Frame
+from tests.benches import SAMPLE_RATE
+from tests.device import encoded, later, merged, run
 from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
 from tests.service.pulse_frames import (
-    EPOCH,
-    Sent,
     blocks,
     commands,
     cyclic,
@@ -42,7 +41,7 @@ def test_every_opening_has_its_command(tmp_path: Path, name: str) -> None:
     schedule, recording = injected(3)
     watched = watch(pulse_bench(tmp_path, lines), samples(recording), source(commands(schedule)))
     assert watched.commands == [1, 2, 3]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
     for report in watched.reports:
         assert report.commanded is not None
         assert report.commanded.opening_delay == pytest.approx(DELAY, abs=1.5 * delay_error)
@@ -53,10 +52,10 @@ def test_every_opening_has_its_command(tmp_path: Path, name: str) -> None:
 def test_a_stamp_that_is_late_makes_the_delay_too_short(tmp_path: Path, late: float) -> None:
     """Even below zero; it is the same command all the same, that of a pilot too."""
     schedule, recording = injected(2, (Shot(0.3e-3, -1.5e-3), Shot(1.0e-3)))
-    told = [Sent(one.time + late, one.frame) for one in durations(commands(schedule))]
+    told = later(durations(commands(schedule)), late)
     watched = watch(pulse_bench(tmp_path, Told.TIME_BY_STAMP), samples(recording), told)
     assert watched.commands == [1, 2, 3, 4]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
     for report in watched.reports:
         assert report.commanded is not None
         assert report.commanded.opening_delay == pytest.approx(DELAY - late, abs=1.5 * SAMPLE)
@@ -66,11 +65,10 @@ def test_a_stamp_that_is_late_makes_the_delay_too_short(tmp_path: Path, late: fl
 def test_no_alarm_while_the_receivers_clock_was_set(tmp_path: Path, step: float) -> None:
     """At first commands are not known, later they are again."""
     schedule, recording = injected(28)
-    told = durations(commands(schedule))
-    frames = sorted([*samples(recording), *told], key=lambda sent: sent.time)
-    stamps = [EPOCH + round((one.time + (step if one.time > 0.96 else 0.0)) * 1e9) for one in frames]
-    watched = watch(pulse_bench(tmp_path, Told.TIME_BY_STAMP), frames, stamps=stamps)
-    assert watched.mismatches == []
+    frames = merged(samples(recording), durations(commands(schedule)))
+    stamped = [one._replace(time=one.time + step) if one.time > 0.96 else one for one in frames]
+    watched = run(pulse_bench(tmp_path, Told.TIME_BY_STAMP), stamped, learning=False)
+    assert watched.notes.mismatches == []
     assert watched.commands[:16] == [*range(1, 17)]
     assert watched.commands[-2:] == [27, 28]
     assert None in watched.commands
@@ -78,9 +76,9 @@ def test_no_alarm_while_the_receivers_clock_was_set(tmp_path: Path, step: float)
 
 def test_a_delay_of_the_stamps_that_is_stated_is_made_up_for(tmp_path: Path) -> None:
     schedule, recording = injected(2)
-    told = [Sent(one.time + 2e-3, one.frame) for one in durations(commands(schedule))]
+    told = later(durations(commands(schedule)), 2e-3)
     watched = watch(pulse_bench(tmp_path, Told.TIME_BY_STAMP + "delay_us = 2000\n"), samples(recording), told)
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
     delays = [report.commanded.opening_delay for report in watched.reports if report.commanded]
     assert delays == pytest.approx([DELAY, DELAY], abs=1.5 * SAMPLE)
 
@@ -100,10 +98,10 @@ def test_level_beside_samples_without_an_index(tmp_path: Path) -> None:
             "LevelPlain": 0,
             "Time": 0,
         }
-        sent.append(Sent(n / SAMPLE_RATE, Frame(message.frame_id, message.encode(values))))
+        sent.append(encoded(message, values, n / SAMPLE_RATE))
     watched = watch(triple_bench(tmp_path, "Level"), sent)
     assert watched.commands == [1, 2]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
     assert watched.core.energizing is not None
     assert watched.core.energizing.mean_delay == pytest.approx(DELAY, abs=1.5 * SAMPLE)
 
@@ -115,14 +113,12 @@ def test_multiplexed_message(tmp_path: Path) -> None:
     sent = []
     for start, duration in commands(schedule):
         page = {"Page": 2, "PageDuration": duration / 1e-6, "PageIndex": index_at(start)}
-        sent.append(Sent(start, Frame(message.frame_id, message.encode(page))))
-        sent.append(
-            Sent(start + 1e-3, Frame(message.frame_id, message.encode({"Page": 1, "PageOther": 500})))
-        )
+        sent.append(encoded(message, page, start))
+        sent.append(encoded(message, {"Page": 1, "PageOther": 500}, start + 1e-3))
     lines = 'message = "Pages"\nsignal = "PageDuration"\nindex = "PageIndex"\n'
     watched = watch(pulse_bench(tmp_path, lines), samples(recording), sent)
     assert watched.commands == [1, 2]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 def test_mean_and_spread_of_the_delays(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.energizing import Energizing, Reading
 from observer_rt.config.bench import load_bench
 from observer_rt.service.inputs.energizing_commands import Command, CommandReader
-from tests.service.core_frames import SAMPLE_RATE
+from tests.benches import SAMPLE_RATE
 from tests.service.pulse_bench import LEVELS, Told, pulse_bench
 
 INDICES = 1 << 32

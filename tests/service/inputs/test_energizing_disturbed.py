@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.simulation.schedule import Shot
-from tests.service.core_frames import SAMPLE_RATE, damaged
+from tests.benches import SAMPLE_RATE
+from tests.device import damaged, later, merged, run
 from tests.service.pulse_bench import Told, pulse_bench
 from tests.service.pulse_frames import (
-    EPOCH,
-    Sent,
     blocks,
     commands,
     cyclic,
@@ -30,7 +30,7 @@ from tests.service.pulse_frames import (
 
 PILOT_AND_MAIN = (Shot(0.3e-3, -1.5e-3), Shot(1.0e-3))
 Pulses = Sequence[tuple[float, float]]
-Source = Callable[[Pulses], list[Sent]]
+Source = Callable[[Pulses], list[TimedFrame]]
 EVERY = {
     "level": (Told.LEVEL, on_change),
     "block": (Told.LEVELS_IN_BLOCK, lambda pulses: blocks(pulses, 0.0, 0.3)),
@@ -50,7 +50,7 @@ def test_pilot_and_main_have_a_command_each(tmp_path: Path, kind: tuple[str, Sou
     watched = watch(pulse_bench(tmp_path, lines), samples(recording), source(commands(schedule)))
     assert [report.event for report in watched.reports] == [1, 1, 2, 2]
     assert watched.commands == [1, 2, 3, 4]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 def test_a_misfire_is_missing(tmp_path: Path, kind: tuple[str, Source]) -> None:
@@ -63,9 +63,9 @@ def test_a_misfire_is_missing(tmp_path: Path, kind: tuple[str, Source]) -> None:
     )
     assert watched.commands == [1, 3]
     assert (watched.missing, watched.uncommanded) == ([2], [])
-    assert watched.mismatches[0].index == pytest.approx(second * SAMPLE_RATE, abs=1)
-    assert watched.mismatches[0].as_text().startswith("injection missing: ")
-    assert "3 ms of command 2 at index" in watched.mismatches[0].as_text()
+    assert watched.notes.mismatches[0].index == pytest.approx(second * SAMPLE_RATE, abs=1)
+    assert watched.notes.mismatches[0].as_text().startswith("injection missing: ")
+    assert "3 ms of command 2 at index" in watched.notes.mismatches[0].as_text()
     assert watched.core.counters.missing_injections == 1
 
 
@@ -86,7 +86,7 @@ def test_an_opening_nobody_asked_for(tmp_path: Path, kind: tuple[str, Source]) -
     watched = watch(pulse_bench(tmp_path, lines), samples(recording), source([first, third]))
     assert watched.commands == [1, None, 2]
     assert (watched.missing, watched.uncommanded) == ([], [2])
-    assert "injection 2 opened at index" in watched.mismatches[0].as_text()
+    assert "injection 2 opened at index" in watched.notes.mismatches[0].as_text()
     assert watched.core.counters.uncommanded_injections == 1
 
 
@@ -108,7 +108,7 @@ def test_window_of_the_bench_file(tmp_path: Path) -> None:
     watched = watch(pulse_bench(tmp_path, lines), samples(recording), on_change(commands(schedule)))
     assert watched.commands == [None, None]
     assert (watched.missing, watched.uncommanded) == ([1, 2], [1, 2])
-    assert "within 0.2 ms" in next(one for one in watched.mismatches if one.is_missing).as_text()
+    assert "within 0.2 ms" in next(one for one in watched.notes.mismatches if one.is_missing).as_text()
 
 
 def test_nothing_is_missing_before_the_first_command(tmp_path: Path, kind: tuple[str, Source]) -> None:
@@ -117,19 +117,17 @@ def test_nothing_is_missing_before_the_first_command(tmp_path: Path, kind: tuple
     third = commands(schedule)[2:]
     watched = watch(pulse_bench(tmp_path, lines), samples(recording), source(third))
     assert watched.commands == [None, None, 1]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 @pytest.mark.parametrize("level", [0, 3])
 def test_a_source_that_says_nothing(tmp_path: Path, level: int) -> None:
     """Level 0, or not available."""
     _, recording = injected(3)
-    silent = [
-        Sent(time, level_frame("PulseLevel", level, index_at(time))) for time in (0.1, 0.151, 0.2, 0.25)
-    ]
+    silent = [level_frame("PulseLevel", level, time, index_at(time)) for time in (0.1, 0.151, 0.2, 0.25)]
     watched = watch(pulse_bench(tmp_path, Told.LEVEL), samples(recording), silent)
     assert watched.commands == [None, None, None]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 def test_a_needle_stuck_open_misses_nothing(tmp_path: Path, kind: tuple[str, Source]) -> None:
@@ -143,7 +141,7 @@ def test_a_needle_stuck_open_misses_nothing(tmp_path: Path, kind: tuple[str, Sou
         pulse_bench(tmp_path, lines), samples(replace(recording, needle_lift=lift)), source(pulses)
     )
     assert watched.commands == [1]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 @pytest.mark.parametrize("lost", [(-0.5e-3, 3e-3), (0.2e-3, 0.6e-3), (0.6e-3, 0.8e-3)])
@@ -157,7 +155,7 @@ def test_lost_samples_are_no_misfire(
     begin, end = (pulses[1][0] + edge for edge in lost)
     kept = [sent for sent in samples(recording) if not begin <= sent.time < end]
     watched = watch(pulse_bench(tmp_path, lines), kept, source(pulses))
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
     assert watched.commands[0] == 1
     assert watched.commands[-1] == 3
     if lost[0] < 0.32e-3 < lost[1] and len(watched.reports) == 3:
@@ -180,7 +178,7 @@ def test_a_pulse_generator_that_restarts_costs_nothing(tmp_path: Path) -> None:
     sent = [*safe_durations(pulses[:2]), *safe_durations(pulses[2:])]
     watched = watch(pulse_bench(tmp_path, Told.SAFE), samples(recording), sent)
     assert watched.commands == [1, 2, 3, 4]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 @pytest.mark.parametrize("frame", [2, 3])
@@ -205,7 +203,7 @@ def test_lost_blocks_of_levels_cost_none(tmp_path: Path, edge: float) -> None:
     at = pulses[1][0] + edge
     sent = [one for one in blocks(pulses, 0.0, 0.35) if not at <= one.time < at + 0.8e-3]
     watched = watch(pulse_bench(tmp_path, Told.LEVELS_IN_BLOCK), samples(recording), sent)
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
     assert None not in (watched.commands[0], watched.commands[2], watched.commands[3])
 
 
@@ -215,7 +213,7 @@ def test_a_cyclic_source_that_falls_silent_is_not_believed(tmp_path: Path) -> No
     sent = [one for one in cyclic(pulses, 0.35) if one.time < 0.19]
     watched = watch(pulse_bench(tmp_path, Told.CYCLIC), samples(recording), sent)
     assert watched.commands == [1, None, None, None]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 def test_repeated_and_overtaken_frames_are_no_command(tmp_path: Path) -> None:
@@ -224,28 +222,27 @@ def test_repeated_and_overtaken_frames_are_no_command(tmp_path: Path) -> None:
     pulses = commands(schedule)
     sent = []
     for start, duration in pulses:
-        frame = duration_frame(duration, index_at(start))
-        sent += [Sent(start + n * 5e-3, frame) for n in range(9)]
-    late = Sent(pulses[1][0] + 1e-3, duration_frame(1.1e-3, index_at(pulses[1][0] - 5e-3)))
+        sent += [duration_frame(duration, start + n * 5e-3, index_at(start)) for n in range(9)]
+    late = duration_frame(1.1e-3, pulses[1][0] + 1e-3, index_at(pulses[1][0] - 5e-3))
     watched = watch(pulse_bench(tmp_path, Told.TIME), samples(recording), sent, [late])
     assert watched.commands == [1, 2, 3]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 @pytest.mark.parametrize("lead", [-0.5e-3, 0.5e-3, 20e-3])
 def test_commands_may_come_before_or_after_their_samples(tmp_path: Path, lead: float) -> None:
     """Where an index places them."""
     schedule, recording = injected(3)
-    sent = [Sent(one.time + lead, one.frame) for one in durations(commands(schedule))]
+    sent = later(durations(commands(schedule)), lead)
     watched = watch(pulse_bench(tmp_path, Told.TIME), samples(recording), sent)
     assert watched.commands == [1, 2, 3]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 def test_a_command_after_its_report_is_not_missing_too(tmp_path: Path) -> None:
     schedule, recording = injected(4)
     sent = durations(commands(schedule))
-    sent[1] = Sent(sent[1].time + 45e-3, sent[1].frame)
+    sent[1:2] = later(sent[1:2], 45e-3)
     watched = watch(pulse_bench(tmp_path, Told.TIME), samples(recording), sent)
     assert (watched.missing, watched.uncommanded) == ([], [2])
     assert watched.commands[2:] == [3, 4]
@@ -255,16 +252,16 @@ def test_stamps_change_nothing_where_an_index_is_carried(tmp_path: Path, kind: t
     lines, source = kind
     schedule, recording = injected(2)
     random = np.random.default_rng(1)
-    frames = sorted([*samples(recording), *source(commands(schedule))], key=lambda sent: sent.time)
+    frames = merged(samples(recording), source(commands(schedule)))
     bench = pulse_bench(tmp_path, lines)
     prompt = watch(bench, frames)
-    late = watch(bench, frames, stamps=[EPOCH + int(n) for n in random.integers(0, 10**9, len(frames))])
+    late = run(bench, [one._replace(time=random.random()) for one in frames], learning=False)
     assert late.frames == prompt.frames
     if "index" in lines or "pattern" in lines:
         assert [report.commanded for report in late.reports] == [
             report.commanded for report in prompt.reports
         ]
-        assert late.mismatches == prompt.mismatches == []
+        assert late.notes.mismatches == prompt.notes.mismatches == []
 
 
 def test_it_changes_no_result(tmp_path: Path, kind: tuple[str, Source]) -> None:
@@ -284,8 +281,8 @@ def test_a_damaged_or_repeated_frame_is_no_command(tmp_path: Path) -> None:
     first, second, third, fourth = safe_durations(commands(schedule))
     told = [
         first,
-        Sent(first.time + 10e-3, first.frame),
-        Sent(second.time, damaged(second.frame, 30)),
+        *later([first], 10e-3),
+        damaged(second, 30),
         third,
         fourth,
     ]

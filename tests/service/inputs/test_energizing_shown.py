@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.links.link import Frame as BusFrame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench
@@ -17,23 +16,23 @@ from observer_rt.evaluation.results import recording_json
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
-from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.view import View
-from tests.recording.canlog.log_cases import write_log
+from tests.device import EPOCH, frames_of, merged
+from tests.recording.canlog.log_cases import sent_log, write_log
 from tests.service.participants import ScriptedLink, assert_warm_up_takes_all, serving, until
 from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
-from tests.service.pulse_frames import EPOCH, Sent, commands, durations, injected, misfired, samples
+from tests.service.pulse_frames import commands, durations, injected, misfired, samples
 
 
-def traffic() -> list[Sent]:
+def traffic() -> list[TimedFrame]:
     """Three injections; the second command misfires, the third injection has none."""
     schedule, recording = injected(3)
     pulses = commands(schedule)
     shut = misfired(recording, (pulses[1][0], pulses[1][0] + 5e-3))
-    return sorted([*samples(shut), *durations(pulses[:2])], key=lambda sent: sent.time)
+    return merged(samples(shut), durations(pulses[:2]))
 
 
 def findings(bench: Path, topic: str, name: str) -> list[tuple[Level, str]]:
@@ -119,7 +118,7 @@ def test_warm_up_takes_a_bench_with_energizing(tmp_path: Path, lines: str) -> No
 def test_document_of_a_log(tmp_path: Path) -> None:
     bench = load_bench(pulse_bench(tmp_path, Told.TIME))
     log = tmp_path / "bus.log"
-    write_log(log, [_logged(sent) for sent in traffic()])
+    write_log(log, sent_log(traffic(), EPOCH))
     evaluation = evaluate_logs(bench, [read_logged(bench, log)], learning=False).evaluations[0]
     c = effective_model(bench.injector.parameters).coefficients
     document = recording_json(evaluation, c)
@@ -138,13 +137,6 @@ def test_document_of_a_log(tmp_path: Path) -> None:
     screen = io.StringIO()
     print_evaluation(evaluation, c, Console(file=screen, width=80, color_system=None))
     assert "2 commands, 1 injections missing, 1 without a command" in screen.getvalue()
-
-
-def _logged(sent: Sent) -> LogFrame:
-    frame = BusFrame(
-        sent.frame.frame_id, sent.frame.payload, EPOCH + round(sent.time * 1e9), False, True, True
-    )
-    return LogFrame(frame, "can0")
 
 
 def test_document_of_a_recording_which_has_no_energizing(tmp_path: Path) -> None:
@@ -173,7 +165,7 @@ def test_frames_of_a_recording_say_nothing_of_it(tmp_path: Path, signal: str, co
     """Not available, or else 0."""
     bench = load_bench(triple_bench(tmp_path, signal))
     _, recording = injected(1)
-    frame = next(iter(Framer(map_bus(bench)).frames(recording, whole(recording))))
+    frame = frames_of(bench, recording)[0]
     assert BED.get_message_by_name("Triple").decode(frame.payload, scaling=False)[signal] in (code, "SNA")
 
 
@@ -183,8 +175,7 @@ def test_view_and_status(tmp_path: Path) -> None:
     bench = load_bench(path)
     view = View("title", bench.injector)
     notes = Notes()
-    frames = [TimedFrame(s.time, s.frame.frame_id, False, True, s.frame.payload) for s in traffic()]
-    link = ScriptedLink(frames)
+    link = ScriptedLink(traffic())
     daemon = Daemon(bench, map_bus(bench), [link], listeners=[view.hear, notes])
     view.watch(daemon)
     with serving(daemon) as stop:

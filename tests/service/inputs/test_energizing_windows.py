@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device
+from observer_rt.recording.replay.framing import TimedFrame
+from tests.benches import SAMPLE_RATE
+from tests.device import INDICES, later
 from tests.service.pulse_bench import Told, pulse_bench
 from tests.service.pulse_frames import (
-    Sent,
     blocks,
     commands,
     durations,
@@ -26,14 +27,12 @@ def test_index_of_a_device_that_restarts(tmp_path: Path, first: int) -> None:
     """It counts from 0 again after two injections, once from just below the end of the count."""
     schedule, recording = injected(2)
     pulses = commands(schedule)
-    device, again = Device(ONE_MESSAGE, first), Device(ONE_MESSAGE)
-    before, after = samples(recording, device=device), samples(recording, device=again)
     length = recording.samples / SAMPLE_RATE
-    sent = [*before, *(Sent(one.time + length, one.frame) for one in after)]
-    told = [*on_change(pulses, first), *(Sent(one.time + length, one.frame) for one in on_change(pulses))]
-    watched = watch(pulse_bench(tmp_path, Told.LEVEL), sent, told)
+    sent = samples(recording, index=first), later(samples(recording), length)
+    told = on_change(pulses, first), later(on_change(pulses), length)
+    watched = watch(pulse_bench(tmp_path, Told.LEVEL), *sent, *told)
     assert watched.commands == [1, 2, 3, 4]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 def test_a_command_told_before_the_first_sample_of_a_device_that_restarts(tmp_path: Path) -> None:
@@ -41,16 +40,13 @@ def test_a_command_told_before_the_first_sample_of_a_device_that_restarts(tmp_pa
     (start, _), *_ = commands(schedule)
     length = recording.samples / SAMPLE_RATE
     begun = start - 0.2e-3  # the device starts just before the first command
-    again = samples(
-        recording, (begun, length), device=Device(ONE_MESSAGE, -round(begun * SAMPLE_RATE) % (1 << 32))
-    )
-    sent = [*samples(recording), *(Sent(one.time - begun + length, one.frame) for one in again)]
-    told = on_change(commands(schedule))
-    for one in on_change([(time - begun, lasts) for time, lasts in commands(schedule)]):
-        told.append(Sent(one.time + length - 0.5e-3, one.frame))
-    watched = watch(pulse_bench(tmp_path, Told.LEVEL), sent, told)
+    again = samples(recording, (begun, length), index=-round(begun * SAMPLE_RATE) % INDICES)
+    sent = samples(recording), later(again, length - begun)
+    told_again = on_change([(time - begun, lasts) for time, lasts in commands(schedule)])
+    told = on_change(commands(schedule)), later(told_again, length - 0.5e-3)
+    watched = watch(pulse_bench(tmp_path, Told.LEVEL), *sent, *told)
     assert watched.commands == [1, 2, 3, 4]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 def test_a_command_cut_off_by_a_restart_is_never_missing(tmp_path: Path) -> None:
@@ -59,8 +55,8 @@ def test_a_command_cut_off_by_a_restart_is_never_missing(tmp_path: Path) -> None
     (start, lasts), *_ = commands(schedule)
     end = start + 0.2e-3
     shut = misfired(recording, (0.0, recording.samples / SAMPLE_RATE))
-    again = [Sent(one.time + end, one.frame) for one in samples(shut)]
-    told = [*on_change([(0.1, lasts)]), Sent(start, on_change([(start, lasts)])[0].frame)]
+    again = later(samples(shut), end)
+    told = [*on_change([(0.1, lasts)]), on_change([(start, lasts)])[0]]
     watched = watch(pulse_bench(tmp_path, Told.LEVEL), samples(recording, (0.0, end)), again, told)
     assert watched.core.counters.restarts == 1
     assert watched.missing == [1]
@@ -76,7 +72,7 @@ def test_a_level_that_was_high_before_the_first_frame_misses_nothing(tmp_path: P
         pulse_bench(tmp_path, Told.LEVELS_IN_BLOCK), samples(misfired(recording, (start, start + 5e-3))), told
     )
     assert watched.commands == [None, 1]
-    assert watched.mismatches == []
+    assert watched.notes.mismatches == []
 
 
 def test_a_window_that_ends_in_a_pause_is_seen(tmp_path: Path) -> None:
@@ -115,7 +111,7 @@ def test_windowed_source(tmp_path: Path, lines: str, missing: bool) -> None:
     if missing:
         recording = misfired(recording, spans[1])
         del pulses[2]
-    sources: dict[str, Callable[[], list[Sent]]] = {
+    sources: dict[str, Callable[[], list[TimedFrame]]] = {
         Told.LEVEL: lambda: on_change(pulses),
         Told.TIME_BY_STAMP: lambda: durations(pulses),
         Told.LEVELS_IN_BLOCK: lambda: [one for span in spans for one in blocks(pulses, *span)],
@@ -127,4 +123,4 @@ def test_windowed_source(tmp_path: Path, lines: str, missing: bool) -> None:
         assert watched.commands == [1, None, 3]
     else:
         assert watched.commands == [1, 2, 3, 4]
-        assert watched.mismatches == []
+        assert watched.notes.mismatches == []

@@ -4,7 +4,6 @@ import gc
 import io
 import weakref
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -23,26 +22,17 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import Observer, Reason, State
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.view import View
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
-from tests.service.core_frames import (
-    DATABASE,
-    ONE_MESSAGE,
-    SAMPLE_RATE,
-    Device,
-    Frame,
-    Result,
-    bench_text,
-    protected,
-    run,
-)
+from tests.benches import SAMPLE_RATE, sample_bench
+from tests.device import Device, Result, encoded, hand, inserted, recoded, run
+from tests.service.end_to_end import DATABASE
 from tests.service.participants import ScriptedLink
-from tests.service.slow_frames import inserted
 
 NOMINAL = load_injector()
 REFERENCE, HOT = 40.0, 85.0  # degC
@@ -86,52 +76,40 @@ def true_mass(simulated: Simulation, result: Result, number: int, celsius: float
 def bench(folder: Path, timeout: str = "") -> Path:
     """Temperature by a message of its own."""
     (folder / "sensor.dbc").write_text(SENSOR)
-    path = folder / "bench.toml"
     extra = '[[dbc]]\nfile = "sensor.dbc"\n[signals.fuel_temperature]\nmessage = "Sensor"\nsignal = "Fuel"\n'
-    path.write_text(bench_text(ONE_MESSAGE, extra + timeout))
-    return path
+    return sample_bench(folder, extra=extra + timeout)
 
 
 def block_bench(folder: Path) -> Path:
     """Temperature in the message of the samples."""
-    path = folder / "bench.toml"
     extra = '[signals.fuel_temperature]\nmessage = "SampleBlock"\nsignal = "FuelTemperature"\n'
-    path.write_text(bench_text(ONE_MESSAGE, extra))
-    return path
+    return sample_bench(folder, extra=extra)
 
 
-def sensor(celsius: float | None) -> Frame:
+def sensor(celsius: float | None) -> TimedFrame:
     """A frame of the sensor; None: not available."""
     message = SENSOR_DATABASE.get_message_by_name("Sensor")
-    if celsius is None:
-        return Frame(message.frame_id, b"\xff\xff" + bytes(6))
-    return Frame(message.frame_id, message.encode({"Fuel": celsius}))
+    return encoded(message, b"\xff\xff" + bytes(6) if celsius is None else {"Fuel": celsius})
 
 
-def with_block_temperature(frames: Sequence[Frame], kelvin: float) -> list[Frame]:
-    message = DATABASE.get_message_by_name("SampleBlock")
-    signal = message.get_signal_by_name("FuelTemperature")
-    code = signal.conversion.numeric_scaled_to_raw(kelvin)
-    start = signal.start // 8
-    result = []
-    for frame in frames:
-        payload = bytearray(frame.payload)
-        payload[start : start + 2] = int(code).to_bytes(2, "little")
-        result.append(replace(frame, payload=protected(payload, message.frame_id, frame.payload[2])))
-    return result
+def with_block_temperature(frames: Sequence[TimedFrame], kelvin: float) -> list[TimedFrame]:
+    signal = DATABASE.get_message_by_name("SampleBlock").get_signal_by_name("FuelTemperature")
+    code = int(signal.conversion.numeric_scaled_to_raw(kelvin))
+    return [recoded(frame, FuelTemperature=code) for frame in frames]
 
 
-def frames_of(recording: Recording) -> list[Frame]:
-    return Device(ONE_MESSAGE).send(recording)
+@cache
+def frames_at(celsius: float) -> list[TimedFrame]:
+    """What the measuring device sends of fuel so warm, by our own layout."""
+    return Device().send(simulation(celsius).recording)
 
 
 def test_masses_of_hot_fuel_are_right_with_its_temperature_only(tmp_path: Path) -> None:
     """Untold, fuel 45 K warmer looks like a softer, lighter one: nothing is valid then."""
     hot = simulation(HOT)
-    frames = frames_of(hot.recording)
+    frames = frames_at(HOT)
     told = run(bench(tmp_path), [sensor(HOT), *frames])
-    (tmp_path / "untold.toml").write_text(bench_text(ONE_MESSAGE))
-    untold = run(tmp_path / "untold.toml", frames)
+    untold = run(sample_bench(tmp_path / "untold"), frames)
     for number in range(2, INJECTIONS):
         true = true_mass(hot, told, number, HOT)
         assert told.reports[number].valid
@@ -143,16 +121,15 @@ def test_masses_of_hot_fuel_are_right_with_its_temperature_only(tmp_path: Path) 
 
 
 def test_a_block_may_carry_it_in_kelvins(tmp_path: Path) -> None:
-    hot = simulation(HOT)
-    by_block = run(block_bench(tmp_path), with_block_temperature(frames_of(hot.recording), HOT + 273.15))
+    by_block = run(block_bench(tmp_path), with_block_temperature(frames_at(HOT), HOT + 273.15))
     (tmp_path / "other").mkdir()
-    by_sensor = run(bench(tmp_path / "other"), [sensor(HOT), *frames_of(hot.recording)])
+    by_sensor = run(bench(tmp_path / "other"), [sensor(HOT), *frames_at(HOT)])
     assert by_block.reports[-1].fuel_temperature == pytest.approx(HOT + 273.15, abs=0.01)
     assert by_block.reports[-1].mass == pytest.approx(by_sensor.reports[-1].mass, rel=1e-3)
 
 
 def test_nothing_is_valid_before_it_is_known(tmp_path: Path) -> None:
-    frames = frames_of(simulation(REFERENCE).recording)
+    frames = frames_at(REFERENCE)
     result = run(bench(tmp_path), frames)
     assert [report.reason for report in result.reports] == [Reason.INPUT_STALE] * INJECTIONS
     assert result.core.state == (State.DEGRADED, Reason.INPUT_STALE)
@@ -161,7 +138,7 @@ def test_nothing_is_valid_before_it_is_known(tmp_path: Path) -> None:
 
 def test_nor_when_it_stays_away(tmp_path: Path) -> None:
     """It counts for 20 ms, and comes until the third injection."""
-    frames = frames_of(simulation(REFERENCE).recording)
+    frames = frames_at(REFERENCE)
     often = [(number, sensor(REFERENCE)) for number in range(0, round(0.26 * SAMPLE_RATE / BLOCK), 50)]
     result = run(bench(tmp_path, "timeout_ms = 20\n"), inserted(frames, often))
     assert [report.valid for report in result.reports] == [False, False, True, False]
@@ -170,10 +147,9 @@ def test_nor_when_it_stays_away(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("broken", [sensor(None), sensor(-100.0), sensor(300.0)])
-def test_what_is_no_temperature_of_a_fuel_counts_as_none(tmp_path: Path, broken: Frame) -> None:
+def test_what_is_no_temperature_of_a_fuel_counts_as_none(tmp_path: Path, broken: TimedFrame) -> None:
     """The last good value is kept meanwhile, for a second."""
-    hot = simulation(HOT)
-    frames = frames_of(hot.recording)
+    frames = frames_at(HOT)
     disturbed = run(bench(tmp_path), inserted(frames, [(0, sensor(HOT)), (400, broken)]))
     assert [report.valid for report in disturbed.reports[2:]] == [True, True]
     assert disturbed.frames == run(bench(tmp_path), [sensor(HOT), *frames]).frames
@@ -184,14 +160,14 @@ def test_what_is_no_temperature_of_a_fuel_counts_as_none(tmp_path: Path, broken:
 def test_it_may_come_before_the_first_sample(tmp_path: Path) -> None:
     """Whose index may be any: it tells nothing of how long ago the temperature came."""
     path = bench(tmp_path, "timeout_ms = 1000\n")
-    frames = Device(ONE_MESSAGE, index=1_000_000_000).send(simulation(REFERENCE).recording)
+    frames = Device(path, index=1_000_000_000).send(simulation(REFERENCE).recording)
     result = run(path, [sensor(REFERENCE), *frames])
     assert [report.valid for report in result.reports[2:]] == [True, True]
 
 
 def test_it_takes_effect_between_events(tmp_path: Path) -> None:
     """Told in the middle of the third injection, it holds from the fourth on."""
-    frames = frames_of(simulation(REFERENCE).recording)
+    frames = frames_at(REFERENCE)
     usual = run(bench(tmp_path), [sensor(REFERENCE), *frames])
     middle = (usual.reports[2].start_index + usual.reports[2].end_index) // 2 // BLOCK
     result = run(bench(tmp_path), inserted(frames, [(0, sensor(REFERENCE)), (middle, sensor(HOT))]))
@@ -204,8 +180,8 @@ def test_it_takes_effect_between_events(tmp_path: Path) -> None:
 def test_fuel_that_warms_up_makes_no_wear(tmp_path: Path) -> None:
     """From 40 to 80 degC within eight injections: every one is right, none is told to be a change of the injector."""
     ramp = np.linspace(40.0, 80.0, 8)
-    device = Device(ONE_MESSAGE)
-    frames: list[Frame] = []
+    device = Device(bench(tmp_path))
+    frames: list[TimedFrame] = []
     rates = []
     for celsius in ramp:
         simulated = fuel_at(float(celsius), injections=1)
@@ -223,7 +199,7 @@ def test_fuel_that_warms_up_makes_no_wear(tmp_path: Path) -> None:
 
 
 def test_the_same_frames_give_the_same_results(tmp_path: Path) -> None:
-    frames = frames_of(simulation(HOT).recording)
+    frames = frames_at(HOT)
     told = inserted(frames, [(100 * n, sensor(HOT + 0.1 * (n % 7))) for n in range(len(frames) // 100)])
     assert run(bench(tmp_path), told).frames == run(bench(tmp_path), told).frames
 
@@ -232,8 +208,7 @@ def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
     loaded = load_bench(bench(tmp_path))
     core = Core(loaded.injector, map_bus(loaded))
     before = core.compiled.observer.constants
-    for frame in [*frames_of(simulation(REFERENCE).recording)[:10], sensor(HOT)]:
-        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+    hand(core, [*frames_at(REFERENCE)[:10], sensor(HOT)])
     now = core.compiled.observer
     assert now.constants != before
     observers = [one for one in gc.get_objects() if type(one) is Observer and one.memory is now.memory]
@@ -268,8 +243,7 @@ def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:
 def test_the_view_shows_it(tmp_path: Path) -> None:
     path = load_bench(bench(tmp_path))
     daemon = Daemon(path, map_bus(path), [ScriptedLink([])])
-    for frame in [sensor(62.5), *frames_of(simulation(REFERENCE).recording)[:50]]:
-        daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+    hand(daemon.core, [sensor(62.5), *frames_at(REFERENCE)[:50]])
     view = View("bench", path.injector)
     view.watch(daemon)
     text = io.StringIO()
@@ -303,7 +277,7 @@ def test_a_unit_that_is_none_of_a_temperature_is_refused(tmp_path: Path) -> None
 
 def test_neighbouring_reports_differ_little_in_density(tmp_path: Path) -> None:
     """A noisy sensor does not make the model jump."""
-    frames = frames_of(simulation(REFERENCE).recording)
+    frames = frames_at(REFERENCE)
     noisy = [(50 * n, sensor(REFERENCE + 0.5 * (-1) ** n)) for n in range(len(frames) // 50)]
     reports = run(bench(tmp_path), inserted(frames, noisy)).reports
     assert all(report.valid for report in reports[2:])

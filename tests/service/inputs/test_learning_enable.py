@@ -13,20 +13,14 @@ from observer_rt.config.bench import load_bench
 from observer_rt.estimation.scalars import NOZZLE, OFFSET
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import UserError
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.view import View
+from tests.benches import sample_bench
 from tests.check.test_checkup import worst
-from tests.service.core_frames import (
-    ONE_MESSAGE,
-    Frame,
-    Result,
-    bench_text,
-    damaged,
-    recording,
-    run,
-)
+from tests.device import Result, damaged, hand, inserted, run, simulated
 from tests.service.participants import ScriptedLink
-from tests.service.slow_frames import bed, inserted, safe_bed, slow_bench
+from tests.service.slow_frames import bed, safe_bed, slow_bench
 
 ENABLE = {"learning_enable": ("Bed", "LearnEnable")}
 SAFE_ENABLE = {"learning_enable": ("SafeBed", "LearnEnableSafe")}
@@ -34,11 +28,9 @@ BLOCK = 9  # samples in a frame
 
 
 @pytest.fixture(scope="module")
-def usual(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -> Result:
+def usual(tmp_path_factory: pytest.TempPathFactory, frames: list[TimedFrame]) -> Result:
     """Without optional inputs."""
-    path = tmp_path_factory.mktemp("usual") / "bench.toml"
-    path.write_text(bench_text(ONE_MESSAGE))
-    return run(path, frames)
+    return run(sample_bench(tmp_path_factory.mktemp("usual")), frames)
 
 
 def after_injection(result: Result, number: int) -> int:
@@ -53,7 +45,7 @@ def flags(result: Result) -> list[int]:
 
 @pytest.mark.parametrize("value", [1, 2, None])
 def test_enabled_or_not_known_changes_nothing(
-    tmp_path: Path, frames: list[Frame], usual: Result, value: int | None
+    tmp_path: Path, frames: list[TimedFrame], usual: Result, value: int | None
 ) -> None:
     path = slow_bench(tmp_path, ENABLE)
     sent = run(path, inserted(frames, [(n, bed("LearnEnable", value)) for n in range(0, 1600, 100)]))
@@ -61,7 +53,7 @@ def test_enabled_or_not_known_changes_nothing(
     assert run(path, frames).frames == usual.frames
 
 
-def test_off_from_the_start_is_as_switched_off_by_the_bench(tmp_path: Path, frames: list[Frame]) -> None:
+def test_off_from_the_start_is_as_switched_off_by_the_bench(tmp_path: Path, frames: list[TimedFrame]) -> None:
     held = run(slow_bench(tmp_path, ENABLE), inserted(frames, [(0, bed("LearnEnable", 0))]))
     off = run(slow_bench(tmp_path, ENABLE, "[learning]\nenabled = false"), frames)
     assert held.frames == off.frames
@@ -69,12 +61,14 @@ def test_off_from_the_start_is_as_switched_off_by_the_bench(tmp_path: Path, fram
     assert held.core.counters.adoptions == 0
 
 
-def test_bench_that_switches_learning_off_cannot_be_overruled(tmp_path: Path, frames: list[Frame]) -> None:
+def test_bench_that_switches_learning_off_cannot_be_overruled(
+    tmp_path: Path, frames: list[TimedFrame]
+) -> None:
     path = slow_bench(tmp_path, ENABLE, "[learning]\nenabled = false")
     assert set(flags(run(path, inserted(frames, [(0, bed("LearnEnable", 1))])))) == {0}
 
 
-def test_what_was_learned_stays_in_force(tmp_path: Path, frames: list[Frame], usual: Result) -> None:
+def test_what_was_learned_stays_in_force(tmp_path: Path, frames: list[TimedFrame], usual: Result) -> None:
     """Off after the first of three events."""
     off = after_injection(usual, 1)
     held = run(slow_bench(tmp_path, ENABLE), inserted(frames, [(off, bed("LearnEnable", 0))]))
@@ -94,7 +88,7 @@ def test_what_was_learned_stays_in_force(tmp_path: Path, frames: list[Frame], us
 
 @pytest.mark.parametrize("on", [1, None])
 def test_learning_goes_on_when_it_is_on_again(
-    tmp_path: Path, frames: list[Frame], usual: Result, on: int | None
+    tmp_path: Path, frames: list[TimedFrame], usual: Result, on: int | None
 ) -> None:
     words = [(0, bed("LearnEnable", 0)), (after_injection(usual, 1), bed("LearnEnable", on))]
     result = run(slow_bench(tmp_path, ENABLE), inserted(frames, words))
@@ -103,7 +97,7 @@ def test_learning_goes_on_when_it_is_on_again(
 
 
 def test_another_page_of_its_message_is_no_word_of_it(
-    tmp_path: Path, frames: list[Frame], usual: Result
+    tmp_path: Path, frames: list[TimedFrame], usual: Result
 ) -> None:
     """The byte of the signal is 0 there."""
     sent = inserted(frames, [(0, bed("Mass", 0.0))])
@@ -111,10 +105,10 @@ def test_another_page_of_its_message_is_no_word_of_it(
 
 
 def test_damaged_frames_are_counted_and_change_nothing(
-    tmp_path: Path, frames: list[Frame], usual: Result
+    tmp_path: Path, frames: list[TimedFrame], usual: Result
 ) -> None:
     good = safe_bed(7, enable=0)
-    words = [(0, damaged(good, 40)), (1, Frame(good.frame_id, good.payload[:-1]))]
+    words = [(0, damaged(good, 40)), (1, good._replace(payload=good.payload[:-1]))]
     result = run(slow_bench(tmp_path, SAFE_ENABLE), inserted(frames, words))
     assert result.frames == usual.frames
     assert (result.core.counters.crc_errors, result.core.counters.length_errors) == (1, 1)
@@ -125,7 +119,7 @@ def test_damaged_frames_are_counted_and_change_nothing(
 def test_a_recording_does_not_switch_learning_off(tmp_path: Path, usual: Result) -> None:
     """Also where the signal is in the message of the samples, whose frames are made of the recording then."""
     path = slow_bench(tmp_path, {"learning_enable": ("SampleBlock", "FuelTemperature")})
-    assert evaluate(load_bench(path), [recording()]).evaluations[0].counters.adoptions > 0
+    assert evaluate(load_bench(path), [simulated()]).evaluations[0].counters.adoptions > 0
 
 
 def test_check_lists_it(tmp_path: Path) -> None:
@@ -175,13 +169,12 @@ def test_view_says_that_learning_is_off(tmp_path: Path) -> None:
         return screen.getvalue()
 
     for value, expected in ((1, "(0 refused, 0 late)"), (0, "; learning is off")):
-        frame = bed("LearnEnable", value)
-        daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+        hand(daemon.core, [bed("LearnEnable", value)])
         assert expected in drawn()
 
 
 def test_a_switch_that_stays_away_holds_nothing_up(
-    tmp_path: Path, frames: list[Frame], usual: Result
+    tmp_path: Path, frames: list[TimedFrame], usual: Result
 ) -> None:
     """Off before the first injection, and never heard of again: it counts for 80 ms."""
     path = slow_bench(tmp_path, ENABLE)

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.links.link import Frame as BusFrame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench
@@ -18,15 +17,14 @@ from observer_rt.evaluation.results import recording_json
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
-from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.service.core.core import Core
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import MeasuredMass, Notes
 from observer_rt.service.view import View
-from tests.recording.canlog.log_cases import write_log
-from tests.service.core_frames import SAMPLE_RATE, Frame, Result, damaged, run
+from tests.device import Result, damaged, hand, inserted, run
+from tests.recording.canlog.log_cases import sent_log, write_log
 from tests.service.participants import ScriptedLink, assert_warm_up_takes_all
-from tests.service.slow_frames import bed, inserted, safe_bed, slow_bench
+from tests.service.slow_frames import bed, safe_bed, slow_bench
 
 MASS = {"measured_mass": ("Bed", "Mass")}
 SAFE_MASS = {"measured_mass": ("SafeBed", "MassSafe")}
@@ -35,7 +33,7 @@ SOON, LATE = 20, 250  # frames after an injection's end: before, and after, it i
 
 
 @pytest.fixture(scope="module")
-def usual(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -> Result:
+def usual(tmp_path_factory: pytest.TempPathFactory, frames: list[TimedFrame]) -> Result:
     """With the role in the bench file, but no frame of it."""
     return run(slow_bench(tmp_path_factory.mktemp("usual"), MASS), frames)
 
@@ -50,14 +48,8 @@ def after(result: Result, injection: int, frames: int) -> int:
     return result.reports[injection - 1].end_index // BLOCK + frames
 
 
-def measured(bench: Path, frames: Iterable[Frame]) -> list[MeasuredMass]:
-    loaded = load_bench(bench)
-    notes = Notes()
-    core = Core(loaded.injector, map_bus(loaded), listeners=[notes])
-    for frame in frames:
-        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
-    core.finish()
-    return notes.measured
+def measured(bench: Path, frames: Iterable[TimedFrame]) -> list[MeasuredMass]:
+    return run(bench, frames).notes.measured
 
 
 def masses(found: Iterable[MeasuredMass]) -> list[tuple[int, float]]:
@@ -67,7 +59,7 @@ def masses(found: Iterable[MeasuredMass]) -> list[tuple[int, float]]:
 
 @pytest.mark.parametrize("delay", [SOON, LATE])
 def test_a_value_belongs_to_the_injection_before_it(
-    path: Path, frames: list[Frame], usual: Result, delay: int
+    path: Path, frames: list[TimedFrame], usual: Result, delay: int
 ) -> None:
     sent = [
         (after(usual, 1, delay), bed("Mass", 10.0)),
@@ -81,12 +73,14 @@ def test_a_value_belongs_to_the_injection_before_it(
         assert f"injection {report.number}: measured {one.mass * 1e6:.2f} mg" in one.as_text()
 
 
-def test_it_changes_no_result(path: Path, frames: list[Frame], usual: Result) -> None:
+def test_it_changes_no_result(path: Path, frames: list[TimedFrame], usual: Result) -> None:
     sent = [(after(usual, number, SOON), bed("Mass", 100.0 * number)) for number in (1, 2, 3)]
     assert run(path, inserted(frames, sent)).frames == usual.frames
 
 
-def test_what_a_cyclic_message_repeats_is_not_new(path: Path, frames: list[Frame], usual: Result) -> None:
+def test_what_a_cyclic_message_repeats_is_not_new(
+    path: Path, frames: list[TimedFrame], usual: Result
+) -> None:
     """The value of an injection changes soon after it and is sent until the next one's."""
     changes = [(0, 5.0), (after(usual, 1, SOON), 10.0), (after(usual, 2, SOON), 8.0)]
     sent = []
@@ -97,7 +91,7 @@ def test_what_a_cyclic_message_repeats_is_not_new(path: Path, frames: list[Frame
 
 @pytest.mark.parametrize("nothing", [0.0, None])
 def test_nothing_in_between_makes_an_equal_value_new(
-    path: Path, frames: list[Frame], usual: Result, nothing: float | None
+    path: Path, frames: list[TimedFrame], usual: Result, nothing: float | None
 ) -> None:
     sent = [
         (after(usual, 1, SOON), bed("Mass", 10.0)),
@@ -108,17 +102,17 @@ def test_nothing_in_between_makes_an_equal_value_new(
 
 
 def test_of_several_for_one_injection_the_first_counts(
-    path: Path, frames: list[Frame], usual: Result
+    path: Path, frames: list[TimedFrame], usual: Result
 ) -> None:
     sent = [(after(usual, 1, SOON + k), bed("Mass", 10.0 + k)) for k in range(3)]
     assert masses(measured(path, inserted(frames, sent))) == [(1, 10.0)]
 
 
-def test_a_value_before_any_injection_belongs_to_none(path: Path, frames: list[Frame]) -> None:
+def test_a_value_before_any_injection_belongs_to_none(path: Path, frames: list[TimedFrame]) -> None:
     assert not measured(path, inserted(frames, [(0, bed("Mass", 10.0))]))
 
 
-def test_protected_message_in_kilograms(tmp_path: Path, frames: list[Frame], usual: Result) -> None:
+def test_protected_message_in_kilograms(tmp_path: Path, frames: list[TimedFrame], usual: Result) -> None:
     """A damaged frame and a repeated one count for nothing."""
     first, second = after(usual, 1, SOON), after(usual, 2, SOON)
     good = safe_bed(1, mass=12e-6)
@@ -133,7 +127,7 @@ def test_protected_message_in_kilograms(tmp_path: Path, frames: list[Frame], usu
 
 
 def test_unit_of_the_bench_file_goes_before_the_databases(
-    tmp_path: Path, frames: list[Frame], usual: Result
+    tmp_path: Path, frames: list[TimedFrame], usual: Result
 ) -> None:
     bench = slow_bench(tmp_path, MASS)
     bench.write_text(bench.read_text() + 'unit = "g"\n')
@@ -159,12 +153,14 @@ def test_warm_up_takes_a_bench_with_optional_inputs(tmp_path: Path) -> None:
     assert_warm_up_takes_all(load_bench(slow_bench(tmp_path, SAFE_MASS)))
 
 
-def test_evaluating_a_log_compares_it(path: Path, frames: list[Frame], usual: Result, tmp_path: Path) -> None:
+def test_evaluating_a_log_compares_it(
+    path: Path, frames: list[TimedFrame], usual: Result, tmp_path: Path
+) -> None:
     """In the document and in the table."""
     bench = load_bench(path)
     sent = inserted(frames, [(after(usual, 2, SOON), bed("Mass", 8.0))])
     log = tmp_path / "bus.log"
-    write_log(log, [in_log(number, frame) for number, frame in enumerate(sent)])
+    write_log(log, sent_log(sent))
     evaluation = evaluate_logs(bench, [read_logged(bench, log)]).evaluations[0]
     c = effective_model(bench.injector.parameters).coefficients
     injections = recording_json(evaluation, c)["injections"]
@@ -176,13 +172,7 @@ def test_evaluating_a_log_compares_it(path: Path, frames: list[Frame], usual: Re
     assert {"8.00", f"{error:.2f}"} <= set(row.split())
 
 
-def in_log(number: int, frame: Frame) -> LogFrame:
-    """As recorded from a bus where every frame takes as long as its samples."""
-    stamp = round(number * BLOCK / SAMPLE_RATE * 1e9)
-    return LogFrame(BusFrame(frame.frame_id, frame.payload, stamp, False, True, True), "can0")
-
-
-def test_view_shows_it_beside_the_estimate(tmp_path: Path, frames: list[Frame], usual: Result) -> None:
+def test_view_shows_it_beside_the_estimate(tmp_path: Path, frames: list[TimedFrame], usual: Result) -> None:
     bench = load_bench(slow_bench(tmp_path, MASS, "[learning]\nlockstep = true"))
     view, notes = View("title", bench.injector), Notes()
     daemon = Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear, notes])
@@ -194,11 +184,9 @@ def test_view_shows_it_beside_the_estimate(tmp_path: Path, frames: list[Frame], 
         return screen.getvalue()
 
     sent = inserted(frames, [(after(usual, 2, LATE), bed("Mass", 7.77))])
-    for frame in sent[: after(usual, 2, LATE)]:
-        daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+    hand(daemon.core, sent[: after(usual, 2, LATE)])
     assert " measured " not in drawn()
-    for frame in sent[after(usual, 2, LATE) :]:
-        daemon.core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+    hand(daemon.core, sent[after(usual, 2, LATE) :])
     daemon.core.finish()
     assert " measured " in drawn()
     assert drawn().count("7.77") == 1

@@ -19,31 +19,31 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import RunError
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.observer.stream.verdict import Taken
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.pump.compiled_pump import CompiledPump
 from observer_rt.service.watch.arrivals import Arrivals
-from tests.service.core_frames import RATES, Frame, recording, run
+from tests.device import RATES, Device, encoded, frames_of, inserted, run, simulated, worn_recording
 from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded, published_rates
 from tests.service.inputs.test_fuel_temperature import bench as temperature_bench
-from tests.service.inputs.test_fuel_temperature import frames_of, sensor
-from tests.service.participants import bench_file, serving, until, worn_recording
-from tests.service.slow_frames import bed, inserted, slow_bench
+from tests.service.inputs.test_fuel_temperature import sensor
+from tests.service.participants import bench_file, serving, until
+from tests.service.slow_frames import bed, slow_bench
 
 FD_FRAME = struct.Struct("=IBB2x64s")
 LITTLE_ROOM = 1 << 14  # bytes of a socket's queue, some twenty frames
 
 
-class Device:
-    """The other end: sends frames, and keeps what comes back."""
+class FarEnd:
+    """The other end of the sockets: sends frames, and keeps what comes back."""
 
     def __init__(self, end: socket.socket) -> None:
         self._end = end
         self.received: dict[int, list[bytes]] = {}
 
-    def send(self, frames: Iterable[TimedFrame | Frame], listening: bool = True) -> None:
+    def send(self, frames: Iterable[TimedFrame], listening: bool = True) -> None:
         for frame in frames:
             self._end.send(FD_FRAME.pack(frame.frame_id, len(frame.payload), 1, frame.payload))
             if listening:
@@ -66,17 +66,17 @@ class Device:
 
 
 @contextmanager
-def paired(bus: BusMap, room: int | None = None) -> Iterator[tuple[Device, DescriptorLink]]:
+def paired(bus: BusMap, room: int | None = None) -> Iterator[tuple[FarEnd, DescriptorLink]]:
     """A device, and our link to it; room: for what we send, in bytes, None: the usual."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     if room is not None:
         ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, room)
     with ours, theirs, DescriptorLink(str(ours.fileno()), True, bus.received_on(0)) as link:
-        yield Device(theirs), link
+        yield FarEnd(theirs), link
 
 
 @contextmanager
-def connected(path: Path) -> Iterator[tuple[Device, Daemon]]:
+def connected(path: Path) -> Iterator[tuple[FarEnd, Daemon]]:
     """A device, and a daemon that serves it."""
     bench = load_bench(path)
     bus = map_bus(bench)
@@ -88,7 +88,7 @@ def connected(path: Path) -> Iterator[tuple[Device, Daemon]]:
 class Pumped:
     """A device, and a pump that serves it without a daemon; unsent: counts of rates it gave up."""
 
-    device: Device
+    device: FarEnd
     pump: CompiledPump
     core: Core
     arrivals: Arrivals
@@ -116,7 +116,7 @@ def test_same_frames_as_evaluate(tmp_path: Path) -> None:
     """Bit for bit, learning included: a loop in compiled code, and everything in one thread without a bus."""
     path = bench_file(tmp_path, "0")
     worn = worn_recording()
-    frames = list(Framer(map_bus(load_bench(path))).frames(worn, whole(worn)))
+    frames = frames_of(path, worn)
     history = evaluate(load_bench(path), [worn])
     with connected(path) as (device, daemon):
         with serving(daemon):
@@ -136,13 +136,13 @@ def test_while_another_node_sends_the_same_no_rate_is_valid(tmp_path: Path) -> N
     """And nothing else of the frames differs, but for their protection."""
     path = bench_file(tmp_path, "0")
     worn = worn_recording()
-    frames = list(Framer(map_bus(load_bench(path))).frames(worn, whole(worn)))
+    frames = frames_of(path, worn)
     history = [f.payload for f in evaluate(load_bench(path), [worn]).frames if f.frame_id == RATE.frame_id]
     with connected(path) as (device, daemon):
         with serving(daemon):
             device.send(frames[:-200])
             until(lambda: daemon.core.counters.frames == len(frames) - 200)
-            device.send([Frame(RATE.frame_id, bytes(64))])
+            device.send([encoded(RATE, bytes(64))])
             until(lambda: daemon.arrivals.foreign_frames == 1)
             until(lambda: daemon.state(time.monotonic_ns())[1] is Reason.SECOND_SENDER)
             time.sleep(0.1)
@@ -163,7 +163,7 @@ def test_while_another_node_sends_the_same_no_rate_is_valid(tmp_path: Path) -> N
     ]
 
 
-def through_pump(path: Path, frames: Sequence[Frame]) -> dict[int, list[bytes]]:
+def through_pump(path: Path, frames: Sequence[TimedFrame]) -> dict[int, list[bytes]]:
     """What comes of frames in lockstep, to the end, by identifier."""
     out: list[OutputFrame] = []
     with pumped(path) as it:
@@ -181,9 +181,9 @@ def through_pump(path: Path, frames: Sequence[Frame]) -> dict[int, list[bytes]]:
     return it.device.received
 
 
-def warming_fuel(folder: Path) -> tuple[Path, list[Frame]]:
+def warming_fuel(folder: Path) -> tuple[Path, list[TimedFrame]]:
     """Fuel that warms within events, is silent for longer than it counts, and is not known for a while."""
-    frames = frames_of(recording())
+    frames = Device().send(simulated())
     quarter = len(frames) // 4
     told = [
         (0, 40.0),
@@ -198,9 +198,9 @@ def warming_fuel(folder: Path) -> tuple[Path, list[Frame]]:
     return temperature_bench(folder, "timeout_ms = 60\n"), inserted(frames, changes)
 
 
-def switched_learning(folder: Path) -> tuple[Path, list[Frame]]:
+def switched_learning(folder: Path) -> tuple[Path, list[TimedFrame]]:
     """Learning that is held up from before the first injection until after it, and again for the last."""
-    frames = frames_of(recording())
+    frames = Device().send(simulated())
     quarter = len(frames) // 4
     told = [(5, 0), (2 * quarter, 1), (3 * quarter, 0)]
     changes = [(number, bed("LearnEnable", value)) for number, value in told]
@@ -209,7 +209,7 @@ def switched_learning(folder: Path) -> tuple[Path, list[Frame]]:
 
 @pytest.mark.parametrize("case", [warming_fuel, switched_learning])
 def test_optional_inputs_take_effect_where_they_do_without_a_pump(
-    tmp_path: Path, case: Callable[[Path], tuple[Path, list[Frame]]]
+    tmp_path: Path, case: Callable[[Path], tuple[Path, list[TimedFrame]]]
 ) -> None:
     path, frames = case(tmp_path)
     alone = run(path, frames)
@@ -224,7 +224,7 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
     """Rates come while nothing of Python runs for the pump, which does not wait for verdicts nobody posts."""
     path = bench_file(tmp_path, "0")
     worn = worn_recording(2)
-    frames = list(Framer(map_bus(load_bench(path))).frames(worn, whole(worn)))
+    frames = frames_of(path, worn)
     with pumped(path, waits_for_verdicts=False) as it:
         it.device.send(frames)
         until(lambda: it.core.counters.frames == len(frames))
@@ -242,7 +242,7 @@ def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
     bench = load_bench(path)
     handed: list[OutputFrame] = []
     with pumped(path, LITTLE_ROOM) as it:
-        for frame in Framer(map_bus(bench)).frames(worn, whole(worn)):
+        for frame in frames_of(bench, worn):
             while not it.device.has_room():
                 handed += it.pump.serve(1e-3)
             it.device.send([frame], listening=False)
@@ -262,7 +262,7 @@ def test_it_ends_while_the_stream_waits_for_a_verdict(tmp_path: Path) -> None:
     worn = worn_recording(2)
     with pumped(path) as it:
         waiting = it.core.compiled.observer.memory["waiting"]
-        for frame in Framer(map_bus(load_bench(path))).frames(worn, whole(worn)):
+        for frame in frames_of(path, worn):
             until(lambda: waiting[0] or it.device.has_room())
             if waiting[0]:
                 break

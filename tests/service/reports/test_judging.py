@@ -8,17 +8,14 @@ from typing import Any
 import pytest
 
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench, load_injector
-from observer_rt.model.effects import sized
+from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Reason
-from observer_rt.recording.replay.framing import windows
+from observer_rt.recording.replay.framing import Span, windows
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notes
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
-from tests.service.core_frames import ONE_MESSAGE, SAMPLE_RATE, Device, bench_text
+from tests.benches import sample_bench
+from tests.device import Device, hand, simulated
 
 INJECTIONS = 8
 V_H = 0.25
@@ -45,24 +42,16 @@ class Slow(Executor):
 
 @pytest.fixture(scope="module")
 def worn() -> Recording:
-    schedule = make_schedule([100e6], INJECTIONS, 0.05, [1.1e-3])
-    effects = (sized("orifice_area", v_H=V_H),)
-    return simulate(load_injector(), schedule, SAMPLE_RATE, effects, NoiseLevels(), seed=5).recording
-
-
-def folder_bench(folder: Path) -> Path:
-    path = folder / "bench.toml"
-    path.write_text(bench_text(ONE_MESSAGE))
-    return path
+    return simulated(INJECTIONS, V_H, seed=5)
 
 
 def served(folder: Path, recording: Recording, work_after: range) -> tuple[Core, Notes, Slow]:
     """A core that learns after the events given only, by number, and then long after they were due."""
-    path = folder_bench(folder)
+    path = sample_bench(folder)
     bench, notes, slow = load_bench(path), Notes(), Slow()
     core = Core(bench.injector, map_bus(bench), executor=slow, listeners=[notes])
-    for frame in Device(ONE_MESSAGE).send(recording):
-        core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+    for frame in Device(path).send(recording):
+        hand(core, [frame])
         if core.counters.events in work_after:
             slow.work()
     return core, notes, slow
@@ -93,13 +82,13 @@ def test_what_is_late_takes_force_with_the_next_event(tmp_path: Path, worn: Reco
 
 def test_a_windowed_source_is_judged_and_learned_from(tmp_path: Path, worn: Recording) -> None:
     """That an event is over only the next window shows, when it is long due; learning takes until after its start."""
-    path = folder_bench(tmp_path)
+    path = sample_bench(tmp_path)
     bench, notes, slow = load_bench(path), Notes(), Slow()
     core = Core(bench.injector, map_bus(bench), executor=slow, listeners=[notes])
-    device = Device(ONE_MESSAGE)
+    device = Device(path)
     for span in windows(worn):
-        for number, frame in enumerate(device.send(worn, span.start, span.end + 1)):
-            core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns)
+        for number, frame in enumerate(device.send(worn, Span(span.start, span.end + 1))):
+            hand(core, [frame])
             if number == 5:
                 slow.work()
     assert core.counters.events >= INJECTIONS - 2

@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.bus.links.link import Frame
-from observer_rt.config.bench import load_injector
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
-from tests.service.bus_frames import block_bench, frames_of
-from tests.service.participants import SAMPLE_RATE
-from tests.service.watch.watched import LIFT, LINE, RAIL, received, told_of, with_channel
+from tests.benches import SAMPLE_RATE, block_bench
+from tests.device import frames_of, later, worn_recording
+from tests.service.watch.watched import LIFT, LINE, RAIL, told_of, with_channel
 
 Values = NDArray[np.float64]
 LIFT_ID = 0x111
@@ -28,13 +24,12 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def recording() -> Recording:
     """Four seconds."""
-    schedule = make_schedule([60e6, 120e6], 80, 0.05, [1.1e-3])
-    return simulate(load_injector(), schedule, SAMPLE_RATE, (), NoiseLevels(), seed=3).recording
+    return worn_recording(80, 0.0)
 
 
 @pytest.fixture(scope="module")
-def frames(bench: Path, recording: Recording) -> list[Frame]:
-    return [received(frame) for frame in frames_of(bench, recording)]
+def frames(bench: Path, recording: Recording) -> list[TimedFrame]:
+    return frames_of(bench, recording)
 
 
 def frozen(values: Values) -> Values:
@@ -49,22 +44,22 @@ def overdriven(values: Values) -> Values:
     return np.where(np.arange(len(values)) > 60_000, 1e9, values)
 
 
-def test_of_a_healthy_bench_nothing_is_told(bench: Path, frames: list[Frame]) -> None:
+def test_of_a_healthy_bench_nothing_is_told(bench: Path, frames: list[TimedFrame]) -> None:
     assert told_of(bench, frames, silence=1.9) == []
 
 
-def test_of_windows_filled_up_nothing_is_told(bench: Path, frames: list[Frame]) -> None:
+def test_of_windows_filled_up_nothing_is_told(bench: Path, frames: list[TimedFrame]) -> None:
     """Frames come for 10 ms of every 100 ms only, as from a source that sends windows."""
     assert told_of(bench, [frame for frame in frames if frame.stamp_ns % 100_000_000 < 10_000_000]) == []
 
 
-def test_a_message_that_never_comes(bench: Path, frames: list[Frame]) -> None:
+def test_a_message_that_never_comes(bench: Path, frames: list[TimedFrame]) -> None:
     (told,) = told_of(bench, [frame for frame in frames if frame.frame_id != LIFT_ID])
     assert told.startswith(f"{LIFT}: no frame since the start 2.0 s ago\n  remedy: ")
 
 
-def test_a_message_that_stays_away_for_a_while(bench: Path, frames: list[Frame]) -> None:
-    def is_heard(frame: Frame) -> bool:
+def test_a_message_that_stays_away_for_a_while(bench: Path, frames: list[TimedFrame]) -> None:
+    def is_heard(frame: TimedFrame) -> bool:
         return frame.frame_id != LIFT_ID or not 1e9 < frame.stamp_ns < 3.5e9
 
     told = told_of(bench, [frame for frame in frames if is_heard(frame)])
@@ -72,18 +67,15 @@ def test_a_message_that_stays_away_for_a_while(bench: Path, frames: list[Frame])
     assert told[1:] == [f"{LIFT}: comes again after 2.5 s"]
 
 
-def test_all_stay_away(bench: Path, frames: list[Frame]) -> None:
+def test_all_stay_away(bench: Path, frames: list[TimedFrame]) -> None:
     (told,) = told_of(bench, frames, silence=10.0)
     assert told.startswith(f"no frame of any input for 2.1 s: {RAIL}, {LIFT}, {LINE}")
 
 
-def test_one_that_stays_away_when_the_others_come_again(bench: Path, frames: list[Frame]) -> None:
+def test_one_that_stays_away_when_the_others_come_again(bench: Path, frames: list[TimedFrame]) -> None:
     """All were silent; that one still is, is news."""
-    pause = 3_000_000_000
     before = [frame for frame in frames if frame.stamp_ns < 1e9]
-    after = [
-        f._replace(stamp_ns=f.stamp_ns + pause) for f in frames if f.stamp_ns >= 1e9 and f.frame_id != LIFT_ID
-    ]
+    after = later((f for f in frames if f.stamp_ns >= 1e9 and f.frame_id != LIFT_ID), 3.0)
     told = told_of(bench, [*before, *after])
     assert told[0].startswith("no frame of any input for 2.")
     assert [text.rpartition(" after ")[0] for text in told[1:3]] == [
@@ -93,7 +85,7 @@ def test_one_that_stays_away_when_the_others_come_again(bench: Path, frames: lis
     assert len(told) == 4
 
 
-def test_frames_that_cannot_be_used(bench: Path, frames: list[Frame]) -> None:
+def test_frames_that_cannot_be_used(bench: Path, frames: list[TimedFrame]) -> None:
     """The CRC of one message is wrong, as with another E2EDataId."""
     spoilt = [f._replace(payload=b"\0\0" + f.payload[2:]) if f.frame_id == LIFT_ID else f for f in frames]
     (told,) = told_of(bench, spoilt)
@@ -115,7 +107,7 @@ def test_frames_that_cannot_be_used(bench: Path, frames: list[Frame]) -> None:
 )
 def test_a_bad_sensor(bench: Path, recording: Recording, role: str, name: str, fault, said: str) -> None:  # type: ignore[no-untyped-def]
     spoilt = with_channel(recording, **{role: fault})
-    (told,) = told_of(bench, [received(frame) for frame in frames_of(bench, spoilt)])
+    (told,) = told_of(bench, frames_of(bench, spoilt))
     assert told.startswith(f"{name}: {role} {said}")
 
 
@@ -125,7 +117,7 @@ def test_a_sensor_that_is_mended(bench: Path, recording: Recording) -> None:
         return np.where(second == 1, values[0], values)
 
     spoilt = with_channel(recording, line_pressure=for_a_second)
-    told = told_of(bench, [received(frame) for frame in frames_of(bench, spoilt)])
+    told = told_of(bench, frames_of(bench, spoilt))
     assert len(told) == 2
     assert told[1] == f"{LINE}: line_pressure moves again"
 
@@ -133,4 +125,4 @@ def test_a_sensor_that_is_mended(bench: Path, recording: Recording) -> None:
 def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(bench: Path, recording: Recording) -> None:
     """Its noise does not show while the needle is shut, and the line still swings then."""
     spoilt = with_channel(recording, needle_lift=lambda lift: np.where(lift < 20e-6, 0.0, lift))
-    assert told_of(bench, [received(frame) for frame in frames_of(bench, spoilt)]) == []
+    assert told_of(bench, frames_of(bench, spoilt)) == []

@@ -9,15 +9,16 @@ import pytest
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.contest import contested
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.keeping.journal_columns import row_of
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.reports.telling import line
 from observer_rt.service.words import Topic
+from tests.device import encoded, frames_of, worn_recording
 from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded
-from tests.service.participants import ScriptedLink, bench_file, serving, until, worn_recording
+from tests.service.participants import ScriptedLink, bench_file, serving, until
 
 INJECTIONS = 8
 AFTER_FOUR, AFTER_SIX = 0.348, 0.448  # s, when the last of as many was judged, just before the next one
@@ -32,8 +33,8 @@ def test_it_is_told_counted_and_shown(bench: Path) -> None:
     loaded = load_bench(bench)
     bus = map_bus(loaded)
     recording = worn_recording()
-    ours = list(Framer(bus).frames(recording, whole(recording)))
-    other = [TimedFrame(0.0, message.frame_id, False, True, bytes(64)) for message in (RATE, STATUS)]
+    ours = frames_of(bench, recording)
+    other = [encoded(message, bytes(64)) for message in (RATE, STATUS)]
     notes = Notes()
     link = ScriptedLink([*ours[:-100], *(3 * other), *ours[-100:]])
     daemon = Daemon(loaded, bus, [link], listeners=[notes])
@@ -56,13 +57,12 @@ def test_it_is_told_counted_and_shown(bench: Path) -> None:
 def test_ages_of_the_inputs_are_in_the_status(bench: Path) -> None:
     loaded = load_bench(bench)
     bus = map_bus(loaded)
-    recording = worn_recording()
     ages = ("RailPressureAge", "NeedleLiftAge", "LinePressureAge")
     silent = ScriptedLink()
     with serving(Daemon(loaded, bus, [silent])):
         until(lambda: bool(silent.statuses()))
     assert all(silent.statuses()[-1][age] == 25.5 for age in ages)  # code 255: none came yet
-    link = ScriptedLink(Framer(bus).frames(recording, whole(recording)))
+    link = ScriptedLink(frames_of(bench, worn_recording()))
     with serving(Daemon(loaded, bus, [link])):
         until(link.empty.is_set)
         until(lambda: link.statuses()[-1]["LinePressureAge"] >= 0.5)
@@ -97,9 +97,9 @@ def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
     loaded = load_bench(bench)
     bus = map_bus(loaded)
     recording = worn_recording(INJECTIONS)
-    frames = list(Framer(bus).frames(recording, whole(recording)))
+    frames = frames_of(bench, recording)
     first, second = (round(at * len(frames) / recording.time[-1]) for at in (AFTER_FOUR, AFTER_SIX))
-    other = TimedFrame(0.0, STATUS.frame_id, False, True, bytes(64))
+    other = encoded(STATUS, bytes(64))
     notes, link = Notes(), FedLink()
     daemon = Daemon(loaded, bus, [link], listeners=[notes])
     with serving(daemon):
@@ -157,7 +157,7 @@ def test_the_log_says_all_reasons(bench: Path) -> None:
     """Of a bench whose inputs stay away while another node sends."""
     loaded = load_bench(bench)
     notes, link = Notes(), FedLink()
-    other = TimedFrame(0.0, STATUS.frame_id, False, True, bytes(64))
+    other = encoded(STATUS, bytes(64))
     daemon = Daemon(loaded, map_bus(loaded), [link], listeners=[notes])
     with serving(daemon):
         link.feed([other])

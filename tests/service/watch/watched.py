@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import TimedFrame
@@ -20,13 +19,8 @@ RAIL = "RailPressureBlock 0x110 (rail_pressure)"
 LINE = "LinePressureBlock 0x112 (line_pressure)"
 
 
-def received(frame: TimedFrame) -> Frame:
-    """The frame as a link would give it, stamped by its time in the recording."""
-    return Frame(frame.frame_id, frame.payload, round(frame.time * SECOND), frame.is_extended, frame.is_fd)
-
-
-def told_of(bench: Path, frames: Sequence[Frame], silence: float = 0.0) -> list[str]:
-    """What the watch says of frames, by their stamps, and of so many seconds [s] without any after them.
+def told_of(bench: Path, frames: Sequence[TimedFrame], silence: float = 0.0) -> list[str]:
+    """What the watch says of frames, by their times, and of so many seconds [s] without any after them.
 
     It looks while no frame comes, too.
     """

@@ -1,0 +1,258 @@
+"""Where tests make frames: those a measuring device sends, what befalls them on the way, what a core makes of them.
+
+`Device` and `frames_of` make a recording into frames by the bench file; `encoded` makes one of any other message by
+plain cantools. Further functions alter frames as buses, wires and clocks do; frames are lost, repeated or swapped by
+slicing their list. `run` hands them to a core, and `Result` is what came back, read by plain cantools and
+autosar-e2e.
+
+Beside this, in `tests.service`: `participants` sends frames on a link or a bus, `pulse_frames` and `slow_frames` are
+a pulse generator and a test bed, `foreign_frames` the devices of other databases, and `time_frames` devices that
+sample with clocks of their own.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import e2e.p05
+import numpy as np
+from cantools.database.can import Message
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
+from observer_rt.model.effects import sized
+from observer_rt.recording.formats import read_recording
+from observer_rt.recording.replay.framing import Framer, Span, TimedFrame, grid_samples, whole
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import OutputFrame
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import Notes
+from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import simulate
+from tests.benches import SAMPLE_RATE
+from tests.service.end_to_end import DATABASE, RATE, SUMMARY
+
+EPOCH = 1_700_000_000_000_000_000  # ns, of the receiver's clock when a recording begins
+NOT_AVAILABLE = 0xFFFF
+RATES = 28  # in a frame
+INDICES = 1 << 32  # of samples, before their count begins again
+
+
+@cache
+def simulated(
+    injections: int = 3,
+    v_h: float = 0.2,
+    pressures: tuple[float, ...] = (100e6,),
+    rate: float = SAMPLE_RATE,
+    seed: int = 8,
+    measured_rate: bool = False,
+) -> Recording:
+    """Injections every 50 ms, the first 0.15 s in, at rail pressures [Pa] in turn, with noise; rate [Hz].
+
+    v_h: by which the orifices are worn; measured_rate: whether their rate was measured, too. Three take 0.3 s,
+    15,000 samples.
+    """
+    schedule = make_schedule(list(pressures), injections, 0.05, [1.1e-3])
+    effects = (sized("orifice_area", v_H=v_h),)
+    return simulate(load_injector(), schedule, rate, effects, NoiseLevels(), measured_rate, seed).recording
+
+
+def worn_recording(injections: int = 4, v_h: float = 0.3) -> Recording:
+    """The same at alternating pressures."""
+    return simulated(injections, v_h, (60e6, 120e6), seed=3)
+
+
+class Device:
+    """Sends recordings as the devices of a bench do: whole frames only, whose counters go on from call to call.
+
+    index: of the first sample of every recording; a test may change it.
+    """
+
+    def __init__(self, bench: Path | Bench = EXAMPLE_BENCH, index: int = 0) -> None:
+        self.index = index
+        bus = map_bus(_loaded(bench))
+        self._framer = Framer(bus)
+        self._block = math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
+
+    def send(self, recording: Recording, *spans: Span) -> list[TimedFrame]:
+        """The samples of some spans, or all, in order of time: a frame comes with its last sample."""
+        self._framer.skip(self.index - self._framer.next_index)
+        filled = [
+            Span(span.start, span.end - (span.end - span.start) % self._block)
+            for span in spans or whole(recording)
+        ]
+        return list(self._framer.frames(recording, filled))
+
+
+def frames_of(
+    bench: Path | Bench, recording: Path | Recording, spans: Sequence[Span] | None = None
+) -> list[TimedFrame]:
+    """As `replay` sends a recording: where its end, or a span's, fills no frame, the rest is "not available"."""
+    samples = recording if isinstance(recording, Recording) else read_recording(recording)
+    return list(Framer(map_bus(_loaded(bench))).frames(samples, whole(samples) if spans is None else spans))
+
+
+def encoded(
+    message: Message, values: Mapping[str, float] | bytes, time: float = 0.0, scaling: bool = True
+) -> TimedFrame:
+    """A frame of any message, sent at a time [s], of signals by name or of the payload itself."""
+    payload = values if isinstance(values, bytes) else message.encode(dict(values), scaling=scaling)
+    return TimedFrame(time, message.frame_id, message.is_extended_frame, message.is_fd, payload)
+
+
+def protected(frame: TimedFrame, data_id: int, counter: int) -> TimedFrame:
+    """The frame with counter and CRC of E2E profile 5."""
+    payload = bytearray(frame.payload)
+    payload[2] = counter % 256
+    e2e.p05.e2e_p05_protect(payload, data_id, length=len(payload), increment_counter=False)
+    return frame._replace(payload=bytes(payload))
+
+
+def recoded(frame: TimedFrame, **codes: int) -> TimedFrame:
+    """The frame of our own database with other raw codes of some signals, well protected."""
+    message = DATABASE.get_message_by_frame_id(frame.frame_id)
+    values = message.decode(frame.payload, scaling=False, decode_choices=False) | codes
+    changed = encoded(message, message.encode(values, scaling=False, strict=False), frame.time)
+    return protected(changed, message.frame_id, values["Counter"])
+
+
+def damaged(frame: TimedFrame, bit: int) -> TimedFrame:
+    """The frame with one bit flipped."""
+    payload = bytearray(frame.payload)
+    payload[bit // 8] ^= 1 << (bit % 8)
+    return frame._replace(payload=bytes(payload))
+
+
+def later(frames: Iterable[TimedFrame], seconds: float) -> list[TimedFrame]:
+    """The frames so much later."""
+    return [frame._replace(time=frame.time + seconds) for frame in frames]
+
+
+def inserted(frames: Sequence[TimedFrame], at: Iterable[tuple[int, TimedFrame]]) -> list[TimedFrame]:
+    """The frames with others before those of the numbers given, at the same times."""
+    others = list(at)
+    result: list[TimedFrame] = []
+    for number, frame in enumerate(frames):
+        result += [other._replace(time=frame.time) for place, other in others if place == number]
+        result.append(frame)
+    return result
+
+
+def merged(*sources: Iterable[TimedFrame]) -> list[TimedFrame]:
+    """The frames of several senders in order of time."""
+    return sorted((frame for source in sources for frame in source), key=lambda frame: frame.time)
+
+
+def delayed(frames: Sequence[TimedFrame], seconds: Sequence[float]) -> list[TimedFrame]:
+    """The frames as read when those of each bus come so much later; within a bus their order stays."""
+    return sorted(frames, key=lambda frame: frame.time + seconds[frame.bus])
+
+
+def shuffled(frames: Sequence[TimedFrame], seconds: float, seed: int) -> list[TimedFrame]:
+    """The frames of all buses interleaved at random, none read later than `seconds` after it was sent."""
+    random = np.random.default_rng(seed)
+    read = [0.0, 0.0, 0.0]
+    moments = []
+    for frame in frames:
+        read[frame.bus] = max(read[frame.bus], frame.time + random.uniform(0.0, seconds))
+        moments.append(read[frame.bus])
+    order = sorted(range(len(frames)), key=lambda n: (moments[n], frames[n].bus, n))
+    return [frames[n] for n in order]
+
+
+def candump_lines(frames: Iterable[TimedFrame], channels: Sequence[str] = ("can0",)) -> list[str]:
+    """The frames as candump logs them, all as CAN FD; channels: of the buses."""
+    return [f"({f.time:.9f}) {channels[f.bus]} {f.frame_id:03X}##1{f.payload.hex()}\n" for f in frames]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a core made of frames: frames to send, and news."""
+
+    core: Core
+    frames: list[OutputFrame]
+    notes: Notes
+
+    @property
+    def reports(self) -> list[InjectionReport]:
+        """Of the injections."""
+        return self.notes.injections
+
+    @property
+    def commands(self) -> list[int | None]:
+        """Numbers of the injections' commands."""
+        return [report.commanded.command if report.commanded else None for report in self.reports]
+
+    @property
+    def missing(self) -> list[int]:
+        """Numbers of the commands without an injection."""
+        return [one.number for one in self.notes.mismatches if one.is_missing]
+
+    @property
+    def uncommanded(self) -> list[int]:
+        """Numbers of the injections without a command."""
+        return [one.number for one in self.notes.mismatches if not one.is_missing]
+
+    @property
+    def rate_frames(self) -> Iterator[tuple[int, dict[str, int], list[int]]]:
+        """First index, header and raw codes of every `InjectionRate` frame, its protection checked."""
+        counter = 0
+        for frame in self.frames:
+            if frame.frame_id != RATE.frame_id:
+                continue
+            assert e2e.p05.e2e_p05_check(frame.payload, RATE.frame_id, length=64)
+            header = RATE.decode(frame.payload, scaling=False, decode_choices=False)
+            assert header["Counter"] == counter
+            counter = (counter + 1) % 256
+            yield header["SampleIndex"], header, [header[f"InjectionRate_{k:02d}"] for k in range(RATES)]
+
+    @property
+    def rates(self) -> dict[int, int]:
+        """Raw code by sample index, not available left out; every index at most once."""
+        codes: dict[int, int] = {}
+        for first, _, values in self.rate_frames:
+            for k, code in enumerate(values):
+                if code != NOT_AVAILABLE:
+                    assert first + k not in codes, f"index {first + k} is published twice"
+                    codes[first + k] = code
+        return codes
+
+    @property
+    def covered(self) -> list[int]:
+        """Indices the frames speak of, available or not."""
+        return [first + k for first, _, _ in self.rate_frames for k in range(RATES)]
+
+    @property
+    def summaries(self) -> list[dict[str, float]]:
+        """`InjectionSummary` frames, decoded, their protection checked."""
+        found = [frame for frame in self.frames if frame.frame_id == SUMMARY.frame_id]
+        assert all(e2e.p05.e2e_p05_check(f.payload, SUMMARY.frame_id, length=48) for f in found)
+        return [SUMMARY.decode(frame.payload, decode_choices=False) for frame in found]
+
+
+def run(bench: Path | Bench, frames: Iterable[TimedFrame], **options: Any) -> Result:
+    """Frames through a fresh core in lockstep, to the end, stamped by their times; options: of `Core`."""
+    loaded = _loaded(bench)
+    notes = Notes()
+    core = Core(loaded.injector, map_bus(loaded), listeners=[notes], **options)
+    out = hand(core, frames)
+    return Result(core, out + core.finish(), notes)
+
+
+def hand(core: Core, frames: Iterable[TimedFrame]) -> list[OutputFrame]:
+    """Frames to a core, stamped by their times; what it answers at once."""
+    out: list[OutputFrame] = []
+    for frame in frames:
+        out += core.handle(
+            frame.frame_id, frame.is_extended, frame.payload, EPOCH + frame.stamp_ns, frame.bus
+        )
+    return out
+
+
+def _loaded(bench: Path | Bench) -> Bench:
+    return bench if isinstance(bench, Bench) else load_bench(bench)

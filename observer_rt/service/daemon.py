@@ -155,7 +155,7 @@ class Daemon:
         """Results to their buses, behind those that wait there."""
         for bus, port in enumerate(self.ports):
             try:
-                port.post(frame for frame in frames if frame.bus == bus)
+                port.post((frame for frame in frames if frame.bus == bus), self._pump.sender(bus))
             except LinkDownError as error:
                 self._lose(bus, error)
         self._is_waiting = any(port.is_waiting for port in self.ports)

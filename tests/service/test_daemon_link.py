@@ -144,7 +144,9 @@ def test_it_can_be_stopped_while_it_waits(bench: Path, frames: list[TimedFrame])
     assert daemon.unsent >= 1  # at least the last status
 
 
-def test_a_full_transmit_queue_does_not_stop_the_observer(bench: Path, frames: list[TimedFrame]) -> None:
+def test_a_full_transmit_queue_does_not_stop_the_observer(bench: Path) -> None:
+    recording = worn_recording(8)
+    frames = list(Framer(map_bus(load_bench(bench))).frames(recording, whole(recording)))
     link = TroubledLink(frames)
     link.has_room = False
     daemon, messages = daemon_on(bench, link)

@@ -13,9 +13,11 @@ from observer_rt.bus.links.receiver import LONGEST_WAIT
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.outbox import RETRY
 
-ROOM = 1 << 14  # bytes: some twenty frames, or rates; more wait in the driver, or in the loop
+ROOM = 1 << 14  # bytes: some twenty frames; more wait in the driver
+RESULTS_ROOM = 1 << 17  # bytes: some 170; rates of more wait in the loop, which gives up the oldest
 FAR = SLOTS // 4  # samples, of those that may wait for another message
 PAUSE = 0.05  # s without a new sample, after which nothing waits for a message any more
 _STAMPED = struct.Struct("=IBB2x64sq")  # struct canfd_frame, its stamp behind it [ns]
@@ -46,19 +48,23 @@ class Pace:
 
 
 class Feeder(DescriptorLink):
-    """The loop's end of a pair of sockets, and two threads at the other: frames of a link come, rates go to it."""
+    """The loop's end of a pair of sockets, and two threads at the other: frames of a link come, results go to it.
 
-    def __init__(self, link: Link, is_ahead: Callable[[], bool]) -> None:
-        """is_ahead: whether the frame that came is to wait."""
+    `try_send` puts other results behind the rates that the loop sends.
+    """
+
+    def __init__(self, link: Link, bus: int, is_ahead: Callable[[], bool]) -> None:
+        """bus: its number; is_ahead: whether the frame that came is to wait."""
         ours, self._other_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with ours:
-            for end in (ours, self._other_end):
-                end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, ROOM)
+            ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, RESULTS_ROOM)
+            self._other_end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, ROOM)
             super().__init__(str(ours.fileno()), True, [])
         self._link = link
+        self._bus = bus
         self._is_ahead = is_ahead
         self._error: Exception | None = None
-        self._unsent: list[bytes] = []
+        self._unsent: list[OutputFrame] = []
         self._has_answered = False
         self._ended = threading.Event()
         self._threads = [threading.Thread(target=each, daemon=True) for each in (self._bring, self._send_on)]
@@ -74,10 +80,15 @@ class Feeder(DescriptorLink):
         answered, self._has_answered = self._has_answered, self._ended.is_set()
         return answered
 
-    def end(self) -> list[bytes]:
-        """Carry nothing any more: the rates that were not sent, as the kernel takes them, each told once."""
+    @property
+    def is_ended(self) -> bool:
+        """Whether nothing is carried any more."""
+        return self._ended.is_set()
+
+    def end(self) -> list[OutputFrame]:
+        """Carry nothing any more: the results that were not sent, in order, each told once."""
         self._ended.set()
-        self._socket.shutdown(socket.SHUT_RDWR)  # wakes both threads, and refuses what the loop sends late
+        self._socket.shutdown(socket.SHUT_RDWR)  # wakes both threads, and refuses what is sent late
         for thread in self._threads:
             thread.join()
         unsent, self._unsent = self._unsent, []
@@ -105,21 +116,22 @@ class Feeder(DescriptorLink):
             self._fail(error)
 
     def _send_on(self) -> None:
-        """Rates from the loop to the link, until the last; those that come too late are kept."""
-        while rate := self._other_end.recv(FD_MTU):
+        """Results to the link, until the last; those that come too late are kept."""
+        while data := self._other_end.recv(FD_MTU):
+            identifier, length = struct.unpack_from("=IB", data)
+            is_extended, is_fd = bool(identifier & EXTENDED_FLAG), len(data) == FD_MTU
+            payload = data[HEADER_BYTES : HEADER_BYTES + length]
+            frame = OutputFrame(identifier & EXTENDED_MASK, is_extended, is_fd, payload, self._bus)
             while not self._ended.is_set():
-                if self._is_sent(rate):
+                if self._is_sent(frame):
                     break
                 time.sleep(RETRY)
             else:
-                self._unsent.append(rate)
+                self._unsent.append(frame)
 
-    def _is_sent(self, rate: bytes) -> bool:
-        identifier, length = struct.unpack_from("=IB", rate)
-        payload = rate[HEADER_BYTES : HEADER_BYTES + length]
-        is_extended = bool(identifier & EXTENDED_FLAG)
+    def _is_sent(self, frame: OutputFrame) -> bool:
         try:
-            return self._link.try_send(identifier & EXTENDED_MASK, payload, is_extended, len(rate) == FD_MTU)
+            return self._link.try_send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd)
         except Exception as error:
             self._fail(error)
             return False

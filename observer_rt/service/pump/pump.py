@@ -101,7 +101,7 @@ class FramePump:
         return goes or self._waits.is_set()
 
     def leave_out(self, bus: int) -> None:
-        """Neither receive from a bus nor send to it any more; rates on their way to its link are given up."""
+        """Neither receive from a bus nor send to it any more; results on their way to its link are given up."""
         self._left_out.add(bus)
         self._pump.buses[bus]["failure"] = libc.ENETDOWN
         if isinstance(end := self._ends[bus], Feeder) and (unsent := end.end()):
@@ -113,7 +113,7 @@ class FramePump:
             before.close()
         link = self._links[bus]
         if bus in self._fed or not isinstance(link, SocketCanLink):
-            link = Feeder(link, partial(self._pace.is_ahead, bus))
+            link = Feeder(link, bus, partial(self._pace.is_ahead, bus))
         self._ends[bus] = link
         # wakes now and then for what Python has to say; sending never waits
         os.set_blocking(link.descriptor, True)
@@ -128,11 +128,17 @@ class FramePump:
         self._left_out.discard(bus)
         state["failure"] = 0  # last: from here on the loop uses it
 
+    def sender(self, bus: int) -> Link:
+        """By which results of a bus are to be sent, so that they come behind its rates."""
+        end = self._ends[bus]
+        return end if isinstance(end, Feeder) and not end.is_ended else self._links[bus]
+
     def finish(self) -> Sequence[OutputFrame]:
-        """No frame will come: rates that wait for room, and what is complete, for the caller to send."""
+        """No frame will come: results that wait for room, and what is complete, for the caller to send."""
         self._stop()
         self._note_what_came()
-        return [*self._waiting_rates(), *self._core.finish()]
+        fed = [frame for feeder in self._feeders for frame in feeder.end()]
+        return [*fed, *self._waiting_rates(), *self._core.finish()]
 
     def close(self) -> None:
         """End what runs beside; the links stay open."""
@@ -182,16 +188,13 @@ class FramePump:
             self._thread.join()
 
     def _waiting_rates(self) -> Iterator[OutputFrame]:
-        """Those for which there was no room yet, the oldest first: they are the caller's now."""
-        fed = [rate for feeder in self._feeders for rate in feeder.end()]
+        """Those for which there was no room yet: they are the caller's now."""
         memory, waiting = self._pump.memory[0], self._pump.waiting.reshape(-1, FD_MTU)
-        kept = [
-            waiting[at % WAITING].tobytes() for at in range(memory["first_waiting"], memory["end_waiting"])
-        ]
-        memory["first_waiting"] = memory["end_waiting"]
-        for rate in (*fed, *kept):
+        while memory["first_waiting"] < memory["end_waiting"]:
             assert self._rate is not None
-            yield output_frame(self._rate, rate[HEADER_BYTES : HEADER_BYTES + rate[4]])
+            frame = waiting[int(memory["first_waiting"]) % WAITING]
+            memory["first_waiting"] += 1
+            yield output_frame(self._rate, frame[HEADER_BYTES : HEADER_BYTES + int(frame[4])].tobytes())
 
     def _note_what_came(self) -> None:
         """Arrivals, error frames, lost frames and results given up, as the loop has counted them."""

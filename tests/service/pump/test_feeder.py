@@ -215,3 +215,17 @@ def test_it_ends_while_frames_wait(path: Path) -> None:
         ending.join(60.0)
         assert not ending.is_alive()
         assert not link.empty.is_set()
+
+
+def test_other_results_come_behind_the_rates(path: Path) -> None:
+    frames = device_frames(path)[:FRAMES]
+    link = TroubledLink(frames)
+    link.has_room = False
+    with fed(path, link) as it:
+        it.serve_until_taken(FRAMES)
+        until(lambda: it.core.counters.frames == FRAMES)
+        assert it.pump.sender(0).try_send(0x321, b"other", False, True)
+        link.has_room = True
+        until(lambda: bool(link.sent) and link.sent[-1].payload == b"other")
+    assert len(link.sent) > 100
+    assert link.sent[-1].frame_id == 0x321

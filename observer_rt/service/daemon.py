@@ -98,7 +98,7 @@ class Daemon:
         """
         self._last_input = self._next_status = self._next_look = time.monotonic_ns()
         self.arrivals.begin(self._last_input)
-        port = self.ports[self._bus.rate.layout.bus if self._bus.rate else 0]
+        port = self.ports[self._bus.status.layout.bus]  # of all results
         self._pump = FramePump(
             self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._processor
         )

@@ -20,9 +20,7 @@ from observer_rt.service.core.status import OutsideFigures, status_values
 from observer_rt.service.opening import buses_of
 from observer_rt.service.outbox import RETRY
 from observer_rt.service.port import Port
-from observer_rt.service.pump.compiled_pump import CompiledPump, can_pump
 from observer_rt.service.pump.pump import FramePump
-from observer_rt.service.pump.python_pump import PythonPump
 from observer_rt.service.reports.news import Listener, to_all
 from observer_rt.service.rights import take_time
 from observer_rt.service.state_file import model_hash
@@ -54,7 +52,7 @@ class Daemon:
 
         on_alive: called some ten times a second by the loop, for whoever watches that it goes round. failed_writes:
         so far, of whoever writes files beside the loop; for the status. learning: where events are learned from,
-        one after another; None: in a thread of its own. processor: that a compiled loop is to stay on.
+        one after another; None: in a thread of its own. processor: that the loop is to stay on.
         """
         self._links = links
         self._bus = bus
@@ -100,7 +98,10 @@ class Daemon:
         """
         self._last_input = self._next_status = self._next_look = time.monotonic_ns()
         self.arrivals.begin(self._last_input)
-        self._pump = self._make_pump()
+        port = self.ports[self._bus.status.layout.bus]  # of all results
+        self._pump = FramePump(
+            self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._processor
+        )
         for idle in set(range(len(self.ports))) - buses_of(self._bus):
             self._pump.leave_out(idle)
         self.ready.set()
@@ -112,15 +113,6 @@ class Daemon:
             self._pump.close()
             self._menders.shutdown()
             self._executor.shutdown(cancel_futures=True)
-
-    def _make_pump(self) -> FramePump:
-        """The fastest that serves the links."""
-        if not can_pump(self._links, self._bus):
-            return PythonPump(self._links, self.core, self.arrivals)
-        port = self.ports[self._bus.rate.layout.bus if self._bus.rate else 0]
-        return CompiledPump(
-            self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._processor
-        )
 
     def _serve_once(self) -> None:
         """What the pump has, soon; results, and status when it is due."""
@@ -163,7 +155,7 @@ class Daemon:
         """Results to their buses, behind those that wait there."""
         for bus, port in enumerate(self.ports):
             try:
-                port.post(frame for frame in frames if frame.bus == bus)
+                port.post((frame for frame in frames if frame.bus == bus), self._pump.sender(bus))
             except LinkDownError as error:
                 self._lose(bus, error)
         self._is_waiting = any(port.is_waiting for port in self.ports)

@@ -15,7 +15,8 @@ class Outbox:
     """Sends frames in order as the link has room; keeps `CAPACITY`, gives up the oldest of more."""
 
     def __init__(self, link: Link) -> None:
-        self._link = link
+        self.link = link
+        """By which they are sent."""
         self._waiting: deque[OutputFrame] = deque()
         self.unsent = 0
         """Frames given up."""
@@ -34,7 +35,7 @@ class Outbox:
 
     def flush(self) -> None:
         """Send what waits as far as there is room. Raises as `post` does."""
-        waiting, try_send = self._waiting, self._link.try_send
+        waiting, try_send = self._waiting, self.link.try_send
         while waiting:
             frame = waiting[0]
             if not try_send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd):

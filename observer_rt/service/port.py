@@ -64,8 +64,12 @@ class Port:
         """Whether it neither sends nor receives now, or only with errors."""
         return not self.is_up or self.link.condition.state in (BusState.PASSIVE, BusState.OFF)
 
-    def post(self, frames: Iterable[OutputFrame]) -> None:
-        """Send results as there is room; while the link is down they are given up. Raises as `Link.try_send`."""
+    def post(self, frames: Iterable[OutputFrame], by: Link) -> None:
+        """Send results as there is room; while the link is down they are given up. Raises as `Link.try_send`.
+
+        by: the link, or what sends for it.
+        """
+        self._outbox.link = by
         if self.is_up:
             self._outbox.post(frames)
         else:

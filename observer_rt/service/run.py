@@ -21,7 +21,6 @@ from observer_rt.service.log import ServiceLog, Voice
 from observer_rt.service.notify import Notifier
 from observer_rt.service.overview import Overview
 from observer_rt.service.processors import REMEDY, Processors, leave_to_loops, processors
-from observer_rt.service.pump.compiled_pump import is_pumped
 from observer_rt.service.rights import lock_memory, rights
 from observer_rt.service.sharing import Shared, refuse_shared, shared_buses
 from observer_rt.service.show import Screen, draw
@@ -58,8 +57,7 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         log = stack.enter_context(_log(options, console, has_view))
         if options.view and not has_view:
             log.say(Topic.START, "no terminal for the view: one line an injection instead")
-        loops = sum(map(is_pumped, bench.each, mapped.injectors))
-        own = processors(bench.config.realtime.cpus, loops)
+        own = processors(bench.config.realtime.cpus, len(bench.injectors))
         services = _services(bench, mapped, options, log, notifier, own, stack)
         if any(link.config.interface == "virtual" for link in bench.config.buses):
             log.say(

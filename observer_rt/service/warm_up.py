@@ -18,7 +18,7 @@ from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.service.core.core import Core
 from observer_rt.service.learning_ahead import learning_compiled_beside
 from observer_rt.service.own_injections import own_injections
-from observer_rt.service.pump.compiled_pump import CompiledPump, is_pumped
+from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.watch.arrivals import Arrivals
 
 _TURN = 1e-3  # s that the pump is served for at a time
@@ -39,14 +39,7 @@ def warm_up(bench: Bench, bus: BusMap, stop: Event | None = None) -> Core:
             core.compiled.proceed()  # compiled now, and not while another process is waited for
         if stop.is_set():
             return core
-        if is_pumped(bench, bus):
-            _pump(core, bus, len(bench.config.buses), lambda: _frames(bench, bus, wait, stop), stop)
-            return core
-        for frame in _frames(bench, bus, wait, stop):
-            if stop.is_set():
-                return core
-            core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, frame.bus)
-        core.finish()
+        _pump(core, bus, len(bench.config.buses), lambda: _frames(bench, bus, wait, stop), stop)
     return core
 
 
@@ -85,7 +78,7 @@ def _pump(
             stack.enter_context(DescriptorLink(str(theirs.fileno()), True, None)) for _, theirs in pairs
         ]
         arrivals = Arrivals(bus)
-        pump = CompiledPump(links, core, bus, arrivals)
+        pump = FramePump(links, core, bus, arrivals)
         stack.callback(pump.close)
         frames = frames_to_send()
         for frame in frames:
@@ -102,7 +95,7 @@ def _pump(
             pump.finish()
 
 
-def _serve_until(is_done: Callable[[], bool], pump: CompiledPump, arrivals: Arrivals, stop: Event) -> None:
+def _serve_until(is_done: Callable[[], bool], pump: FramePump, arrivals: Arrivals, stop: Event) -> None:
     """Serve until it is done, or `stop` is set. Raises `RunError` when no frame comes through any more.
 
     Turns are counted, not time: one in which learning is compiled takes a minute.

@@ -110,8 +110,7 @@ def test_states_before_frames_between_and_after(bench: Path, frames: list[TimedF
         assert status["Valid"] == 0
     daemon = Daemon(loaded, bus, [link])
     with serving(daemon):
-        until(link.empty.is_set)
-        assert daemon.state(time.monotonic_ns()) == (State.ADAPTED, Reason.NONE)
+        until(lambda: daemon.state(time.monotonic_ns()) == (State.ADAPTED, Reason.NONE))
         until(lambda: link.statuses()[-1]["Reason"] == Reason.INPUT_TIMEOUT)
         assert link.statuses()[-1]["State"] == State.WAITING_FOR_DATA
         assert link.statuses()[-1]["Valid"] == 0
@@ -129,7 +128,7 @@ def test_dropped_frames_are_told(bench: Path, frames: list[TimedFrame]) -> None:
     loaded = load_bench(bench)
     link = ScriptedLink(frames[:10])
     with serving(Daemon(loaded, map_bus(loaded), [link])):
-        until(link.empty.is_set)
+        until(lambda: bool(link.statuses()))
         link.lost = 7
     assert link.statuses()[0]["DroppedFrames"] == 0
     assert link.statuses()[-1]["DroppedFrames"] == 7

@@ -1,5 +1,7 @@
 """The daemon on several buses: results as from one, and a bus that goes away and comes back."""
 
+import math
+import time
 import uuid
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -10,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from observer_rt.bus.links.controller import BusCondition, BusState
-from observer_rt.bus.links.link import Link
+from observer_rt.bus.links.link import Frame, Link
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
@@ -30,7 +32,6 @@ from tests.service.test_daemon_link import TroubledLink
 
 BLOCK = 28
 PORTION = 60  # frames
-SPEED = 0.3  # of what is played: reading threads must not be behind by thousands of samples
 
 
 def expected_payloads(folder: Path) -> tuple[list[bytes], list[bytes]]:
@@ -73,7 +74,7 @@ def over_buses(path: Path, frames: Sequence[TimedFrame]) -> tuple[Heard, Daemon]
     ):
         daemon = Daemon(bench, bus, links)
         with serving(daemon):
-            play(frames, players[0], SPEED, by_bus=dict(enumerate(players)))
+            play(frames, players[0], math.inf, by_bus=dict(enumerate(players)))
             until(lambda: daemon.core.counters.frames >= len(frames))
         until(
             lambda: (
@@ -85,6 +86,7 @@ def over_buses(path: Path, frames: Sequence[TimedFrame]) -> tuple[Heard, Daemon]
 
 
 def test_results_over_four_buses_equal_those_of_one(tmp_path: Path) -> None:
+    """Played as fast as it goes: frames wait in the drivers."""
     channels = [f"{uuid.uuid4().hex[:8]}-{name}" for name in ("rail", "lift", "line", "results")]
     path = block_bench(tmp_path / "four", "virtual", channels)
     heard, daemon = over_buses(path, frames_of(path, worn_recording()))
@@ -119,6 +121,35 @@ def deliver(daemon: Daemon, links: Sequence[TroubledLink], frames: Sequence[Time
         for bus, link in enumerate(links):
             link.deliver([frame for frame in portion if frame.bus == bus])
         until(partial(has_taken, daemon, taken))
+
+
+def test_a_bus_that_is_read_slowly_is_not_left_behind(four: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All frames wait in the drivers, one of which takes its time."""
+    receive = TroubledLink.receive
+
+    def slowly(link: TroubledLink, timeout_s: float) -> Frame | None:
+        if link is links[1]:
+            time.sleep(1e-3)
+        return receive(link, timeout_s)
+
+    monkeypatch.setattr(TroubledLink, "receive", slowly)
+    frames = frames_of(four, worn_recording())
+    daemon, links, _ = on_links(four)
+    for bus, link in enumerate(links):
+        link.deliver([frame for frame in frames if frame.bus == bus])
+    with serving(daemon):
+        until(partial(has_taken, daemon, len(frames)))
+    assert daemon.core.counters.lost_samples == 0
+    assert daemon.core.counters.injections == 4
+
+
+def test_a_bus_that_falls_silent_keeps_none_waiting(four: Path) -> None:
+    frames = frames_of(four, worn_recording())
+    daemon, links, _ = on_links(four)
+    with serving(daemon):
+        deliver(daemon, links, frames[:300])
+        deliver(daemon, links, [frame for frame in frames[300:] if frame.bus != 1])
+        until(lambda: links[3].statuses()[-1]["Reason"] == Reason.INPUT_STALE)
 
 
 def test_one_bus_goes_and_comes_back_while_the_others_are_served(four: Path) -> None:

@@ -40,7 +40,7 @@ class DescriptorLink(SocketCanLink):
             return frame
         return None
 
-    def failure(self, error: OSError) -> RunError:
+    def failure(self, error: OSError) -> Exception:
         failure = super().failure(error)
         if isinstance(failure, LinkDownError):  # nothing that comes back
             return RunError(f"the other end of descriptor {self._channel} was closed")

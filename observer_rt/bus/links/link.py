@@ -58,6 +58,7 @@ class Link(Protocol):
     """An open connection to one CAN bus; a context manager that closes it.
 
     Own frames are not received. Remote and error frames are left out; what error frames tell is in `condition`.
+    One thread may receive while others send.
     """
 
     @abstractmethod

@@ -1,6 +1,7 @@
 """A link over any python-can interface: vendor hardware, or `virtual` within one process."""
 
 import contextlib
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,6 +38,7 @@ class PythonCanLink(Link):
         self._by_arrival = computer_time or interface == "virtual"
         self._computer_time = computer_time
         self._condition = BusCondition()
+        self._sending = threading.Lock()  # drivers need not be safe for several threads
         self._open()
 
     def _open(self) -> None:
@@ -105,13 +107,15 @@ class PythonCanLink(Link):
         return True
 
     def _send(self, message: can.Message, timeout_s: float) -> None:
-        self._bus.send(message, timeout_s)
-        if self._receive_ids is not None and not self._receive_ids:
-            self._discard_received()
+        with self._sending:
+            self._bus.send(message, timeout_s)
+            if self._receive_ids is not None and not self._receive_ids:
+                self._discard_received()
 
     def reconnect(self) -> None:
-        self.close()
-        self._open()
+        with self._sending:
+            self.close()
+            self._open()
 
     def _discard_received(self) -> None:
         """A link that only sends is never read, and the queue of the virtual bus grows without limit."""

@@ -4,14 +4,12 @@ import select
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from queue import Empty, SimpleQueue
 
 from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
 
 LONGEST_WAIT = 0.02  # s that a reading thread is deaf to its end
-Choice = Callable[[Sequence[int]], int]
 CAPACITY = 20_000  # frames that reading threads keep; what comes on top of them waits in the drivers
 _FULL_WAIT = 1e-3  # s
 
@@ -49,15 +47,12 @@ class Reading(ABC):
         """End what runs beside; the links stay open."""
 
 
-def reading(links: Sequence[Link], furthest_behind: Choice = min) -> Reading:
-    """What reads these links: a single one without detour, several at once by `poll` where all have a descriptor.
-
-    furthest_behind: tells which of some buses to take the next frame from, where stamps cannot.
-    """
+def reading(links: Sequence[Link]) -> Reading:
+    """What reads these links: a single one without detour, several at once by `poll` where all have a descriptor."""
     if len(links) == 1:
         return _Single(links[0])
     if any(link.descriptor is None for link in links):
-        return _Threaded(links, furthest_behind)
+        return _Threaded(links)
     return _Polled(links)
 
 
@@ -131,48 +126,25 @@ class _Polled(Reading):
 
 
 class _Threaded(Reading):
-    """A thread for each link, for drivers that cannot be waited for together. Their stamps may tell no order, so of
-    frames that wait those of the bus come first that is `furthest_behind`."""
+    """A thread for each link, for drivers that cannot be waited for together: frames come in the order read."""
 
-    def __init__(self, links: Sequence[Link], furthest_behind: Choice) -> None:
+    def __init__(self, links: Sequence[Link]) -> None:
         self._links = links
-        self._furthest_behind = furthest_behind
-        self._arrived: SimpleQueue[tuple[int, threading.Event, Frame | Exception]] = SimpleQueue()
-        self._waiting: dict[int, deque[Frame]] = {bus: deque() for bus in range(len(links))}
+        self._arrived: SimpleQueue[tuple[int, Frame | Exception]] = SimpleQueue()
         self._readers: dict[int, tuple[threading.Thread, threading.Event]] = {}
         for bus in range(len(links)):
             self.take_back(bus)
 
     def receive(self, timeout_s: float) -> BusFrame | None:
-        buses = self._buses_waiting()
-        if not buses:
-            self._sort_in(timeout_s)
-            buses = self._buses_waiting()
-        elif self._arrived.qsize():
-            self._sort_in(0.0)
-            buses = self._buses_waiting()
-        if not buses:
+        try:
+            bus, arrived = self._arrived.get(timeout_s > 0.0, timeout_s)
+        except Empty:
             return None
-        bus = buses[0] if len(buses) == 1 else self._furthest_behind(buses)
-        return BusFrame(bus, self._waiting[bus].popleft())
-
-    def _buses_waiting(self) -> list[int]:
-        return [bus for bus, frames in self._waiting.items() if frames]
-
-    def _sort_in(self, timeout_s: float) -> None:
-        """What has arrived, by its bus; waits for the first. Raises as `receive`."""
-        for number in range(1 + self._arrived.qsize()):
-            wait = timeout_s if number == 0 else 0.0
-            try:
-                bus, end, arrived = self._arrived.get(wait > 0.0, wait or None)
-            except Empty:
-                return
-            if not isinstance(arrived, Exception):
-                self._waiting[bus].append(arrived)
-            elif isinstance(arrived, LinkDownError) and not end.is_set():
-                raise BusDownError(bus, arrived) from arrived
-            elif not end.is_set():  # else known already, from sending
-                raise arrived
+        if isinstance(arrived, LinkDownError):
+            raise BusDownError(bus, arrived) from arrived
+        if isinstance(arrived, Exception):
+            raise arrived
+        return BusFrame(bus, arrived)
 
     def leave_out(self, bus: int) -> None:
         thread, end = self._readers.pop(bus)
@@ -192,13 +164,13 @@ class _Threaded(Reading):
     def _read(self, bus: int, end: threading.Event) -> None:
         link, arrived = self._links[bus], self._arrived
         while not end.is_set():
-            if arrived.qsize() + len(self._waiting[bus]) > CAPACITY:
+            if arrived.qsize() > CAPACITY:
                 time.sleep(_FULL_WAIT)
                 continue
             try:
                 frame = link.receive(LONGEST_WAIT)
-            except Exception as error:  # whatever it is, the loop that serves all buses must hear of it
-                arrived.put((bus, end, error))
+            except Exception as error:  # whatever it is, the reader of all buses must hear of it
+                arrived.put((bus, error))
                 return
             if frame is not None:
-                arrived.put((bus, end, frame))
+                arrived.put((bus, frame))

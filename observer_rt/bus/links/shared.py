@@ -18,7 +18,6 @@ class SharedBus:
         """connect: opens the link, for all identifiers that any user wants."""
         self._connect = connect
         self._lock = threading.Lock()  # of users, and of the connection's comings and goings
-        self._sending = threading.Lock()
         self._users: tuple[_Share, ...] = ()
         self._end = threading.Event()
         self._is_lost = False
@@ -37,19 +36,9 @@ class SharedBus:
             self._users = (*self._users, share)
         return share
 
-    def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
-        """See `Link`."""
-        with self._sending:
-            return self.link.try_send(frame_id, payload, is_extended, is_fd)
-
-    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags) -> None:
-        """See `Link`."""
-        with self._sending:
-            self.link.send(frame_id, payload, is_extended, is_fd, flags)
-
     def reconnect(self) -> None:
         """Connect anew, unless another user's try did. Raises as `Link`."""
-        with self._lock, self._sending:
+        with self._lock:
             if self._is_lost:
                 self.link.reconnect()
                 self._begin_reading()
@@ -116,10 +105,10 @@ class _Share(Link):
     def send(
         self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
     ) -> None:
-        self._bus.send(frame_id, payload, is_extended, is_fd, flags)
+        self._bus.link.send(frame_id, payload, is_extended, is_fd, flags)
 
     def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
-        return self._bus.try_send(frame_id, payload, is_extended, is_fd)
+        return self._bus.link.try_send(frame_id, payload, is_extended, is_fd)
 
     def reconnect(self) -> None:
         self._bus.reconnect()

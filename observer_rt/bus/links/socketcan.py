@@ -259,7 +259,7 @@ class SocketCanLink(Link):
     def close(self) -> None:
         self._socket.close()
 
-    def failure(self, error: OSError) -> RunError:
+    def failure(self, error: OSError) -> Exception:
         """What the user can do about `error`."""
         name = self._channel
         if error.errno == errno.ENETDOWN:

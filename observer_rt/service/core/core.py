@@ -13,7 +13,7 @@ from observer_rt.bus.alignment.message_timing import MessageTiming, timing_of
 from observer_rt.bus.alignment.timekeeping import make_timekeeping
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.frame_block import FrameBlock
-from observer_rt.bus.mapping.bus_map import BusMap, layout_of, stream_of
+from observer_rt.bus.mapping.bus_map import BusMap, stream_of
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.evidence.slow_noise import SlowNoise
@@ -168,11 +168,6 @@ class Core:
         self._results.collect_rates()
         flush(self.compiled.pipeline.publisher)
         return self._results.taken()
-
-    def furthest_behind(self, buses: Sequence[int]) -> int:
-        """Of some buses the one whose samples are behind those of the others; one without any comes first."""
-        sent = {layout_of(self._bus, stream).bus: index for stream, index in enumerate(self.progress)}
-        return min(buses, key=lambda bus: sent.get(bus, -1))
 
     @property
     def processed(self) -> int:

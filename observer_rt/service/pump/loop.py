@@ -1,4 +1,4 @@
-"""The compiled pump: frames from sockets through the pipeline, rates back onto the bus. It never asks Python.
+"""The pump's loop, compiled: frames from sockets through the pipeline, rates back onto the bus. It never asks Python.
 
 One turn: frames that wait, of several buses the earliest first; each through the pipeline; what it caused is sent.
 With one bus and nothing to send late, a turn is two system calls.
@@ -30,7 +30,7 @@ from observer_rt.service.compiled.asking import Need, is_asked_for
 from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
 from observer_rt.service.compiled.publisher import Publisher
 from observer_rt.service.pump import libc
-from observer_rt.service.pump.memory import BATCH, CONTROL_WORDS, ERRORS, WAITING, Pump
+from observer_rt.service.pump.memory import BATCH, CONTROL_WORDS, ERRORS, SLOT, WAITING, Pump
 
 WAIT_MS = 20  # longest time deaf to Python
 RETRY_MS = 1  # a full transmit queue cannot be polled for
@@ -195,6 +195,9 @@ def _note_stamp(pump: Pump, number: int) -> None:
     if bus.next >= bus.count:
         return
     place = number * BATCH + bus.next
+    if pump.headers[place].length == SLOT:
+        bus.stamp = pump.stamps[(place + 1) * SLOT // 8 - 1]
+        return
     words = pump.control[place * CONTROL_WORDS : (place + 1) * CONTROL_WORDS]
     end = pump.headers[place].control_length // 8
     stamp = 0
@@ -230,8 +233,8 @@ def _take(pump: Pump, pipeline: Pipeline, number: int) -> int:
     if pump.headers[place].length == 0:  # a pair of sockets whose other end was closed
         bus.failure = libc.ENODEV
         return _NOTHING
-    identifier = pump.words[place * FD_MTU // 4]
-    data = place * FD_MTU + HEADER_BYTES
+    identifier = pump.words[place * SLOT // 4]
+    data = place * SLOT + HEADER_BYTES
     length = pump.frames[data - 4]
     payload = pump.frames[data : data + length]
     key = number * BUS_KEY

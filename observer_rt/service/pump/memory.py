@@ -1,4 +1,4 @@
-"""The compiled pump's memory: buffers that the kernel fills, and what Python reads and writes beside the loop."""
+"""The pump's memory: buffers that the kernel fills, and what Python reads and writes beside the loop."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from observer_rt.service.compiled.asking import Asking
 from observer_rt.service.pump.libc import IOVEC, MMSGHDR, POLLFD, POLLIN
 
 BATCH = 16  # frames that one system call may bring
+SLOT = FD_MTU + 8  # bytes of a frame with its stamp behind it, as a feeder gives it
 CONTROL_WORDS = 16  # of 8 bytes: room for three time stamps and a count of lost frames
 ERRORS = 64  # error frames remembered until Python has read them
 WAITING = 512  # results: some 0.15 s at 100 kHz, after which the oldest serve nobody
@@ -64,6 +65,7 @@ class Pump(NamedTuple):
     polled: NDArray[np.void]  # POLLFD
     frames: NDArray[np.uint8]  # as the kernel gives them
     words: NDArray[np.uint32]  # the same memory
+    stamps: NDArray[np.int64]  # the same memory
     control: NDArray[np.int64]
     headers: NDArray[np.void]  # MMSGHDR
     vectors: NDArray[np.void]  # IOVEC
@@ -86,11 +88,11 @@ def make_pump(
     result: that of the rates, if any.
     """
     places = buses * BATCH
-    frames = np.zeros(places * FD_MTU, np.uint8)
+    frames = np.zeros(places * SLOT, np.uint8)
     control = np.zeros(places * CONTROL_WORDS, np.int64)
     vectors, headers = np.zeros(places, IOVEC), np.zeros(places, MMSGHDR)
-    vectors["base"] = frames.ctypes.data + np.arange(places, dtype=np.uint64) * FD_MTU
-    vectors["length"] = FD_MTU
+    vectors["base"] = frames.ctypes.data + np.arange(places, dtype=np.uint64) * SLOT
+    vectors["length"] = SLOT
     headers["iov"] = vectors.ctypes.data + np.arange(places, dtype=np.uint64) * IOVEC.itemsize
     headers["iov_count"] = 1
     headers["control"] = control.ctypes.data + np.arange(places, dtype=np.uint64) * CONTROL_WORDS * 8
@@ -111,6 +113,7 @@ def make_pump(
         polled,
         frames,
         frames.view(np.uint32),
+        frames.view(np.int64),
         control,
         headers,
         vectors,

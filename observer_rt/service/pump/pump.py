@@ -1,39 +1,233 @@
-"""What takes frames from the links of a daemon through its core, and sends what they cause."""
+"""From the links of a daemon through its core and back: a compiled loop in a thread of its own; Python attends."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+import os
+import select
+import socket
+import struct
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
-from observer_rt.service.core.messages import OutputFrame
+from observer_rt.bus.can_frame import FD_MTU, HEADER_BYTES
+from observer_rt.bus.j1939 import GroupIdentifier
+from observer_rt.bus.links.link import Link, LinkDownError
+from observer_rt.bus.links.receiver import BusDownError
+from observer_rt.bus.links.socketcan import SocketCanLink
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.service.compiled.asking import Need
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import OutputFrame, output_frame
+from observer_rt.service.pump import libc, loop
+from observer_rt.service.pump.feeder import Feeder, Pace
+from observer_rt.service.pump.memory import BATCH, BUS, ERRORS, SLOT, WAITING, make_pump
+from observer_rt.service.rights import hurry
+from observer_rt.service.watch.arrivals import Arrivals
+
+BUSY_WAIT = 2e-3  # s between two looks while events wait to be judged
+_TIMEVAL = struct.Struct("@ll")
 
 
-class FramePump(ABC):
-    """Bus numbers are the places of the links."""
+class FramePump:
+    """Takes frames from links through a core and sends the rates they cause; bus numbers are the places of links.
 
-    @abstractmethod
+    The loop runs until `close`; what it needs of Python it asks for through a descriptor. It reads raw sockets
+    itself; other links, and messages of J1939, whose identifiers change with the sender, are fed to it.
+    """
+
+    def __init__(
+        self,
+        links: Sequence[Link],
+        core: Core,
+        bus: BusMap,
+        arrivals: Arrivals,
+        on_unsent: Callable[[int], None] = lambda count: None,
+        processor: int | None = None,
+    ) -> None:
+        """on_unsent: hears how many rates were given up, now and then; processor: that the loop is to stay on."""
+        self._links = links
+        self._ends: dict[int, SocketCanLink] = {}  # what the loop reads and writes, by bus
+        self._core = core
+        self._fed = _to_be_fed(links, bus)
+        self._pace = Pace(core, bus)
+        self._arrivals = arrivals
+        self._on_unsent = on_unsent
+        self._processor = processor
+        self._layouts = (*bus.received, *bus.sent)
+        self._rate = bus.rate.layout if bus.rate else None
+        self._pump = make_pump(len(links), self._layouts, core.asking, self._rate)
+        self._compiled = loop.compiled_for(self._pump, core.compiled.held)
+        self._errors_read = [0] * len(links)
+        self._unsent = 0
+        self._turns = -1
+        self._left_out: set[int] = set()
+        self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._readable = select.poll()
+        self._readable.register(self._wake, select.POLLIN)
+        self._waits, self._may_go_on = threading.Event(), threading.Event()
+        self._inputs = threading.Lock()  # of the core: the loop's thread takes them, too
+        self._failure: BaseException | None = None
+        for number in range(len(links)):
+            self.take_back(number)
+        self._thread = threading.Thread(target=self._loop, name="pump")
+        self._thread.start()
+
     def serve(self, timeout_s: float) -> Sequence[OutputFrame]:
-        """Serve until something happened, for at most about `timeout_s` [s]: frames for the caller to send.
+        """Attend until something happened, for at most about `timeout_s` [s]: frames for the caller to send.
 
         Raises:
             BusDownError: the interface of a bus went down or away. Call `leave_out`, reconnect it, `take_back`.
             RunError: one failed otherwise.
         """
-
-    @abstractmethod
-    def leave_out(self, bus: int) -> None:
-        """Neither receive from a bus nor send to it any more."""
-
-    @abstractmethod
-    def take_back(self, bus: int) -> None:
-        """Serve a bus again, whose link was reconnected."""
-
-    @abstractmethod
-    def finish(self) -> Sequence[OutputFrame]:
-        """No frame will come: what is complete, for the caller to send."""
+        wait = timeout_s if self._core.is_idle else min(timeout_s, BUSY_WAIT)
+        if self._readable.poll(1e3 * wait):
+            os.eventfd_read(self._wake)
+        if self._failure is not None:
+            raise self._failure
+        self._note_what_came()
+        for number, end in self._ends.items():
+            self._refuse_failure(number, end)
+        with self._inputs:
+            if not self._waits.is_set():
+                return self._core.attend()
+            frames = self._core.answer()
+        self._waits.clear()
+        self._may_go_on.set()
+        return frames
 
     def goes_round(self) -> bool:
-        """Whether what runs beside has done something since the last call."""
-        return True
+        """Whether the loop, and all that feeds it, has done something since the last call."""
+        before, self._turns = self._turns, int(self._pump.memory["turns"][0])
+        goes = self._turns != before and all(feeder.goes_round() for feeder in self._feeders)
+        return goes or self._waits.is_set()
 
-    @abstractmethod
+    def leave_out(self, bus: int) -> None:
+        """Neither receive from a bus nor send to it any more; results on their way to its link are given up."""
+        self._left_out.add(bus)
+        self._pump.buses[bus]["failure"] = libc.ENETDOWN
+        if isinstance(end := self._ends[bus], Feeder) and (unsent := end.end()):
+            self._on_unsent(len(unsent))
+
+    def take_back(self, bus: int) -> None:
+        """Serve a bus again, whose link was reconnected."""
+        if isinstance(before := self._ends.get(bus), Feeder):
+            before.close()
+        link = self._links[bus]
+        if bus in self._fed or not isinstance(link, SocketCanLink):
+            link = Feeder(link, bus, partial(self._pace.is_ahead, bus))
+        self._ends[bus] = link
+        # wakes now and then for what Python has to say; sending never waits
+        os.set_blocking(link.descriptor, True)
+        wait = _TIMEVAL.pack(0, loop.WAIT_MS * 1000)
+        with socket.socket(fileno=os.dup(link.descriptor)) as same:
+            same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
+        state = self._pump.buses[bus]
+        for name in BUS.names or ():
+            if name not in ("failure", "errors"):
+                state[name] = 0
+        state["fd"] = link.descriptor
+        self._left_out.discard(bus)
+        state["failure"] = 0  # last: from here on the loop uses it
+
+    def sender(self, bus: int) -> Link:
+        """By which results of a bus are to be sent, so that they come behind its rates."""
+        end = self._ends[bus]
+        return end if isinstance(end, Feeder) and not end.is_ended else self._links[bus]
+
+    def finish(self) -> Sequence[OutputFrame]:
+        """No frame will come: results that wait for room, and what is complete, for the caller to send."""
+        self._stop()
+        self._note_what_came()
+        fed = [frame for feeder in self._feeders for frame in feeder.end()]
+        return [*fed, *self._waiting_rates(), *self._core.finish()]
+
     def close(self) -> None:
         """End what runs beside; the links stay open."""
+        self._stop()
+        for bus in self._ends:
+            self.leave_out(bus)
+        for feeder in self._feeders:
+            feeder.close()
+        os.close(self._wake)
+
+    @property
+    def _feeders(self) -> list[Feeder]:
+        return [end for end in self._ends.values() if isinstance(end, Feeder)]
+
+    def _loop(self) -> None:
+        """The thread of the compiled loop; Python runs in it only for what the loop needs of it."""
+        try:
+            hurry(self._processor)
+            while need := Need(self._compiled(self._pump, self._core.compiled.held, self._wake)):
+                if need is Need.INPUT:
+                    self._take_input()
+                    continue
+                self._may_go_on.clear()
+                if self._pump.memory["is_to_stop"][0]:  # nobody answers any more
+                    return
+                self._waits.set()
+                os.eventfd_write(self._wake, 1)
+                self._may_go_on.wait()
+        except BaseException as error:
+            self._failure = error
+            os.eventfd_write(self._wake, 1)
+
+    def _take_input(self) -> None:
+        """Let the core look at its optional inputs before the next frame."""
+        pump, memory = self._pump, self._pump.memory[0]
+        number = int(memory["asked_bus"])
+        bus = pump.buses[number]
+        at = (number * BATCH + int(bus["next"])) * SLOT
+        data = pump.frames[at + HEADER_BYTES : at + HEADER_BYTES + int(pump.frames[at + 4])]
+        with self._inputs:
+            self._core.take_inputs(int(memory["asked_key"]), data, int(bus["stamp"]))
+
+    def _stop(self) -> None:
+        self._pump.memory["is_to_stop"] = True
+        self._may_go_on.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _waiting_rates(self) -> Iterator[OutputFrame]:
+        """Those for which there was no room yet: they are the caller's now."""
+        memory, waiting = self._pump.memory[0], self._pump.waiting.reshape(-1, FD_MTU)
+        while memory["first_waiting"] < memory["end_waiting"]:
+            assert self._rate is not None
+            frame = waiting[int(memory["first_waiting"]) % WAITING]
+            memory["first_waiting"] += 1
+            yield output_frame(self._rate, frame[HEADER_BYTES : HEADER_BYTES + int(frame[4])].tobytes())
+
+    def _note_what_came(self) -> None:
+        """Arrivals, error frames, lost frames and results given up, as the loop has counted them."""
+        pump = self._pump
+        for layout, arrival in zip(self._layouts, pump.arrivals, strict=True):
+            self._arrivals.set(layout, int(arrival["frames"]), int(arrival["last"]))
+        for number, link in self._ends.items():
+            state = pump.buses[number]
+            link.note_dropped(int(state["overflows"]))
+            errors = int(state["errors"])
+            for count in range(max(self._errors_read[number], errors - ERRORS), errors):
+                error = pump.errors[number * ERRORS + count % ERRORS]
+                link.note_error_frame(int(error["identifier"]), error["data"][: error["length"]].tobytes())
+            self._errors_read[number] = errors
+        unsent = int(pump.memory["unsent"][0])
+        if unsent > self._unsent:
+            self._on_unsent(unsent - self._unsent)
+            self._unsent = unsent
+
+    def _refuse_failure(self, number: int, end: SocketCanLink) -> None:
+        """Raise what the loop met on a bus."""
+        code = int(self._pump.buses[number]["failure"])
+        if code == 0 or number in self._left_out:
+            return
+        failure = end.failure(OSError(code, os.strerror(code)))
+        if isinstance(failure, LinkDownError):
+            raise BusDownError(number, failure)
+        raise failure
+
+
+def _to_be_fed(links: Sequence[Link], bus: BusMap) -> set[int]:
+    """Buses the loop cannot read itself; if one of these has samples, all that have, so that none gets ahead."""
+    fed = {number for number, link in enumerate(links) if not isinstance(link, SocketCanLink)}
+    fed |= {layout.bus for layout in bus.received if isinstance(layout.received_id, GroupIdentifier)}
+    with_samples = {layout.bus for layout in bus.input_layouts}
+    return fed | with_samples if fed & with_samples else fed

@@ -120,6 +120,26 @@ def test_what_the_driver_refuses_may_be_tried_again(
         assert receiver.receive(0.0) is not None
 
 
+def test_threads_that_send_take_turns(channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch) -> None:
+    within, met = threading.Semaphore(), list[bool]()
+
+    def send(*_: object) -> None:
+        met.append(not within.acquire(blocking=False))
+        time.sleep(1e-3)
+        within.release()
+
+    monkeypatch.setattr(VirtualBus, "send", send)
+    threads = [
+        threading.Thread(target=lambda: [sender.try_send(0x100, b"", False, True) for _ in range(20)])
+        for _ in range(2)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert met == [False] * 40
+
+
 def test_a_device_that_went_away_is_connected_anew(
     channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch
 ) -> None:

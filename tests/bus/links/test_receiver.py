@@ -120,22 +120,6 @@ def test_of_waiting_frames_the_earliest_comes_first() -> None:
         assert [f.frame.stamp_ns for f in received(reader, 6)] == [10, 20, 30, 40, 50, 60]
 
 
-def test_without_descriptors_the_bus_that_is_behind_comes_first() -> None:
-    sent = [0, 0]
-    with ExitStack() as stack:
-        links = [stack.enter_context(PipeLink(False)) for _ in range(2)]
-        for number in range(50):  # a backlog of one bus before the other has any
-            links[0].put(number)
-        for number in range(50):
-            links[1].put(number)
-        reader = reading(links, lambda buses: min(buses, key=lambda bus: sent[bus]))
-        time.sleep(0.5)  # for the threads to find them
-        for _ in range(100):
-            sent[received(reader, 1)[0].bus] += 1
-            assert abs(sent[0] - sent[1]) <= 1
-        reader.close()
-
-
 def test_nothing_within_the_time_out() -> None:
     for kinds in [(True,), *KINDS]:
         with links_and_reading(*kinds) as (_, reader):

@@ -104,8 +104,14 @@ def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
     daemon = Daemon(loaded, bus, [link], listeners=[notes])
     with serving(daemon):
         link.feed(frames[:first])
-        assert (1, State.ADAPTED) in marks(link.taken(RATE.frame_id))
-        link.feed([other, *frames[first:second]])
+        until(lambda: (1, State.ADAPTED) in marks(link.taken(RATE.frame_id)))
+        until(lambda: daemon.core.counters.frames == first)
+        link.feed([other])
+        until(lambda: Reason.SECOND_SENDER in daemon.standing(time.monotonic_ns())[1])
+        time.sleep(0.1)  # for rates from before to be sent
+        link.taken(RATE.frame_id)
+        link.feed(frames[first:second])
+        until(lambda: daemon.core.counters.frames == second)
         assert marks(link.taken(RATE.frame_id)) == {(0, State.DEGRADED)}
         assert daemon.state(time.monotonic_ns()) == (State.DEGRADED, Reason.SECOND_SENDER)
         until(lambda: daemon.standing(time.monotonic_ns())[1] == (Reason.INPUT_TIMEOUT, Reason.SECOND_SENDER))

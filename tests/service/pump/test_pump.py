@@ -1,4 +1,4 @@
-"""The compiled pump on a pair of sockets that carries what a raw CAN socket does: same frames in, same frames out."""
+"""The pump on a pair of sockets that carries what a raw CAN socket does: same frames in, same frames out."""
 
 import select
 import socket
@@ -23,7 +23,7 @@ from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.pump.compiled_pump import CompiledPump
+from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.watch.arrivals import Arrivals
 from tests.device import RATES, Device, encoded, frames_of, inserted, run, simulated, worn_recording
 from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded, published_rates
@@ -89,7 +89,7 @@ class Pumped:
     """A device, and a pump that serves it without a daemon; unsent: counts of rates it gave up."""
 
     device: FarEnd
-    pump: CompiledPump
+    pump: FramePump
     core: Core
     arrivals: Arrivals
     unsent: list[int]
@@ -104,7 +104,7 @@ def pumped(path: Path, room: int | None = None, waits_for_verdicts: bool = True)
         core, arrivals = Core(bench.injector, bus), Arrivals(bus)
         core.compiled.observer.memory["waits_for_verdicts"] = waits_for_verdicts
         unsent: list[int] = []
-        pump = CompiledPump([link], core, bus, arrivals, unsent.append)
+        pump = FramePump([link], core, bus, arrivals, unsent.append)
         try:
             yield Pumped(device, pump, core, arrivals, unsent)
         finally:

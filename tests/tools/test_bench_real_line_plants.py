@@ -59,8 +59,8 @@ BEFORE = {
     Variant.STEP: (0.006622109491546135, 399842025000.0, 4395929.794300052),
     Variant.FRICTION: (0.006633584184832779, 399860625000.0, 3704756.5132302246),
 }
-"""Sums of rate and line pressure, and the pressure's swing, before plants had what tier B of discovery needs; of the wall
-friction since deposits do not change it: it is the fuel's."""
+"""Sums of rate and line pressure, and the pressure's swing, before plants had what tier B of discovery
+needs; of the wall friction since deposits do not change it: it is the fuel's."""
 ALONE = """
 import io, json, pathlib
 from tools.benchmarks.discovery.real_line import cases, generator

@@ -25,6 +25,7 @@ from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.line.interface import Line
 from observer_rt.model.seat import Seat
 from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
+from observer_rt.observer.stream.undoing import louder
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
 _MOST_GAINS = 4096  # kept: those round a few candidates
@@ -59,11 +60,13 @@ def predict(
 class Judged:
     """A model on one recording: normalised innovations (n,) where counted, log of their standard deviation, and
     normalised residuals of the measured rate (m,), the gain error taken out and appended; (0,) without a rate.
-    masses: injected in every event by x~ (events,) [kg]."""
+    rate_log_sigma: of their standard deviation, beyond that without a lag of the lift; masses: injected in every
+    event by x~ (events,) [kg]."""
 
     z: NDArray[np.float64]
     log_sigma: float
     rate_z: NDArray[np.float64]
+    rate_log_sigma: float
     masses: NDArray[np.float64]
 
 
@@ -99,7 +102,7 @@ class Trial:
         if measurement.recording.injection_rate is not None:
             self.rate_phases = every[self._rows.rate_rows]
             self._rate = measurement.recording.injection_rate[self._rows.rate_samples]
-            self._rate_sigma = self._rate_noise(nominal)
+            self._rate_by_lift = self._rate_noise_by_lift(nominal)
 
     def judge(self, model: EffectiveModel) -> Judged | None:
         """Compare with a model; None where its solution is not finite or cannot be had."""
@@ -122,9 +125,9 @@ class Trial:
             variance = 1.0 + self._lift_noise.variance(model.inputs.lift_lag)
             z /= np.sqrt(variance)
             log_sigma += 0.5 * float(np.mean(np.log(variance)))
-        rate_z = self._judged_rate(rate[self._rows.rate_rows + late])
+        rate_z, rate_log_sigma = self._judged_rate(rate[self._rows.rate_rows + late], model.inputs.lift_lag)
         masses = model.coefficients.density * self._rows.volumes(rate)
-        return Judged(z, log_sigma, rate_z, masses)
+        return Judged(z, log_sigma, rate_z, rate_log_sigma, masses)
 
     def lift_and_rate(
         self, model: EffectiveModel, at_line: bool
@@ -198,24 +201,33 @@ class Trial:
     def _inputs(self, model: EffectiveModel) -> TrueInputs:
         return TrueInputs(self.measurement, model.inputs, self.measurement.coefficients_of(model))
 
-    def _rate_noise(self, nominal: EffectiveModel) -> NDArray[np.float64]:
-        """Standard deviation of measured minus modelled rate (m,): its own noise and the lift's."""
+    def _rate_noise_by_lift(self, nominal: EffectiveModel) -> NDArray[np.float64]:
+        """Standard deviation of the modelled rate (m,) by the noise of the lift as recorded."""
         noise = self.measurement.noise.needle_lift
         schedule = self._schedule(nominal)
         shifted = nominal.with_terms("inputs", lift_shift=nominal.inputs.lift_shift + noise)
         late = math.floor(nominal.sensor.delay / self.measurement.interval)
         _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule)
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule)
-        rows = self._rows.rate_rows + late
-        return np.asarray(np.hypot(self.measurement.rate_noise, (other - rate)[rows]), np.float64)
+        return np.asarray(np.abs(other - rate)[self._rows.rate_rows + late], np.float64)
 
-    def _judged_rate(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Residuals of the measured rate, its gain error estimated with its prior: exact for a Gaussian nuisance."""
+    def _rate_sigma(self, lift_lag: float) -> NDArray[np.float64]:
+        """Standard deviation of measured minus modelled rate (m,): its own noise and that of the restored lift."""
+        by_lift = louder(lift_lag / self.measurement.interval) * self._rate_by_lift
+        return np.asarray(np.hypot(self.measurement.rate_noise, by_lift), np.float64)
+
+    def _judged_rate(self, rate: NDArray[np.float64], lift_lag: float) -> tuple[NDArray[np.float64], float]:
+        """Residuals of the measured rate, its gain error estimated with its prior: exact for a Gaussian nuisance.
+
+        And by how much a lag of the lift makes the logarithm of their standard deviation larger, on average.
+        """
         if self._rate is None:
-            return np.zeros(0)
-        residual, scale = (self._rate - rate) / self._rate_sigma, rate / self._rate_sigma
+            return np.zeros(0), 0.0
+        sigma = self._rate_sigma(lift_lag)
+        residual, scale = (self._rate - rate) / sigma, rate / sigma
         gain = float(scale @ residual) / (float(scale @ scale) + GAIN_ERROR**-2)
-        return np.append(residual - gain * scale, gain / GAIN_ERROR)
+        larger = float(np.mean(np.log(sigma / self._rate_sigma(0.0)))) if lift_lag > 0.0 else 0.0
+        return np.append(residual - gain * scale, gain / GAIN_ERROR), larger
 
 
 def evidence_of(
@@ -263,7 +275,7 @@ def residuals_of(judged: Sequence[Judged]) -> Residuals:
     return Residuals(
         np.concatenate(parts),
         np.array([part.size for part in parts]),
-        np.array([value for one in judged for value in (one.log_sigma, 0.0)]),
+        np.array([value for one in judged for value in (one.log_sigma, one.rate_log_sigma)]),
     )
 
 

@@ -32,9 +32,10 @@ def test_what_is_found_is_the_variance_beyond_that_without_a_lag() -> None:
 
 def test_the_noise_of_a_restored_lift_speaks_less_against_the_model() -> None:
     lag = sized("needle_lift_sensor_lag", tau=40e-6)
-    evidence = evidence_of(measurements(recordings((lag,), noise=LOUD)), MODEL)
+    evidence = evidence_of(measurements(recordings((lag,), True, noise=LOUD)), MODEL)
     judged = evidence.judge(lag.effect.apply(MODEL, lag.values))
     assert judged is not None
     for trial, one in zip(evidence.trials, judged, strict=True):
         moving = (trial.phases == Phase.OPENING) | (trial.phases == Phase.CLOSING)
         assert np.mean(one.z[moving] ** 2) < 2.0  # 3.0 were the lift taken to be as quiet as it was recorded
+        assert np.mean(one.rate_z**2) < 0.95  # 1.0 and 1.1, likewise

@@ -98,7 +98,7 @@ def _by_event(trial: Trial, one: Judged) -> NDArray[np.float64]:
     """-2 log L of the events of a recording (events,); its measured rate is shared out evenly."""
     events: Sequence[int] = [event.end - event.counted for event in trial.measurement.events]
     ends = np.cumsum(events)
-    rate = 2.0 * robust_cost(one.rate_z, 0, 1.0) / len(events)
+    rate = 2.0 * (robust_cost(one.rate_z, 0, 1.0) + one.rate_z.size * one.rate_log_sigma) / len(events)
     return np.array(
         [
             2.0 * robust_cost(one.z, int(end - size), 1.0)

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from observer_rt.terminal import compiling
 from observer_rt.terminal.compiling import CompilingShown
+from tests.service.participants import PATIENCE, until
 
 
 def _compile(seed: int) -> None:
@@ -45,11 +46,11 @@ def test_a_moment_is_not_worth_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_bar_is_drawn_until_nothing_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiling, "PATIENCE", 0.0)
-    monkeypatch.setattr(compiling, "IDLE", 0.05)
+    monkeypatch.setattr(compiling, "IDLE", 3600.0)
     screen = io.StringIO()
     _said(lambda: _compile(1), Console(file=screen, force_terminal=True, width=80))
-    for thread in threading.enumerate():
-        if thread.name == "compiling":
-            thread.join(60.0)
-            assert not thread.is_alive()
-    assert "compiling functions" in screen.getvalue()
+    (thread,) = [one for one in threading.enumerate() if one.name == "compiling"]
+    until(lambda: "compiling functions" in screen.getvalue())
+    monkeypatch.setattr(compiling, "IDLE", 0.0)
+    thread.join(PATIENCE)
+    assert not thread.is_alive()

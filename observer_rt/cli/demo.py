@@ -26,7 +26,6 @@ from observer_rt.config.links import LinkConfig
 from observer_rt.evaluation.curves import RateCurves
 from observer_rt.evaluation.drawing.event_axes import MassRow, Picture
 from observer_rt.evaluation.drawing.figures import plot_injections
-from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effects import effective_model, sized
@@ -118,19 +117,14 @@ class Demo:
         )
         self.bench = _on_link(load_bench(), self.link)
         schedule = make_schedule(RAIL_PRESSURES, injections, PERIOD, [ENERGIZING_TIME])
-        simulation = simulate(
-            self.bench.injector.parameters,
-            schedule,
-            self.bench.injector.config.sampling.rate_hz,
-            (sized("orifice_area", v_H=wear),),
-            NoiseLevels(),
-            seed=seed,
-        )
+        parameters = self.bench.injector.parameters
+        rate = self.bench.injector.config.sampling.rate_hz
+        worn = (sized("orifice_area", v_H=wear),)
+        simulation = simulate(parameters, schedule, rate, worn, NoiseLevels(), seed=seed)
         self.recording: Recording = simulation.recording
         self._true_rate = simulation.truth.injection_rate
-        self._nominal_rate = (
-            evaluate(self.bench, [self.recording], learning=False).evaluations[0].trace.nominal_rate
-        )
+        # the model without the wear, at the same lift and rail pressure
+        self._nominal_rate = simulate(parameters, schedule, rate).truth.injection_rate
         self._density = effective_model(self.bench.injector.parameters).coefficients.density
         self._notes = Notes()
 

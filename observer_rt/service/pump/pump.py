@@ -84,8 +84,14 @@ class FramePump:
         if self._failure is not None:
             raise self._failure
         self._note_what_came()
-        for number, end in self._ends.items():
-            self._refuse_failure(number, end)
+        failure = self._failed()
+        frames = self._attend()
+        if failure is not None and not frames:  # what came before it is said first
+            raise failure
+        return frames
+
+    def _attend(self) -> Sequence[OutputFrame]:
+        """What the loop did meanwhile, and the verdict it waits for."""
         with self._inputs:
             if not self._waits.is_set():
                 return self._core.attend()
@@ -214,15 +220,14 @@ class FramePump:
             self._on_unsent(unsent - self._unsent)
             self._unsent = unsent
 
-    def _refuse_failure(self, number: int, end: SocketCanLink) -> None:
-        """Raise what the loop met on a bus."""
-        code = int(self._pump.buses[number]["failure"])
-        if code == 0 or number in self._left_out:
-            return
-        failure = end.failure(OSError(code, os.strerror(code)))
-        if isinstance(failure, LinkDownError):
-            raise BusDownError(number, failure)
-        raise failure
+    def _failed(self) -> Exception | None:
+        """What the loop met on a bus that is served; None: nothing."""
+        for number, end in self._ends.items():
+            code = int(self._pump.buses[number]["failure"])
+            if code != 0 and number not in self._left_out:
+                failure = end.failure(OSError(code, os.strerror(code)))
+                return BusDownError(number, failure) if isinstance(failure, LinkDownError) else failure
+        return None
 
 
 def _to_be_fed(links: Sequence[Link], bus: BusMap) -> set[int]:

@@ -29,7 +29,7 @@ class CompilingShown(event.Listener):
         self._at_work = 0  # functions begun and not ended, of all threads
         self._functions = 0
         self._begun = self._heard = 0.0
-        self._shown = False
+        self._told = self._drawn = False
         self._lock = threading.Lock()
 
     def on_start(self, event: event.Event) -> None:
@@ -44,10 +44,12 @@ class CompilingShown(event.Listener):
             self._at_work -= 1
             self._functions += 1
             self._heard = time.monotonic()
-            if self._shown or self._heard - self._begun < PATIENCE:
+            if self._drawn or self._heard - self._begun < PATIENCE:
                 return
-            self._shown = True
-        self._tell("compiling what this needs: once for this version and a kind of line, up to a minute")
+            is_news, self._told = not self._told, True
+            self._drawn = True
+        if is_news:
+            self._tell("compiling what this needs: once for this version and a kind of line, up to a minute")
         if self._console is not None:
             threading.Thread(target=self._draw, name="compiling", daemon=True).start()
 
@@ -58,7 +60,7 @@ class CompilingShown(event.Listener):
                 progress(min(self._functions, USUAL - 1))
                 time.sleep(_LOOK)
         with self._lock:
-            self._shown, self._begun = False, 0.0
+            self._drawn, self._begun = False, 0.0
 
 
 def show_compiling(console: Console) -> None:

@@ -71,5 +71,11 @@ def show_compiling(console: Console) -> None:
 
 
 def tell_compiling(tell: Callable[[str], None], console: Console | None = None) -> None:
-    """The same by whatever takes a line; console: where a bar is drawn, None: nowhere."""
-    event.register(_COMPILE, CompilingShown(tell, console))
+    """The same by whatever takes a line, in place of who took it before; console: where a bar is drawn, if anywhere."""
+    for before in _listening:
+        event.unregister(_COMPILE, before)
+    _listening[:] = [CompilingShown(tell, console)]
+    event.register(_COMPILE, _listening[0])
+
+
+_listening: list[CompilingShown] = []  # one at most

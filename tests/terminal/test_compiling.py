@@ -10,7 +10,7 @@ from numba.core import event
 from rich.console import Console
 
 from observer_rt.terminal import compiling
-from observer_rt.terminal.compiling import CompilingShown
+from observer_rt.terminal.compiling import CompilingShown, tell_compiling
 from tests.service.participants import PATIENCE, until
 
 
@@ -45,12 +45,29 @@ def test_a_moment_is_not_worth_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_bar_is_drawn_until_nothing_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    until(lambda: not _drawing())  # of a command that another test ran
     monkeypatch.setattr(compiling, "PATIENCE", 0.0)
     monkeypatch.setattr(compiling, "IDLE", 3600.0)
     screen = io.StringIO()
-    _said(lambda: _compile(1), Console(file=screen, force_terminal=True, width=80))
-    (thread,) = [one for one in threading.enumerate() if one.name == "compiling"]
+    shown = CompilingShown(lambda text: None, Console(file=screen, force_terminal=True, width=80))
+    shown.on_start(event.Event("numba:compile", event.EventStatus.START))
+    shown.on_end(event.Event("numba:compile", event.EventStatus.END))
+    (thread,) = _drawing()
     until(lambda: "compiling functions" in screen.getvalue())
     monkeypatch.setattr(compiling, "IDLE", 0.0)
     thread.join(PATIENCE)
     assert not thread.is_alive()
+
+
+def test_of_two_commands_of_one_process_the_last_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+    first: list[str] = []
+    second: list[str] = []
+    tell_compiling(first.append)
+    tell_compiling(second.append)
+    _compile(1)
+    assert (len(first), len(second)) == (0, 1)
+
+
+def _drawing() -> list[threading.Thread]:
+    return [thread for thread in threading.enumerate() if thread.name == "compiling"]

@@ -71,7 +71,7 @@ def show_compiling(console: Console) -> None:
 
 
 def tell_compiling(tell: Callable[[str], None], console: Console | None = None) -> None:
-    """The same by whatever takes a line, in place of who took it before; console: where a bar is drawn, if anywhere."""
+    """The same by whatever takes a line, in place of who took it before; console: where a bar is, if anywhere."""
     for before in _listening:
         event.unregister(_COMPILE, before)
     _listening[:] = [CompilingShown(tell, console)]

@@ -8,7 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
-from observer_rt.foundation.small_arrays import multiply, product
+from observer_rt.foundation.small_arrays import product, propagate
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.sensor import lagged_slopes, recorded_mean
 
@@ -149,19 +149,19 @@ def _riccati(
     `gains` are not corrected.
     """
     m, corrected = covariance.shape[0], gains.shape[1]
-    transposed = transition.T.copy()
-    moved, now = np.empty((m, m)), covariance.copy()
+    moved, scratch, now = np.empty((m, m)), np.empty((m, m)), covariance.copy()
     column, row = np.empty(m), np.empty(m)
     variance = measurement
     for k in range(gains.shape[0]):
-        multiply(transition, now, moved)  # of the state with the one before
         variance = measurement
         for i in range(m):
-            earlier = product(now, shown_before, i)
+            column[i] = product(now, shown_before, i)
+        propagate(transition, now, moved, scratch)  # moved: of the state with the one before
+        for i in range(m):
+            earlier = column[i]
             for j in range(m):
                 earlier += shown[j] * moved[j, i]
             variance += shown_before[i] * earlier
-        multiply(moved, transposed, now)
         for i in range(m):
             before = product(moved, shown_before, i)
             column[i] = row[i] = before

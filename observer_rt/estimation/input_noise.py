@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.open_loop import OpenLoop
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.foundation.small_arrays import copy_matrix, copy_vector, multiply, product
+from observer_rt.foundation.small_arrays import copy_matrix, copy_vector, product, propagate
 from observer_rt.model.seat import seat_area_slope
 from observer_rt.model.sensor import lagged_slopes
 
@@ -69,7 +69,7 @@ def _propagate(
     )  # after x: the area's error at the sample, the volume [m3] since the opening
     covariance = np.zeros((states + 2, states + 2))
     covariance[0, 0], covariance[1, 1] = start
-    change, moved, transposed = (
+    change, moved, scratch = (
         np.zeros((states + 2, states + 2)),
         np.zeros((states + 2, states + 2)),
         np.zeros((states + 2, states + 2)),
@@ -97,11 +97,7 @@ def _propagate(
         by_rail[end] = half[:states] @ rail
         by_area[end] = half[2] * by_area[2] + half[area]
         opened = lift * seat_area_slope(window.inputs[k, 1], c.seat)
-        for i in range(states + 2):
-            for j in range(states + 2):
-                transposed[i, j] = change[j, i]
-        multiply(change, covariance, moved)
-        multiply(moved, transposed, covariance)
+        propagate(change, covariance, moved, scratch)
         for i in range(states + 2):
             for j in range(states + 2):
                 covariance[i, j] += by_rail[i] * by_rail[j] + opened**2 * by_area[i] * by_area[j]

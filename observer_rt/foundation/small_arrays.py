@@ -37,14 +37,36 @@ def ascending(values: NDArray[np.float64]) -> NDArray[np.int64]:
 
 @inner
 def multiply(left: NDArray[np.float64], right: NDArray[np.float64], result: NDArray[np.float64]) -> None:
-    """left (n, k) @ right (k, m) into `result` (n, m), another array."""
+    """left (n, k) @ right (k, m) into `result` (n, m), another array; what is 0 in `left` costs nothing."""
     for i in range(result.shape[0]):
         for j in range(result.shape[1]):
             result[i, j] = 0.0
         for k in range(right.shape[0]):
             factor = left[i, k]
-            for j in range(result.shape[1]):
-                result[i, j] += factor * right[k, j]
+            if factor != 0.0:
+                for j in range(result.shape[1]):
+                    result[i, j] += factor * right[k, j]
+
+
+@inner
+def propagate(
+    transition: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    moved: NDArray[np.float64],
+    scratch: NDArray[np.float64],
+) -> None:
+    """transition @ covariance into `moved`, and that @ transition.T into `covariance`; all (m, m).
+
+    The transition of a line of cells is nearly empty, and always on the left here.
+    """
+    multiply(transition, covariance, moved)
+    for i in range(moved.shape[0]):
+        for j in range(moved.shape[0]):
+            scratch[i, j] = moved[j, i]
+    multiply(transition, scratch, covariance)
+    for i in range(moved.shape[0]):
+        for j in range(i):
+            covariance[i, j], covariance[j, i] = covariance[j, i], covariance[i, j]
 
 
 @inner

@@ -117,10 +117,14 @@ def _beside(problem: Problem, theta: NDArray[np.float64], j: int, step: float) -
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where the search ended, and the linearisation there."""
+    """Where the search ended, and the linearisation there.
+
+    stuck: no step along the slopes was short enough to lower -2 log L, as beside a kink.
+    """
 
     at: Quadratic
     converged: bool
+    stuck: bool = False
 
     @property
     def statistic(self) -> float:
@@ -148,7 +152,7 @@ def fit(
     for _ in range(max_iterations):
         lower, damping = _lower(problem, here, ranges, damping)
         if lower is None:
-            return Minimum(here, converged=True)
+            return Minimum(here, converged=True, stuck=math.isinf(damping))
         decrease = here.statistic - lower[1].statistic
         here = linearise(problem, lower[0], lower[1], ranges)
         if decrease < TOLERANCE:
@@ -159,7 +163,10 @@ def fit(
 def _lower(
     problem: Problem, here: Quadratic, ranges: Sequence[Range], damping: float
 ) -> tuple[tuple[NDArray[np.float64], Residuals] | None, float]:
-    """A point with a lower statistic (None: there is none worth going to) and the damping for the next step."""
+    """A point with a lower statistic (None: there is none worth going to) and the damping for the next step.
+
+    The damping is inf where there should be one, and no step was short enough.
+    """
     lowest = np.array([r.lowest for r in ranges])
     highest = np.array([r.highest for r in ranges])
     outwards = ((here.theta <= lowest) & (here.gradient > 0.0)) | (
@@ -187,7 +194,7 @@ def _lower(
         if there is not None and math.isfinite(there.statistic) and there.statistic < here.statistic:
             return (theta, there), damping * LESS_DAMPING
         damping *= MORE_DAMPING
-    return None, damping
+    return None, math.inf
 
 
 def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:

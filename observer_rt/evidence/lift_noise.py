@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.evidence.lift_lag import GRID
 from observer_rt.evidence.measurement import Measurement
 
 DRAWS = 8  # of noise, by which a variance is found
+GRID = 6e-6  # s of lag, at whose multiples it is found
 SMOOTHED = 15  # samples over which it is averaged
 
 Innovations = Callable[[Measurement, float], NDArray[np.float64]]

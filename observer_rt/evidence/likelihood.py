@@ -17,7 +17,16 @@ from observer_rt.evidence.lift_noise import LiftNoise
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.open_loop import SPARE_SUBSTEPS
 from observer_rt.evidence.rail_pressure import smoothing_of
-from observer_rt.evidence.windows import Batch, Rows, TrueInputs, batch_of, latest, phases, rate_as_recorded
+from observer_rt.evidence.windows import (
+    Batch,
+    Rows,
+    TrueInputs,
+    batch_of,
+    latest,
+    phases,
+    rail_on_time,
+    rate_as_recorded,
+)
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.cells import in_stable_cells
@@ -88,6 +97,7 @@ class Trial:
         self._substeps = min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS)
         self._gains: dict[tuple[Line, float, float], GainSchedule] = {}
         self._nominal = nominal
+        self._nominal_rail = rail_on_time(measurement, nominal.inputs)
         self._lift_noise = LiftNoise(measurement, self._with_lift_lag)
         self._nominal_key = _input_key(nominal)
         self._nominal_inputs = self._inputs(nominal)
@@ -168,7 +178,8 @@ class Trial:
         measurement: this recording, or with other noise in its lift.
         """
         model, schedule = self._nominal.with_terms("inputs", lift_lag=lag), self._schedule(self._nominal)
-        inputs = TrueInputs(measurement, model.inputs, measurement.coefficients_of(model))
+        c = measurement.coefficients_of(model)
+        inputs = TrueInputs(measurement, model.inputs, c, self._rail(model.inputs))
         innovation, _ = self._predicted(model, inputs, 0, schedule)
         return np.asarray(innovation[self._rows.counted] / schedule.innovation_sigma)
 
@@ -199,7 +210,14 @@ class Trial:
         return self._inputs(model)
 
     def _inputs(self, model: EffectiveModel) -> TrueInputs:
-        return TrueInputs(self.measurement, model.inputs, self.measurement.coefficients_of(model))
+        c = self.measurement.coefficients_of(model)
+        return TrueInputs(self.measurement, model.inputs, c, self._rail(model.inputs))
+
+    def _rail(self, terms: InputTerms) -> NDArray[np.float64]:
+        """Rail pressure on time; only that of the nominal delay is kept."""
+        if terms.rail_delay == self._nominal.inputs.rail_delay:
+            return self._nominal_rail
+        return rail_on_time(self.measurement, terms)
 
     def _rate_noise_by_lift(self, nominal: EffectiveModel) -> NDArray[np.float64]:
         """Standard deviation of the modelled rate (m,) by the noise of the lift as recorded."""

@@ -93,5 +93,7 @@ def _ramp(lift: NDArray[np.float64], samples: int) -> Ramp:
     """
     first, end = (1, 1 + samples) if lift.size > 2 * samples else (0, max(2, math.ceil(lift.size / 2)))
     used = lift[first:end]
-    slope, level = np.polyfit(np.arange(first, first + used.size), used, 1)
-    return Ramp(float(level), max(float(slope), 0.0))
+    beside = np.arange(used.size) - 0.5 * (used.size - 1)
+    slope = float(beside @ used) / max(float(beside @ beside), 0.5)  # one sample has none
+    level = float(np.mean(used)) - slope * (first + 0.5 * (used.size - 1))
+    return Ramp(level, max(slope, 0.0))

@@ -116,9 +116,18 @@ class TrueInputs:
     brought from there to the times of the samples; the area has its corners there, as knots.
     """
 
-    def __init__(self, measurement: Measurement, terms: InputTerms, c: Coefficients) -> None:
-        delay = terms.rail_delay + (0.5 * measurement.interval if measurement.means else 0.0)
-        rail = terms.rail_factor * true_rail_pressure(measurement, delay) + terms.rail_shift
+    def __init__(
+        self,
+        measurement: Measurement,
+        terms: InputTerms,
+        c: Coefficients,
+        rail: NDArray[np.float64] | None = None,
+    ) -> None:
+        """rail: `rail_on_time` of the same terms, where it is known already."""
+        rail = (
+            terms.rail_factor * (rail_on_time(measurement, terms) if rail is None else rail)
+            + terms.rail_shift
+        )
         self.rail = (rail - c.chamber_pressure) / c.pressure_scale
         self.area = _areas(measurement, terms, c)
         self.knots = np.empty((0, 2))
@@ -126,6 +135,13 @@ class TrueInputs:
             later = np.append(self.area[1:], self.area[-1])
             self.knots = np.column_stack([np.full(later.size, 0.5), later])
             self.area = 0.5 * (self.area + later)
+
+
+def rail_on_time(measurement: Measurement, terms: InputTerms) -> NDArray[np.float64]:
+    """Recorded rail pressure [Pa] (n,), smoothed, at the times of the other two channels."""
+    return true_rail_pressure(
+        measurement, terms.rail_delay + (0.5 * measurement.interval if measurement.means else 0.0)
+    )
 
 
 def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 import math
 
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.coefficients import Coefficients, coefficients
 from observer_rt.model.departures import NO_DEPARTURES, Departures
 from observer_rt.model.line.interface import line_fastest
 from observer_rt.model.line.wave import steps_over
@@ -19,7 +19,10 @@ def fastest_rate(parameters: InjectorParameters, departures: Departures = NO_DEP
 
     The orifice laws are steepest, 1/sqrt(t), at zero pressure difference; seat and nozzle act in parallel.
     """
-    c = coefficients(parameters, departures)
+    return _fastest_rate(parameters, coefficients(parameters, departures))
+
+
+def _fastest_rate(parameters: InjectorParameters, c: Coefficients) -> float:
     area = full_lift_area(parameters) / c.area_scale * (1.0 + max(-c.seat.loss, 0.0))
     seat = (c.sac.a5 + c.line.a2_seat) * area  # a seat that drains the line is faster
     of_sac = (seat + c.sac.a6) / math.sqrt(c.seat.transition)
@@ -34,8 +37,9 @@ def substeps_needed(
     The number may exceed `MAX_SUBSTEPS`; whether to refuse that is the caller's decision. Beside a staggered line
     steps are implicit: a few of each of the line's while they resolve the sac, one of a sac too fast for that.
     """
-    wanted = max(1, math.ceil(fastest_rate(parameters, departures) / (RK4_LIMIT * sample_rate)))
-    if not coefficients(parameters, departures).line.staggered:
+    c = coefficients(parameters, departures)
+    wanted = max(1, math.ceil(_fastest_rate(parameters, c) / (RK4_LIMIT * sample_rate)))
+    if not c.line.staggered:
         return wanted
     steps: int = steps_over(1.0 / sample_rate)
     each = math.ceil(wanted / steps)

@@ -5,8 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import Phase
-from observer_rt.evidence.lift_lag import GRID
-from observer_rt.evidence.lift_noise import LiftNoise
+from observer_rt.evidence.lift_noise import GRID, LiftNoise
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement, measurements
 from observer_rt.model.effects import effective_model, sized

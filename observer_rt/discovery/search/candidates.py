@@ -25,9 +25,10 @@ ROUGH_ITERATIONS = 3  # of the first fit of every effect
 ROUGH_SHARE = 0.5  # of what the best single explains: those that leave more of it unexplained stay rough
 ALWAYS_REFINED = 4  # leaders
 
+NEAR = 40.0  # of -2 log L beyond which a candidate takes nothing from the confidence in another
+
 ROUGH = "rough"
 
-_Task = tuple[Hypothesis, Sequence[NDArray[np.float64]]]
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
@@ -117,9 +118,9 @@ class Fitter:
             self._sigmas[key] = at.sigmas() * np.sqrt(max(1.0, float(np.mean(residuals.z**2))))
         return self._sigmas[key]
 
-    def _fit_all(self, tasks: Sequence[_Task], max_iterations: int) -> list[Candidate]:
+    def _fit_all(self, tasks: Sequence["_Task"], max_iterations: int) -> list[Candidate]:
         """Fit hypotheses, each from its starts; those without a solution are left out."""
-        found = self._each(lambda task: self._fit(task[0], task[1], max_iterations), tasks)
+        found = self._each(lambda task: self._fit(task, max_iterations), tasks)
         return [one for one in found if one is not None]
 
     def _each(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
@@ -131,14 +132,14 @@ class Fitter:
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
 
-    def _fit(
-        self, hypothesis: Hypothesis, starts: Sequence[NDArray[np.float64]], max_iterations: int
-    ) -> Candidate | None:
+    def _fit(self, task: "_Task", max_iterations: int) -> Candidate | None:
+        hypothesis = task.hypothesis
         key = hypothesis.ids if max_iterations == MAX_ITERATIONS else (*hypothesis.ids, ROUGH)
         known = self._memory.get(key)
         if known is not None:
             return Candidate(hypothesis, tuple(known[0].tolist()), known[1])
-        found = minimum_from(Sizing(self.evidence, self.nominal, hypothesis), starts, max_iterations)
+        sizing = Sizing(self.evidence, self.nominal, task.hypothesis)
+        found = minimum_from(sizing, task.starts, max_iterations, second_if_stuck=task.probed)
         if found is None:
             return None
         candidate = Candidate(hypothesis, tuple(found.at.theta.tolist()), found.statistic)
@@ -150,15 +151,30 @@ class Fitter:
     def singles(self, effects: Sequence[Effect], nominal: Candidate) -> list[Candidate]:
         """Every effect alone; those that explain far less than the best are fitted roughly."""
         hypotheses = [Hypothesis((effect,)) for effect in effects]
-        rough = self._fit_all([(h, h.starts()) for h in hypotheses], ROUGH_ITERATIONS)
-        rough.sort(key=lambda one: one.statistic)
-        limit = rough[0].statistic + ROUGH_SHARE * (nominal.statistic - rough[0].statistic)
+        return self._refined([_Task(h, h.starts()) for h in hypotheses], nominal)
+
+    def pairs(self, leaders: Sequence[Candidate], effects: Sequence[Effect]) -> list[Candidate]:
+        """Each leader with the second effects that promise something, fitted together as the singles are."""
+        tasks = [task for leader in leaders for task in self._seconds(leader, effects)]
+        return self._refined(tasks, min(leaders, key=_statistic))
+
+    def _refined(self, tasks: Sequence["_Task"], before: Candidate) -> list[Candidate]:
+        """Each hypothesis once, best first where it matters: those within reach of the best are fitted to the end.
+
+        before: the best candidate that is smaller.
+        """
+        rough = best_of_each(self._fit_all(tasks, ROUGH_ITERATIONS), _statistic)
+        if not rough:
+            return []
+        limit = rough[0].statistic + max(NEAR, ROUGH_SHARE * (before.statistic - rough[0].statistic))
         leaders = sum(number < ALWAYS_REFINED or one.statistic <= limit for number, one in enumerate(rough))
-        refined = self._fit_all([(one.hypothesis, [one.theta]) for one in rough[:leaders]], MAX_ITERATIONS)
+        refined = self._fit_all(
+            [_Task(one.hypothesis, [one.theta]) for one in rough[:leaders]], MAX_ITERATIONS
+        )
         return refined + rough[leaders:]
 
-    def seconds(self, leader: Candidate, effects: Sequence[Effect]) -> list[Candidate]:
-        """The leader with each second effect that promises something, fitted together."""
+    def _seconds(self, leader: Candidate, effects: Sequence[Effect]) -> list["_Task"]:
+        """The leader with each second effect that promises something, and where to begin."""
         base = self.evidence.residuals(leader.model(self.nominal))
         if base is None:
             return []
@@ -168,8 +184,10 @@ class Fitter:
         promises = self._each(lambda effect: self._promise(leader, base, spanned, effect), others)
         ranked = sorted(zip(promises, others, strict=True), key=lambda item: -item[0].gain)
         worthwhile = [item for item in ranked if item[0].gain > WORTH_FITTING][:MOST_SECONDS]
-        tasks = [(leader.hypothesis.with_effect(e), promise.starts) for promise, e in worthwhile]
-        return self._fit_all(tasks, MAX_ITERATIONS)
+        return [
+            _Task(leader.hypothesis.with_effect(effect), promise.starts, probed=True)
+            for promise, effect in worthwhile
+        ]
 
     def _promise(
         self, leader: Candidate, base: Residuals, spanned: NDArray[np.float64], effect: Effect
@@ -190,6 +208,27 @@ class Fitter:
                 off = np.array([p.off for p in effect.parameters])
                 best = _Promise(gain, (start, np.concatenate([leader.theta, off + 0.1 * (values - off)])))
         return best
+
+
+def best_of_each(candidates: Sequence[Candidate], by: Callable[[Candidate], float]) -> list[Candidate]:
+    """The best first, each combination of effects once, in whichever order."""
+    best: dict[frozenset[str], Candidate] = {}
+    for candidate in sorted(candidates, key=by):
+        best.setdefault(frozenset(candidate.ids), candidate)
+    return list(best.values())
+
+
+def _statistic(candidate: Candidate) -> float:
+    return candidate.statistic
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """A hypothesis to be fitted, and where to begin: at guesses, or at what probing found."""
+
+    hypothesis: Hypothesis
+    starts: Sequence[NDArray[np.float64]]
+    probed: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,9 +94,15 @@ class Sizing:
 
 
 def minimum_from(
-    sizing: Sizing, starts: Sequence[NDArray[np.float64]], max_iterations: int = MAX_ITERATIONS
+    sizing: Sizing,
+    starts: Sequence[NDArray[np.float64]],
+    max_iterations: int = MAX_ITERATIONS,
+    second_if_stuck: bool = False,
 ) -> Minimum | None:
-    """Best fit from the most promising start, or two; None when the model has no solution at any of them."""
+    """Best fit from the most promising start, or two; None when the model has no solution at any of them.
+
+    second_if_stuck: a second start is tried only where the first fit got stuck.
+    """
     tried = []
     for start in starts:
         residuals = sizing.residuals(start)
@@ -109,6 +115,8 @@ def minimum_from(
         found = fit(sizing, start, ranges, max_iterations)
         if found is not None and (best is None or found.statistic < best.statistic):
             best = found
-        if best is not None and np.mean(best.at.residuals.z**2) < _EXPLAINED:
+        if best is None or (second_if_stuck and best.stuck):
+            continue
+        if second_if_stuck or np.mean(best.at.residuals.z**2) < _EXPLAINED:
             break
     return best

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, worst
-from observer_rt.discovery.search.candidates import Fitter
+from observer_rt.discovery.search.candidates import NEAR, Fitter, best_of_each
 from observer_rt.discovery.search.held_out import HeldOutPoints
 from observer_rt.discovery.search.result import Candidate
 from observer_rt.evidence.appearance import least_gain
@@ -17,7 +17,6 @@ from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effects import VOCABULARY
 
 RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
-NEAR = 40.0  # of -2 log L beyond which a candidate takes nothing from the confidence in another
 TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
 LEADERS = 3  # singles that a second effect is added to
 PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of two near-ties leads
@@ -141,17 +140,13 @@ class Search:
         if not best.hypothesis.effects and ratio <= 1.0:
             return []
         leaders = list(singles[: 1 if ratio <= 1.0 else LEADERS])
-        pairs = self._led_by(leaders)
+        pairs = best_of_each(self._fitter.pairs(leaders, self._effects), price)
         partners = [
             one for one in singles if pairs and set(one.ids) < set(pairs[0].ids) and one not in leaders
         ]
         if partners and pairs[0].statistic < leaders[0].statistic - self._least_gain:
-            pairs = _best_of_each([*pairs, *self._led_by(partners)])
+            pairs = best_of_each([*pairs, *self._fitter.pairs(partners, self._effects)], price)
         return pairs
-
-    def _led_by(self, leaders: Sequence[Candidate]) -> list[Candidate]:
-        """Pairs of these singles and what promises something beside them, the best first."""
-        return _best_of_each([pair for one in leaders for pair in self._fitter.seconds(one, self._effects)])
 
     def _best(
         self,
@@ -226,14 +221,6 @@ class Search:
         if judged is None:
             return np.inf
         return worst(pool_of(self._fitter.evidence, judged), self._baseline).ratio
-
-
-def _best_of_each(pairs: Sequence[Candidate]) -> list[Candidate]:
-    """Pairs, the best first, each once."""
-    best: dict[frozenset[str], Candidate] = {}
-    for pair in sorted(pairs, key=price):
-        best.setdefault(frozenset(pair.ids), pair)
-    return list(best.values())
 
 
 def _statistic(candidate: Candidate) -> float:

@@ -113,6 +113,7 @@ class Trial:
             self.rate_phases = every[self._rows.rate_rows]
             self._rate = measurement.recording.injection_rate[self._rows.rate_samples]
             self._rate_by_lift = self._rate_noise_by_lift(nominal)
+            self._rate_sigma = self._rate_sigma_at(0.0)
 
     def judge(self, model: EffectiveModel) -> Judged | None:
         """Compare with a model; None where its solution is not finite or cannot be had."""
@@ -229,7 +230,7 @@ class Trial:
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule)
         return np.asarray(np.abs(other - rate)[self._rows.rate_rows + late], np.float64)
 
-    def _rate_sigma(self, lift_lag: float) -> NDArray[np.float64]:
+    def _rate_sigma_at(self, lift_lag: float) -> NDArray[np.float64]:
         """Standard deviation of measured minus modelled rate (m,): its own noise and that of the restored lift."""
         by_lift = louder(lift_lag / self.measurement.interval) * self._rate_by_lift
         return np.asarray(np.hypot(self.measurement.rate_noise, by_lift), np.float64)
@@ -241,10 +242,10 @@ class Trial:
         """
         if self._rate is None:
             return np.zeros(0), 0.0
-        sigma = self._rate_sigma(lift_lag)
+        sigma = self._rate_sigma_at(lift_lag) if lift_lag > 0.0 else self._rate_sigma
         residual, scale = (self._rate - rate) / sigma, rate / sigma
         gain = float(scale @ residual) / (float(scale @ scale) + GAIN_ERROR**-2)
-        larger = float(np.mean(np.log(sigma / self._rate_sigma(0.0)))) if lift_lag > 0.0 else 0.0
+        larger = float(np.mean(np.log(sigma / self._rate_sigma)))
         return np.append(residual - gain * scale, gain / GAIN_ERROR), larger
 
 

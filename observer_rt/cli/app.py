@@ -8,15 +8,12 @@ import typer
 from rich.console import Console
 
 from observer_rt import __version__
-from observer_rt.cli.compare import compare
-from observer_rt.cli.discover import discover
-from observer_rt.cli.effects import effects
-from observer_rt.cli.fit import fit
 from observer_rt.cli.fleet import batch, trend
 from observer_rt.cli.help import GroupedCommands, WordedCommand, first_sentence
 from observer_rt.cli.journal import journal
 from observer_rt.cli.live import check, demo, run
 from observer_rt.cli.logs import convert, record, replay
+from observer_rt.cli.models import compare, discover, effects, fit
 from observer_rt.cli.monitor import monitor
 from observer_rt.cli.offline import evaluate, simulate
 from observer_rt.cli.reproduce import reproduce

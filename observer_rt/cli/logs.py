@@ -19,6 +19,7 @@ from observer_rt.cli.options import (
     JsonOption,
     LenientOption,
     RecordingArgument,
+    decoder_of,
     file_option,
     link_option,
 )
@@ -141,7 +142,6 @@ def convert(
     effects: EffectsOption = None,
 ) -> None:
     """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""
-    from observer_rt.cli.decoder import decoder_of
     from observer_rt.evaluation.convert import convert as convert_file
 
     chosen = decoder_of(bench, injector, lenient)

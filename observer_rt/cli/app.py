@@ -15,8 +15,7 @@ from observer_rt.cli.live import check, demo, run
 from observer_rt.cli.logs import convert, record, replay
 from observer_rt.cli.models import compare, discover, effects, fit
 from observer_rt.cli.monitor import monitor
-from observer_rt.cli.offline import evaluate, simulate
-from observer_rt.cli.reproduce import reproduce
+from observer_rt.cli.offline import evaluate, reproduce, simulate
 from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.terminal.console import say

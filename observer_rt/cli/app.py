@@ -10,11 +10,9 @@ from rich.console import Console
 from observer_rt import __version__
 from observer_rt.cli.fleet import batch, trend
 from observer_rt.cli.help import GroupedCommands, WordedCommand, first_sentence
-from observer_rt.cli.journal import journal
-from observer_rt.cli.live import check, demo, run
+from observer_rt.cli.live import check, demo, journal, monitor, run
 from observer_rt.cli.logs import convert, record, replay
 from observer_rt.cli.models import compare, discover, effects, fit
-from observer_rt.cli.monitor import monitor
 from observer_rt.cli.offline import evaluate, reproduce, simulate
 from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import ObserverError, UserError

@@ -1,6 +1,7 @@
-"""Findings about the buses of a bench: what is on which, whose stamps can be compared, names and identifiers."""
+"""Findings about the buses of a bench: what is on which, whose stamps can be compared, names, identifiers, load."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,13 +9,19 @@ from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bench_map import BenchMap, in_common, map_bench
 from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.load import frame_time
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.check.findings import Finding, Level, graded, refused
-from observer_rt.check.load import load_findings
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MILLISECOND
+from observer_rt.recording.replay.framing import message_timing
 
 _OUTPUT_KEYS = " (of results: outputs.injection_rate_id, injection_summary_id, status_id in the bench file)"
+INJECTIONS_PER_SECOND = 17.0
+WINDOW = 6 * MILLISECOND  # of samples that a windowed source sends for an injection
+HIGH_LOAD = 0.6
+_LESS = "state the rates this bus has, sample slower, or spread the messages over several buses"
 
 
 def refuse_errors(bench: Bench) -> None:
@@ -31,13 +38,12 @@ def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
     """All findings about the buses, those of their load where every message fits its kind of frame."""
     findings = _carried(bench, mapped) + _stamps(bench, mapped)
     findings += _results(bench, mapped) + _identifiers(bench, mapped) + _databases(mapped)
-    frames = [
-        finding for number in range(len(bench.config.buses)) for finding in _frames(bench, mapped, number)
-    ]
+    numbers = range(len(bench.config.buses))
+    frames = [finding for number in numbers for finding in _frames(bench, mapped, number)]
     if frames:
         return findings + frames
-    fit = Finding("frames", Level.OK, "every message fits its kind of frame")
-    return [*findings, fit, *load_findings(bench, mapped)]
+    findings.append(Finding("frames", Level.OK, "every message fits its kind of frame"))
+    return findings + [finding for number in numbers for finding in _load(bench, mapped, number)]
 
 
 def _carried(bench: Bench, mapped: BenchMap) -> list[Finding]:
@@ -170,3 +176,99 @@ def _frames(bench: Bench, mapped: BenchMap, number: int) -> list[Finding]:
             error = UserError(f"{bench.path}: {place}", problem, f"set {place} = true")
             findings.append(refused("frames", error))
     return findings
+
+
+@dataclass(frozen=True)
+class _Traffic:
+    """A message as it is sent: `frames` at once, either for `samples` at a `rate` [Hz], or `often` a second."""
+
+    layout: MessageLayout
+    frames: int
+    samples: int = 1
+    rate: float = 0.0
+    often: float = 0.0
+
+    @property
+    def continuous(self) -> float:
+        """Frames a second."""
+        return self.frames * (self.often + self.rate / self.samples)
+
+    @property
+    def windowed(self) -> float:
+        """Frames a second with only `WINDOW` of samples for each injection."""
+        blocks = -(-round(WINDOW * self.rate) // self.samples)
+        return self.frames * (self.often + INJECTIONS_PER_SECOND * blocks)
+
+
+@dataclass(frozen=True)
+class BusLoad:
+    """Expected share of a bus's time, inputs and outputs together."""
+
+    continuous: float
+    windowed: float
+
+
+def _load(bench: Bench, mapped: BenchMap, number: int) -> list[Finding]:
+    """How full the bus of this number will be."""
+    links = bench.config.buses
+    named, link = links[number], links[number].config
+    load = expected_load(bench, mapped, number)
+    on = f"{named.label}, " if len(links) > 1 else ""
+    rates = f"at {link.bit_rate / 1e3:g}k{f'/{link.data_bit_rate / 1e6:g}M' if link.fd else ''} bit/s"
+    windowed = (
+        f"{on}windowed, {INJECTIONS_PER_SECOND:g} injections/s of {WINDOW / MILLISECOND:g} ms: "
+        f"{load.windowed:.0%} {rates}"
+    )
+    continuous = f"{on}continuous: {load.continuous:.0%} {rates}"
+    if load.windowed > 1.0:
+        key = f"{bench.path}: {named.place}.{'data_bit_rate' if link.fd else 'bit_rate'}"
+        return [refused("bus load", UserError(key, text, _LESS)) for text in (windowed, continuous)]
+    if load.continuous > 1.0:
+        continuous += "; the source must send windowed"
+    return [
+        Finding("bus load", Level.OK if share <= HIGH_LOAD else Level.WARNING, text)
+        for share, text in ((load.windowed, windowed), (load.continuous, continuous))
+    ]
+
+
+def expected_load(bench: Bench, mapped: BenchMap, number: int = 0) -> BusLoad:
+    """Load of the bus of this number by all that is sent; windowed: only `WINDOW` of samples for each injection.
+
+    A message of optional inputs without a cycle time counts as sent once an injection.
+
+    Raises:
+        ValueError: a message does not fit its kind of frame.
+    """
+    link = bench.config.buses[number].config
+    continuous = windowed = 0.0
+    for sent in (*_sent_inputs(mapped), *_sent_results(bench, mapped)):
+        layout = sent.layout
+        if layout.bus != number:
+            continue
+        time = frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
+        continuous += time * sent.continuous
+        windowed += time * sent.windowed
+    return BusLoad(continuous, windowed)
+
+
+def _sent_inputs(mapped: BenchMap) -> Iterator[_Traffic]:
+    for to, *_ in mapped.destinations.values():
+        bus = mapped.injectors[to.injector]
+        message = bus.inputs.messages[to.message]
+        rate = 1 / float(message_timing(bus, to.message)["interval"])
+        layout = bus.input_layouts[to.message]
+        yield _Traffic(layout, int(message["kind_count"]), int(message["samples"]), rate)
+    sampled = {layout for bus in mapped.injectors for layout in bus.input_layouts}
+    for layout in mapped.received:
+        if layout not in sampled:
+            cycle = layout.cycle_time_ns
+            yield _Traffic(layout, 1, often=1e9 / cycle if cycle else INJECTIONS_PER_SECOND)
+
+
+def _sent_results(bench: Bench, mapped: BenchMap) -> Iterator[_Traffic]:
+    for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
+        if bus.rate is not None:
+            yield _Traffic(bus.rate.layout, 1, bus.rate.samples, injector.config.sampling.rate_hz)
+        yield _Traffic(bus.summary.layout, len(bus.summary.pages), often=INJECTIONS_PER_SECOND)
+        period = injector.config.outputs.status_period_ms * MILLISECOND
+        yield _Traffic(bus.status.layout, len(bus.status.pages), often=1 / period)

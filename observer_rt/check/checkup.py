@@ -7,23 +7,48 @@ from pathlib import Path
 from observer_rt.bus.database.lookup import database_hash
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.check.buses import buses_findings
-from observer_rt.check.channels import channel_findings
 from observer_rt.check.findings import Finding, Level, as_json_document, as_table, failed, graded
-from observer_rt.check.host import compiled_code_findings, real_time_findings, this_host
-from observer_rt.check.interface import interface_findings, read_controller
-from observer_rt.check.mapping import mapping_findings
-from observer_rt.check.model import plausibility_findings
+from observer_rt.check.machine import (
+    compiled_code_findings,
+    interface_findings,
+    read_controller,
+    real_time_findings,
+    this_host,
+)
+from observer_rt.check.mapping import channel_findings, mapping_findings, time_findings
 from observer_rt.check.observer import observer_findings
-from observer_rt.check.time import time_findings
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_hash import file_hash
-from observer_rt.model.parameters import EffectValue
+from observer_rt.foundation.units import CUBIC_MILLIMETRE, MILLIMETRE
+from observer_rt.model.parameters import EffectValue, InjectorParameters
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.state_file import StateDoesNotFitError, load_knowledge, model_hash
 
 __all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup", "of_each"]
+
+# Generous bounds, from small car injectors to those of large ships: what lies beyond is most often a value in
+# other units than SI. Section, key, lowest, highest, unit.
+_PLAUSIBLE = (
+    ("fluid", "density_line", 600.0, 1_100.0, "kg/m3"),
+    ("fluid", "density_nozzle", 600.0, 1_100.0, "kg/m3"),
+    ("fluid", "bulk_modulus_line", 0.5e9, 5e9, "Pa"),
+    ("fluid", "bulk_modulus_sac", 0.5e9, 5e9, "Pa"),
+    ("fluid", "vapour_pressure", 0.0, 1e6, "Pa"),
+    ("line", "length", 10 * MILLIMETRE, 5.0, "m"),
+    ("line", "diameter", 0.5 * MILLIMETRE, 30 * MILLIMETRE, "m"),
+    ("line", "volume", 10 * CUBIC_MILLIMETRE, 1e6 * CUBIC_MILLIMETRE, "m3"),
+    ("line", "loss_factor", 0.0, 1e3, "-"),
+    ("seat", "flow_coefficient", 0.1, 1.0, "-"),
+    ("seat", "diameter", 0.5 * MILLIMETRE, 20 * MILLIMETRE, "m"),
+    ("seat", "cone_angle", 20.0, 120.0, "deg"),
+    ("seat", "max_lift", 0.02 * MILLIMETRE, 3 * MILLIMETRE, "m"),
+    ("nozzle", "flow_coefficient", 0.1, 1.0, "-"),
+    ("nozzle", "hole_diameter", 0.03 * MILLIMETRE, 2 * MILLIMETRE, "m"),
+    ("nozzle", "sac_volume", 0.05 * CUBIC_MILLIMETRE, 1e3 * CUBIC_MILLIMETRE, "m3"),
+    ("chamber", "pressure", 0.0, 40e6, "Pa"),
+)
 
 
 def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
@@ -128,3 +153,18 @@ def _effects(fitted: BenchInjector) -> list[Finding]:
 def _size(parameter: tuple[str, EffectValue]) -> str:
     name, size = parameter
     return f"{name} = {size.value:g}" + ("" if size.unit == "-" else f" {size.unit}")
+
+
+def plausibility_findings(injector: InjectorParameters) -> list[Finding]:
+    """A warning for every parameter that no injector has, or one finding that all can be."""
+    findings = [
+        Finding(
+            "injector",
+            Level.WARNING,
+            f"{section}.{key} = {value:g} {unit} is beyond what injectors have, {lowest:g} to {highest:g} {unit}; "
+            "is it in SI units?",
+        )
+        for section, key, lowest, highest, unit in _PLAUSIBLE
+        if not lowest <= (value := getattr(getattr(injector, section), key)) <= highest
+    ]
+    return findings or [Finding("injector", Level.OK, "every parameter is one an injector can have")]

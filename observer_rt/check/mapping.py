@@ -1,26 +1,41 @@
-"""Findings about what one injector has on the buses: which messages carry it, with which range, how often sampled."""
+"""Findings about an injector's signals on the buses: messages, ranges, sampling, how their samples join, delays."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from observer_rt.bus.alignment.message_timing import LINE_SLOPE
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bench_map import KnownMessage
-from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.signal_range import message_of, role_factor, role_range, role_resolution
+from observer_rt.bus.mapping.timing import TOLERANCE, Joining, Numbering
 from observer_rt.check.energizing import energizing_findings
 from observer_rt.check.findings import Finding, Level, graded
 from observer_rt.check.optional_inputs import slow_findings
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
-from observer_rt.config.signals import Role
-from observer_rt.foundation.units import LENGTH_UNITS, MEGAPASCAL, MICROMETRE, PRESSURE_UNITS
+from observer_rt.config.signals import Role, SignalConfig
+from observer_rt.foundation.units import (
+    LENGTH_UNITS,
+    MEGAPASCAL,
+    MICROMETRE,
+    MICROSECOND,
+    MILLISECOND,
+    PRESSURE_UNITS,
+)
 from observer_rt.recording.replay.framing import message_timing
 from observer_rt.service.compiled.constants import configured_noise
 
 HIGHEST_PRESSURE = 200 * MEGAPASCAL
 PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take
 CYCLE_TOLERANCE = 0.5e6  # ns, what rounding to whole milliseconds may take
+_NUMBERED = {
+    Numbering.INDEX: "by its sample index",
+    Numbering.COUNTER: "counted by its counter and receive stamps",
+    Numbering.E2E_COUNTER: "counted by its E2E counter and receive stamps",
+    Numbering.STAMPS: "counted by receive stamps",
+}
 
 
 def mapping_findings(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:
@@ -103,3 +118,56 @@ def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) 
             f"{samples} are named; name them all, or correct its SamplesPerFrame"
         )
     return [Finding("sampling", Level.WARNING, text) for text in findings]
+
+
+def time_findings(bus: BusMap) -> list[Finding]:
+    """One finding for each input message, warnings where something of its time cannot be seen."""
+    findings = []
+    for stream, timing in enumerate(bus.inputs.timing):
+        name = bus.name_of(layout_of(bus, stream))
+        text = f"{name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
+        findings.append(Finding("time", Level.OK, text))
+        if timing["numbering"] == Numbering.STAMPS:
+            text = (
+                f"{name} has neither index nor counter: lost frames are seen, and results valid, only while its "
+                "jitter stays below a quarter of its cycle; name its counter, if it has one"
+            )
+            findings.append(Finding("time", Level.WARNING, text))
+    if any(timing["joining"] == Joining.CLOCK for timing in bus.inputs.timing):
+        text = (
+            f"two time bases: not valid while more than {TOLERANCE / MICROSECOND:g} us between line pressure and "
+            f"lift are unknown ({TOLERANCE * LINE_SLOPE / MEGAPASCAL:.2g} MPa); the stamps must be the bus's "
+            "(hardware or kernel), an adapter that hands frames over in batches cannot tell"
+        )
+        findings.append(Finding("time", Level.OK, text))
+    return findings
+
+
+def _joined(timing: np.void) -> str:
+    joining = Joining(int(timing["joining"]))
+    if joining is Joining.RATIO:
+        return f", every {timing['steps']}th sample; held at most {timing['hold'] / MILLISECOND:g} ms"
+    if joining is Joining.NEAREST:
+        return (
+            f", nearest sample of the same time base; stamps {timing['delay'] / MICROSECOND:.4g} us after it"
+        )
+    if joining is Joining.CLOCK:
+        held = f", held at most {timing['hold'] / MILLISECOND:g} ms" if timing["steps"] > 1 else ""
+        return f"; by its clock, stamps {timing['delay'] / MICROSECOND:.4g} us after the last sample{held}"
+    return ""
+
+
+def channel_findings(fitted: BenchInjector) -> list[Finding]:
+    """One of each channel of which something is stated."""
+    signals = {role: fitted.config.signals.of(role) for role in Role}
+    return [
+        Finding("channels", Level.OK, f"{role}: {said}, undone")
+        for role, signal in signals.items()
+        if (said := _said(signal))
+    ]
+
+
+def _said(signal: SignalConfig) -> str:
+    delay = f"recorded {signal.filter_delay_us:g} us late" if signal.filter_delay_us else ""
+    slow = f"sensor with a lag of {signal.lag_us:g} us" if signal.lag_us else ""
+    return ", ".join(filter(None, (delay, slow)))

@@ -128,8 +128,7 @@ def check(
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.check.checkup import Level, as_json_document, as_table, checkup, of_each
-    from observer_rt.check.log import log_findings
-    from observer_rt.check.recording import recording_findings
+    from observer_rt.check.recording import log_findings, recording_findings
 
     chosen = load_bench(bench, model, lenient).of(injector)
     findings = checkup(chosen, state)

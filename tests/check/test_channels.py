@@ -1,7 +1,7 @@
 """What `check` says of delays and lags."""
 
-from observer_rt.check.channels import channel_findings
 from observer_rt.check.findings import Level
+from observer_rt.check.mapping import channel_findings
 from observer_rt.check.observer import observer_findings
 from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import Role

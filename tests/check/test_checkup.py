@@ -10,9 +10,9 @@ import pytest
 from rich.console import Console
 
 from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.check.buses import expected_load
 from observer_rt.check.checkup import Finding, Level, as_json_document, as_table, checkup
-from observer_rt.check.host import Host, compiled_code_findings, real_time_findings
-from observer_rt.check.load import expected_load
+from observer_rt.check.machine import Host, compiled_code_findings, real_time_findings
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.foundation.compilation import CompiledCode
 from observer_rt.service.processors import Processors

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.check.findings import Finding, Level
-from observer_rt.check.interface import (
+from observer_rt.check.machine import (
     BitTiming,
     Controller,
     controller_in,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.findings import Finding, Level
-from observer_rt.check.time import time_findings
+from observer_rt.check.mapping import time_findings
 from observer_rt.config.bench import load_bench
 from tests.service.time_frames import write_time_bench
 from tests.service.time_scenarios import NIBBLE, ONE_BASE, SLOW, STAMPS, TWO_BASES, slow

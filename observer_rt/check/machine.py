@@ -1,7 +1,9 @@
-"""Findings about a SocketCAN interface, as the kernel describes it. No socket is opened on it."""
+"""Findings about the machine: real-time rights, memory, processors, compiled code, its SocketCAN interfaces."""
 
 import json
+import os
 import subprocess
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,11 @@ from typing import Any
 from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
 from observer_rt.check.findings import Finding, Level, graded
 from observer_rt.config.links import LinkConfig
+from observer_rt.foundation.compilation import CompiledCode
+from observer_rt.service.processors import REMEDY, Processors, processors
+from observer_rt.service.rights import PRIORITY, Rights, rights
 
+PROCESSORS = 2  # one for the loop, one for learning
 SHORTEST_QUEUE = 100  # frames
 RATE_TOLERANCE = 0.005  # of a bit rate: CAN nodes of a bus may differ by less
 NETWORK = Path("/sys/class/net")
@@ -17,6 +23,54 @@ TOPIC = "interface"
 _INTERFACE_IS_UP = 1  # IFF_UP
 _IP_TIMEOUT = 5.0  # s
 _SILENT_MODES = ("LISTEN-ONLY", "LOOPBACK")
+
+
+@dataclass(frozen=True)
+class Host:
+    """What the machine grants this process."""
+
+    rights: Rights
+    swap_in_use: bool
+    processors: int
+    loops: Processors
+
+
+def this_host(cpus: Sequence[int] | None = None, loops: int = 1) -> Host:
+    """The machine this runs on; cpus: asked for by the bench file, for so many loops."""
+    swaps = Path("/proc/swaps")
+    return Host(
+        rights=rights(),
+        swap_in_use=swaps.exists() and len(swaps.read_text().splitlines()) > 1,  # the first line is a heading
+        processors=len(os.sched_getaffinity(0)),
+        loops=processors(cpus, loops),
+    )
+
+
+def compiled_code_findings(code: CompiledCode) -> list[Finding]:
+    """Whether what is compiled once is still there at the next start."""
+    text = code.trouble or f"kept in {code.folder}"
+    return [graded("compiled code", not code.trouble, text, code.remedy)]
+
+
+def real_time_findings(host: Host) -> list[Finding]:
+    """Whether the loop can be expected to keep up."""
+    may_hurry, may_lock, processors = host.rights.may_hurry, host.rights.may_lock_memory, host.processors
+    hurried = f"the loop gets real-time priority {PRIORITY}"
+    taskset = (
+        f"loop and learning want {PROCESSORS}: taskset --cpu-list 0-{PROCESSORS - 1} COMMAND, where there are"
+    )
+    here = "in this shell: sudo prlimit --pid $$"
+    swapping = "swap in use, which can stop the loop for long"
+    rules = (
+        (may_hurry, hurried, "no real-time priority allowed", f"{here} --rtprio=99"),
+        (may_lock, "memory is locked", "memory may not be locked", f"{here} --memlock=unlimited"),
+        (not host.swap_in_use, "no swap", swapping, "sudo swapoff --all"),
+        (processors >= PROCESSORS, *(f"{processors} processor(s)",) * 2, taskset),
+        (not host.loops.trouble, host.loops.as_text(), host.loops.trouble, REMEDY),
+    )
+    return [
+        graded("real time", is_good, good if is_good else bad, remedy) for is_good, good, bad, remedy in rules
+    ]
 
 
 @dataclass(frozen=True)

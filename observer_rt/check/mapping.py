@@ -1,6 +1,6 @@
 """Findings about an injector's signals on the buses: messages, ranges, sampling, how their samples join, delays."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -12,10 +12,10 @@ from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.signal_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.bus.mapping.timing import TOLERANCE, Joining, Numbering
 from observer_rt.check.energizing import energizing_findings
-from observer_rt.check.findings import Finding, Level, graded
+from observer_rt.check.findings import Finding, Said, graded, ruled
 from observer_rt.check.optional_inputs import slow_findings
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
-from observer_rt.config.signals import Role, SignalConfig
+from observer_rt.config.signals import Role
 from observer_rt.foundation.units import (
     LENGTH_UNITS,
     MEGAPASCAL,
@@ -77,16 +77,16 @@ def _unit(role: Role, factor: float) -> str:
     return named or f"units of {factor:g} {next(iter(units))}"
 
 
-def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:
+@ruled("sampling")
+def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> Iterator[Said]:
     rate = fitted.config.sampling.rate_hz
-    findings = [Finding("sampling", Level.OK, f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns")]
+    yield f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns"
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
         expected = 1e9 * float(message_timing(bus, number)["interval"])
-        findings += _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
+        yield from _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
     if bus.rate is not None and not _is_shipped(known, bus.rate.layout.name):
-        findings += _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
-    return findings
+        yield from _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
 
 
 def _is_shipped(known: Sequence[KnownMessage], name: str) -> bool:
@@ -94,53 +94,43 @@ def _is_shipped(known: Sequence[KnownMessage], name: str) -> bool:
     return next(message.path for message in known if message.name == name).parent == PACKAGE_DATA
 
 
-def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) -> list[Finding]:
+def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) -> Iterator[Said]:
     """What the database says of the time between samples [ns], which `expected` is by the bench file.
 
     samples: of every role that `frames` frames together carry.
     """
-    findings = []
     period = layout.sample_period_ns
     if period is not None and abs(period - expected) > PERIOD_TOLERANCE:
-        findings.append(
-            f"{layout.name} states a sample period of {period} ns in the bus database; "
-            f"set sampling.rate_hz = {1e9 / period:g}, or its SamplePeriodNs to {expected:.0f}"
+        yield (
+            False,
+            f"{layout.name} states a sample period of {period} ns in the bus database",
+            f"set sampling.rate_hz = {1e9 / period:g}, or its SamplePeriodNs to {expected:.0f}",
         )
     cycle = layout.cycle_time_ns
     if period is None and cycle is not None and abs(cycle * frames - samples * expected) > CYCLE_TOLERANCE:
-        findings.append(
-            f"{layout.name} states a cycle time of {cycle / 1e6:g} ms in the bus database, which means "
-            f"{1e9 * samples / (cycle * frames):g} Hz; correct sampling.rate_hz or its GenMsgCycleTime"
-        )
+        meant = f"which means {1e9 * samples / (cycle * frames):g} Hz"
+        text = f"{layout.name} states a cycle time of {cycle / 1e6:g} ms in the bus database, {meant}"
+        yield False, text, "correct sampling.rate_hz or its GenMsgCycleTime"
     if layout.samples_per_frame not in (None, samples):
-        findings.append(
-            f"{layout.name} states {layout.samples_per_frame} samples a frame in the bus database, "
-            f"{samples} are named; name them all, or correct its SamplesPerFrame"
-        )
-    return [Finding("sampling", Level.WARNING, text) for text in findings]
+        stated = f"{layout.name} states {layout.samples_per_frame} samples a frame in the bus database"
+        yield False, f"{stated}, {samples} are named", "name them all, or correct its SamplesPerFrame"
 
 
-def time_findings(bus: BusMap) -> list[Finding]:
+@ruled("time")
+def time_findings(bus: BusMap) -> Iterator[Said]:
     """One finding for each input message, warnings where something of its time cannot be seen."""
-    findings = []
     for stream, timing in enumerate(bus.inputs.timing):
         name = bus.name_of(layout_of(bus, stream))
-        text = f"{name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
-        findings.append(Finding("time", Level.OK, text))
+        yield f"{name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
         if timing["numbering"] == Numbering.STAMPS:
-            text = (
-                f"{name} has neither index nor counter: lost frames are seen, and results valid, only while its "
-                "jitter stays below a quarter of its cycle; name its counter, if it has one"
-            )
-            findings.append(Finding("time", Level.WARNING, text))
+            seen = "lost frames are seen, and results valid, only while its jitter stays below a quarter of its cycle"
+            yield False, f"{name} has neither index nor counter: {seen}", "name its counter, if it has one"
     if any(timing["joining"] == Joining.CLOCK for timing in bus.inputs.timing):
-        text = (
+        yield (
             f"two time bases: not valid while more than {TOLERANCE / MICROSECOND:g} us between line pressure and "
             f"lift are unknown ({TOLERANCE * LINE_SLOPE / MEGAPASCAL:.2g} MPa); the stamps must be the bus's "
             "(hardware or kernel), an adapter that hands frames over in batches cannot tell"
         )
-        findings.append(Finding("time", Level.OK, text))
-    return findings
 
 
 def _joined(timing: np.void) -> str:
@@ -157,17 +147,12 @@ def _joined(timing: np.void) -> str:
     return ""
 
 
-def channel_findings(fitted: BenchInjector) -> list[Finding]:
-    """One of each channel of which something is stated."""
-    signals = {role: fitted.config.signals.of(role) for role in Role}
-    return [
-        Finding("channels", Level.OK, f"{role}: {said}, undone")
-        for role, signal in signals.items()
-        if (said := _said(signal))
-    ]
-
-
-def _said(signal: SignalConfig) -> str:
-    delay = f"recorded {signal.filter_delay_us:g} us late" if signal.filter_delay_us else ""
-    slow = f"sensor with a lag of {signal.lag_us:g} us" if signal.lag_us else ""
-    return ", ".join(filter(None, (delay, slow)))
+@ruled("channels")
+def channel_findings(fitted: BenchInjector) -> Iterator[Said]:
+    """One of each channel of which something is stated: its delays and lags, and what is made of them."""
+    for role in Role:
+        signal = fitted.config.signals.of(role)
+        delay = f"recorded {signal.filter_delay_us:g} us late" if signal.filter_delay_us else ""
+        slow = f"sensor with a lag of {signal.lag_us:g} us" if signal.lag_us else ""
+        if delay or slow:
+            yield f"{role}: {', '.join(filter(None, (delay, slow)))}, undone"

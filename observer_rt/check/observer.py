@@ -1,8 +1,9 @@
 """Findings about an injector's observer: integration, gain, dead band, look-ahead, events, training."""
 
 import math
+from collections.abc import Iterator
 
-from observer_rt.check.findings import Finding, Level, failed, graded
+from observer_rt.check.findings import Finding, Level, Said, failed, graded, ruled
 from observer_rt.check.optional_inputs import fuel_findings
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.channels import effects_after_alignment
@@ -60,19 +61,20 @@ def _steps(fitted: BenchInjector, substeps: int) -> str:
     )
 
 
-def _fitted_model(fitted: BenchInjector) -> list[Finding]:
+@ruled("fitted model")
+def _fitted_model(fitted: BenchInjector) -> Iterator[Said]:
     """What the injector's file remembers of being fitted; nothing where it was not."""
-    baseline, topic = fitted.parameters.baseline, "fitted model"
+    baseline = fitted.parameters.baseline
     if baseline is None:
-        return []
+        return
     doubt = doubt_about_fit(fitted)
     if doubt is not None:
-        return [graded(topic, False, doubt.text, doubt.remedy)]
-    text = (
+        yield False, doubt.text, doubt.remedy
+        return
+    yield (
         f"{fitted.parameters_path.name}: adequate, by {baseline.injections} healthy injections at "
         f"{baseline.sample_rate_Hz:g} Hz; {_LEVEL[baseline.level]}"
     )
-    return [Finding(topic, Level.OK, text)]
 
 
 def _observer(fitted: BenchInjector) -> list[Finding]:

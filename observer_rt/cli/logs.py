@@ -1,12 +1,15 @@
 """Commands between files and buses: `replay`, `record` and `convert`."""
 
 import json
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
+from rich.live import Live
+from rich.text import Text
 
 from observer_rt.cli.options import (
     CLASSIC_ONLY,
@@ -14,6 +17,7 @@ from observer_rt.cli.options import (
     BenchOption,
     DecoderOption,
     EffectsOption,
+    ForceOption,
     FromChannelOption,
     InjectorOption,
     JsonOption,
@@ -23,11 +27,14 @@ from observer_rt.cli.options import (
     file_option,
     link_option,
 )
-from observer_rt.config.bench import EXAMPLE_BENCH
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.links import of_links, refuse_shared_channels
+from observer_rt.terminal.console import say
+from observer_rt.terminal.destinations import check_folder
+from observer_rt.terminal.stop import stop_on_signals
 
 if TYPE_CHECKING:
-    from observer_rt.config.bench import Bench
+    from observer_rt.recording.record.recorder import RecordStatistics
 
 ChannelOption = Annotated[
     list[str] | None,
@@ -80,7 +87,6 @@ def replay(
     effects: EffectsOption = None,
 ) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
-    from observer_rt.config.bench import load_bench
     from observer_rt.recording.replay.command import ReplayOptions, replay_onto
 
     chosen = _with_links(load_bench(bench, lenient=lenient).of(injector), interface, channel)
@@ -107,20 +113,40 @@ def record(
     rotate_time: Annotated[
         float | None, typer.Option("--rotate-time", help="Begin a new file after this time [s].", min=0.001)
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that are there already.")] = False,
+    force: ForceOption = False,
     as_json: JsonOption = False,
     effects: EffectsOption = None,
 ) -> None:
     """Write every frame of the bench's buses into a log, until stopped; how many were lost is noted in it."""
-    from observer_rt.config.bench import load_bench
-    from observer_rt.recording.record.command import record_buses
-    from observer_rt.recording.record.recorder import RecordLimits
+    from observer_rt.bus.links.open import open_link
+    from observer_rt.recording.record.recorder import RecordLimits, check_recording_path
+    from observer_rt.recording.record.recorder import record as record_links
 
     limits = RecordLimits(
         duration, frames, None if rotate_size is None else round(rotate_size * MEGABYTE), rotate_time
     )
-    links = _with_links(load_bench(bench), interface, channel).config.buses
-    statistics = record_buses(links, out, limits, force, messages)
+    buses = _with_links(load_bench(bench), interface, channel).config.buses
+    check_recording_path(out, limits, force)
+    check_folder("--out", out.absolute().parent)
+    channels = [bus.config.channel for bus in buses]
+    names = [
+        bus.name if channels.count(bus.config.channel) > 1 and bus.name else bus.config.channel
+        for bus in buses
+    ]
+    with (
+        stop_on_signals() as stop,
+        ExitStack() as stack,
+        Live(console=messages, auto_refresh=False, transient=True) as live,
+    ):
+        links = [
+            stack.enter_context(
+                open_link(link.interface, link.channel, link.fd, computer_time=len(buses) > 1)
+            )
+            for link in (bus.config for bus in buses)
+        ]
+        say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
+        further = list(zip(links[1:], names[1:], strict=True))
+        statistics = record_links(links[0], names[0], out, limits, stop, _Line(live, messages), further)
     print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
 
 
@@ -148,7 +174,7 @@ def convert(
     print(convert_file(recording, target, chosen, from_channel or (), force, messages))
 
 
-def _with_links(bench: "Bench", interfaces: list[str] | None, channels: list[str] | None) -> "Bench":
+def _with_links(bench: Bench, interfaces: list[str] | None, channels: list[str] | None) -> Bench:
     """The bench with the interfaces and channels of the command line."""
     config = bench.config
     changes: dict[int, dict[str, str]] = {}
@@ -163,3 +189,22 @@ def _with_links(bench: "Bench", interfaces: list[str] | None, channels: list[str
     config = config.model_copy(update={"link": link, "links": links})
     refuse_shared_channels("--channel: ", config.buses)
     return replace(bench, config=config)
+
+
+class _Line:
+    """Frames so far, and how many came in a second of late; on a terminal only."""
+
+    def __init__(self, live: Live, console: Console) -> None:
+        self._live = live if console.is_terminal else None
+        self._frames = 0
+        self._moment = 0.0
+
+    def __call__(self, so_far: "RecordStatistics") -> None:
+        if self._live is None:
+            return
+        passed = so_far.duration - self._moment
+        rate = (so_far.frames - self._frames) / passed if passed else 0.0
+        self._frames, self._moment = so_far.frames, so_far.duration
+        name = so_far.files[-1].name if so_far.files else "waiting for frames"
+        line = f"{name}: {so_far.frames} frames, {rate:.0f} a second, {so_far.lost} lost, {so_far.duration:.0f} s"
+        self._live.update(Text(line), refresh=True)

@@ -1,8 +1,10 @@
 """Commands between files and buses: `replay`, `record` and `convert`."""
 
 import json
+import math
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,7 +31,8 @@ from observer_rt.cli.options import (
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.links import of_links, refuse_shared_channels
-from observer_rt.terminal.console import say
+from observer_rt.foundation.errors import UserError
+from observer_rt.terminal.console import progress_bar, say
 from observer_rt.terminal.destinations import check_folder
 from observer_rt.terminal.stop import stop_on_signals
 
@@ -87,15 +90,42 @@ def replay(
     effects: EffectsOption = None,
 ) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
-    from observer_rt.recording.replay.command import ReplayOptions, replay_onto
+    from observer_rt.bus.links.open import open_link
+    from observer_rt.recording.formats import is_log
+    from observer_rt.recording.replay.player import play
+    from observer_rt.recording.replay.remapping import (
+        channel_map,
+        identifier_map,
+        remapped,
+        remapped_identifiers,
+    )
+    from observer_rt.recording.replay.sources import log_source, recording_source
+    from observer_rt.recording.replay.traffic import refuse_traffic
 
     chosen = _with_links(load_bench(bench, lenient=lenient).of(injector), interface, channel)
-    options = ReplayOptions(speed, loop, start, stop, windowed, map_id or (), map_channel or (), force)
-    statistics = replay_onto(chosen, recording, options, messages)
-    if as_json:
-        print(json.dumps(statistics.as_json(), indent=2))
+    channels, identifiers = channel_map(map_channel or ()), identifier_map(map_id or ())
+    if is_log(recording):
+        if windowed:
+            raise UserError("--windowed", "a log is sent as it was recorded", "leave out --windowed")
+        source = log_source(chosen, recording, channels, start, stop, loop, messages)
     else:
-        print(statistics.as_text())
+        source = recording_source(chosen, recording, windowed, start, stop, loop, messages)
+        if channels:
+            raise UserError("--map-channel", f"{recording} is no CAN log: it has no channels", "leave it out")
+    sent = remapped_identifiers(source.identifiers, identifiers)
+    total = source.extent.duration * loop if loop else None
+    with stop_on_signals() as stopped, ExitStack() as stack:
+        if not force:
+            refuse_traffic(source.buses, sent, stopped)
+        links = {
+            number: stack.enter_context(open_link(config.interface, config.channel, config.fd, []))
+            for number, config in source.buses.items()
+        }
+        progress = stack.enter_context(progress_bar(messages, f"replaying {recording.name}", total))
+        frames = remapped(source.frames, identifiers)
+        first = min(links.items())[1]
+        statistics = play(frames, first, speed or math.inf, progress, stopped, links, partial(say, messages))
+    print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
 
 
 def record(

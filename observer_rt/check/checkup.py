@@ -1,29 +1,54 @@
 """Everything that can be said of a bench before it runs, without touching the bus."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from observer_rt.bus.database.lookup import database_hash
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.check.buses import buses_findings
-from observer_rt.check.channels import channel_findings
-from observer_rt.check.findings import Finding, Level, as_json_document, as_table, failed, graded
-from observer_rt.check.host import compiled_code_findings, real_time_findings, this_host
-from observer_rt.check.interface import interface_findings, read_controller
-from observer_rt.check.mapping import mapping_findings
-from observer_rt.check.model import plausibility_findings
+from observer_rt.check.findings import Finding, Level, Said, as_json_document, as_table, failed, ruled
+from observer_rt.check.machine import (
+    compiled_code_findings,
+    interface_findings,
+    read_controller,
+    real_time_findings,
+    this_host,
+)
+from observer_rt.check.mapping import channel_findings, mapping_findings, time_findings
 from observer_rt.check.observer import observer_findings
-from observer_rt.check.time import time_findings
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_hash import file_hash
-from observer_rt.model.parameters import EffectValue
+from observer_rt.foundation.units import CUBIC_MILLIMETRE, MILLIMETRE
+from observer_rt.model.parameters import InjectorParameters
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.state_file import StateDoesNotFitError, load_knowledge, model_hash
 
 __all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup", "of_each"]
+
+# Generous bounds, from small car injectors to those of large ships: what lies beyond is most often a value in
+# other units than SI. Section, key, lowest, highest, unit.
+_PLAUSIBLE = (
+    ("fluid", "density_line", 600.0, 1_100.0, "kg/m3"),
+    ("fluid", "density_nozzle", 600.0, 1_100.0, "kg/m3"),
+    ("fluid", "bulk_modulus_line", 0.5e9, 5e9, "Pa"),
+    ("fluid", "bulk_modulus_sac", 0.5e9, 5e9, "Pa"),
+    ("fluid", "vapour_pressure", 0.0, 1e6, "Pa"),
+    ("line", "length", 10 * MILLIMETRE, 5.0, "m"),
+    ("line", "diameter", 0.5 * MILLIMETRE, 30 * MILLIMETRE, "m"),
+    ("line", "volume", 10 * CUBIC_MILLIMETRE, 1e6 * CUBIC_MILLIMETRE, "m3"),
+    ("line", "loss_factor", 0.0, 1e3, "-"),
+    ("seat", "flow_coefficient", 0.1, 1.0, "-"),
+    ("seat", "diameter", 0.5 * MILLIMETRE, 20 * MILLIMETRE, "m"),
+    ("seat", "cone_angle", 20.0, 120.0, "deg"),
+    ("seat", "max_lift", 0.02 * MILLIMETRE, 3 * MILLIMETRE, "m"),
+    ("nozzle", "flow_coefficient", 0.1, 1.0, "-"),
+    ("nozzle", "hole_diameter", 0.03 * MILLIMETRE, 2 * MILLIMETRE, "m"),
+    ("nozzle", "sac_volume", 0.05 * CUBIC_MILLIMETRE, 1e3 * CUBIC_MILLIMETRE, "m3"),
+    ("chamber", "pressure", 0.0, 40e6, "Pa"),
+)
 
 
 def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
@@ -67,64 +92,66 @@ def _each(bench: Bench, found: Callable[[BenchInjector], list[Finding]]) -> list
     return of_each(bench, lambda alone: found(alone.injector))
 
 
-def _files(bench: Bench) -> list[Finding]:
-    findings = [Finding("files", Level.OK, f"bench {bench.path}")]
+@ruled("files")
+def _files(bench: Bench) -> Iterator[Said]:
+    yield f"bench {bench.path}"
     names = ", ".join(str(path) for path in bench.databases)
-    try:
-        text = f"bus database {names}, hash {database_hash(bench.databases):08X}"
-        findings.append(Finding("files", Level.OK, text))
-    except UserError as error:
-        findings.append(failed("files", error))
-    return findings
+    yield f"bus database {names}, hash {database_hash(bench.databases):08X}"
 
 
 def _injector(fitted: BenchInjector, state: Path | None) -> list[Finding]:
     """The injector's own files, and whether an injector can be like that."""
-    parameters = fitted.parameters
-    path = fitted.parameters_path
-    values = model_hash(parameters)
-    findings = [
-        Finding("files", Level.OK, f"injector {path}, SHA-256 {file_hash(path)}"),
-        Finding(
-            "files",
-            Level.OK,
-            f"its values, however they are written, SHA-256 {values}; ModelHash on the bus is {values[:8].upper()}",
-        ),
-        *_effects(fitted),
-    ]
-    if state is not None:
-        findings.append(_state(fitted, state))
-    return findings + plausibility_findings(parameters)
+    kept = [] if state is None else _state(fitted, state)
+    return [*_injector_file(fitted), *_effects(fitted), *kept, *plausibility_findings(fitted.parameters)]
 
 
-def _state(fitted: BenchInjector, path: Path) -> Finding:
+@ruled("files")
+def _injector_file(fitted: BenchInjector) -> Iterator[Said]:
+    yield f"injector {fitted.parameters_path}, SHA-256 {file_hash(fitted.parameters_path)}"
+    values = model_hash(fitted.parameters)
+    yield f"its values, however they are written, SHA-256 {values}; ModelHash on the bus is {values[:8].upper()}"
+
+
+@ruled("learned state")
+def _state(fitted: BenchInjector, path: Path) -> Iterator[Said]:
     """What `run` would make of a learned state."""
-    topic = "learned state"
+    refuse_state(fitted, "--state")
+    scale = fitted.parameters.scaling.pressure
     try:
-        refuse_state(fitted, "--state")
-        scale = fitted.parameters.scaling.pressure
         knowledge = load_knowledge(path, model_hash(fitted.parameters), scale, set_aside=False).knowledge
     except StateDoesNotFitError as error:
         remedy = (
             "`run` would set it aside and begin anew: name the model file it belongs to, or another state"
         )
-        return graded(topic, False, f"{error.place} {error.problem}", remedy)
-    except UserError as error:
-        return failed(topic, error)
+        yield False, f"{error.place} {error.problem}", remedy
+        return
     if knowledge is None:
-        return Finding(topic, Level.OK, f"none at {path} yet, `run` begins with the prior")
+        yield f"none at {path} yet, `run` begins with the prior"
+        return
     learned = f"{path}: phi version {knowledge.phi_version}, learned from {knowledge.events} events"
-    return graded(topic, knowledge.events > 0, learned, "`run` will trust its results no sooner for it")
+    yield knowledge.events > 0, learned, "`run` will trust its results no sooner for it"
 
 
-def _effects(fitted: BenchInjector) -> list[Finding]:
+@ruled("effects")
+def _effects(fitted: BenchInjector) -> Iterator[Said]:
     """The effects that the injector file adds to the nominal model."""
-    return [
-        Finding("effects", Level.OK, " ".join([effect.id, *map(_size, effect.parameters.items())]))
-        for effect in fitted.parameters.effects
+    for effect in fitted.parameters.effects:
+        sizes = (
+            f"{name} = {size.value:g}" + ("" if size.unit == "-" else f" {size.unit}")
+            for name, size in effect.parameters.items()
+        )
+        yield " ".join([effect.id, *sizes])
+
+
+@ruled("injector")
+def plausibility_findings(injector: InjectorParameters) -> Iterator[Said]:
+    """A warning for every parameter that no injector has, or one finding that all can be."""
+    odd = [
+        f"{section}.{key} = {value:g} {unit} is beyond what injectors have, {lowest:g} to {highest:g} {unit}"
+        for section, key, lowest, highest, unit in _PLAUSIBLE
+        if not lowest <= (value := getattr(getattr(injector, section), key)) <= highest
     ]
-
-
-def _size(parameter: tuple[str, EffectValue]) -> str:
-    name, size = parameter
-    return f"{name} = {size.value:g}" + ("" if size.unit == "-" else f" {size.unit}")
+    for text in odd:
+        yield False, text, "is it in SI units?"
+    if not odd:
+        yield "every parameter is one an injector can have"

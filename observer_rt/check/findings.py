@@ -1,9 +1,10 @@
 """What a check found, for the screen and for programs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from functools import wraps
+from typing import Any, ParamSpec
 
 from rich.table import Table
 from rich.text import Text
@@ -11,6 +12,7 @@ from rich.text import Text
 from observer_rt.foundation.errors import UserError
 
 SCHEMA = 1
+P = ParamSpec("P")
 
 
 class Level(StrEnum):
@@ -35,6 +37,41 @@ class Finding:
     """What a command raises that does not go on with it."""
 
 
+Said = str | tuple[bool, str, str] | UserError | Finding
+"""What a rule says: that all is well; whether it is, with a text and a remedy; an error; or a finding as it is."""
+
+
+def ruled(topic: str) -> Callable[[Callable[P, Iterator[Said]]], Callable[P, list[Finding]]]:
+    """Walk through the rules of a topic: what they say becomes findings, an error they raise the last one."""
+
+    def decorate(rules: Callable[P, Iterator[Said]]) -> Callable[P, list[Finding]]:
+        @wraps(rules)
+        def walk(*arguments: P.args, **options: P.kwargs) -> list[Finding]:
+            findings = []
+            try:
+                for said in rules(*arguments, **options):
+                    findings.append(_finding(topic, said))
+            except UserError as error:
+                findings.append(failed(topic, error))
+            return findings
+
+        return walk
+
+    return decorate
+
+
+def _finding(topic: str, said: Said) -> Finding:
+    match said:
+        case Finding():
+            return said
+        case str():
+            return Finding(topic, Level.OK, said)
+        case UserError():  # of the bench file, which is known: its text says no place
+            return Finding(topic, Level.ERROR, _said(said), said)
+        case is_good, text, remedy:
+            return graded(topic, is_good, text, remedy)
+
+
 def graded(topic: str, is_good: bool, text: str, remedy: str = "") -> Finding:
     """A finding that is OK, or else a warning with its remedy."""
     if is_good:
@@ -45,11 +82,6 @@ def graded(topic: str, is_good: bool, text: str, remedy: str = "") -> Finding:
 def failed(topic: str, error: UserError) -> Finding:
     """The finding that a file of the user must change."""
     return Finding(topic, Level.ERROR, f"{error.place}: {_said(error)}", error)
-
-
-def refused(topic: str, error: UserError) -> Finding:
-    """The same, of a bench file that is known: its text says no place."""
-    return Finding(topic, Level.ERROR, _said(error), error)
 
 
 def _said(error: UserError) -> str:

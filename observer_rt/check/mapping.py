@@ -1,26 +1,41 @@
-"""Findings about what one injector has on the buses: which messages carry it, with which range, how often sampled."""
+"""Findings about an injector's signals on the buses: messages, ranges, sampling, how their samples join, delays."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from observer_rt.bus.alignment.message_timing import LINE_SLOPE
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bench_map import KnownMessage
-from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.signal_range import message_of, role_factor, role_range, role_resolution
+from observer_rt.bus.mapping.timing import TOLERANCE, Joining, Numbering
 from observer_rt.check.energizing import energizing_findings
-from observer_rt.check.findings import Finding, Level, graded
+from observer_rt.check.findings import Finding, Said, graded, ruled
 from observer_rt.check.optional_inputs import slow_findings
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import Role
-from observer_rt.foundation.units import LENGTH_UNITS, MEGAPASCAL, MICROMETRE, PRESSURE_UNITS
+from observer_rt.foundation.units import (
+    LENGTH_UNITS,
+    MEGAPASCAL,
+    MICROMETRE,
+    MICROSECOND,
+    MILLISECOND,
+    PRESSURE_UNITS,
+)
 from observer_rt.recording.replay.framing import message_timing
 from observer_rt.service.compiled.constants import configured_noise
 
 HIGHEST_PRESSURE = 200 * MEGAPASCAL
 PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take
 CYCLE_TOLERANCE = 0.5e6  # ns, what rounding to whole milliseconds may take
+_NUMBERED = {
+    Numbering.INDEX: "by its sample index",
+    Numbering.COUNTER: "counted by its counter and receive stamps",
+    Numbering.E2E_COUNTER: "counted by its E2E counter and receive stamps",
+    Numbering.STAMPS: "counted by receive stamps",
+}
 
 
 def mapping_findings(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:
@@ -62,16 +77,16 @@ def _unit(role: Role, factor: float) -> str:
     return named or f"units of {factor:g} {next(iter(units))}"
 
 
-def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:
+@ruled("sampling")
+def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> Iterator[Said]:
     rate = fitted.config.sampling.rate_hz
-    findings = [Finding("sampling", Level.OK, f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns")]
+    yield f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns"
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
         expected = 1e9 * float(message_timing(bus, number)["interval"])
-        findings += _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
+        yield from _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
     if bus.rate is not None and not _is_shipped(known, bus.rate.layout.name):
-        findings += _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
-    return findings
+        yield from _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
 
 
 def _is_shipped(known: Sequence[KnownMessage], name: str) -> bool:
@@ -79,27 +94,65 @@ def _is_shipped(known: Sequence[KnownMessage], name: str) -> bool:
     return next(message.path for message in known if message.name == name).parent == PACKAGE_DATA
 
 
-def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) -> list[Finding]:
+def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) -> Iterator[Said]:
     """What the database says of the time between samples [ns], which `expected` is by the bench file.
 
     samples: of every role that `frames` frames together carry.
     """
-    findings = []
     period = layout.sample_period_ns
     if period is not None and abs(period - expected) > PERIOD_TOLERANCE:
-        findings.append(
-            f"{layout.name} states a sample period of {period} ns in the bus database; "
-            f"set sampling.rate_hz = {1e9 / period:g}, or its SamplePeriodNs to {expected:.0f}"
+        yield (
+            False,
+            f"{layout.name} states a sample period of {period} ns in the bus database",
+            f"set sampling.rate_hz = {1e9 / period:g}, or its SamplePeriodNs to {expected:.0f}",
         )
     cycle = layout.cycle_time_ns
     if period is None and cycle is not None and abs(cycle * frames - samples * expected) > CYCLE_TOLERANCE:
-        findings.append(
-            f"{layout.name} states a cycle time of {cycle / 1e6:g} ms in the bus database, which means "
-            f"{1e9 * samples / (cycle * frames):g} Hz; correct sampling.rate_hz or its GenMsgCycleTime"
-        )
+        meant = f"which means {1e9 * samples / (cycle * frames):g} Hz"
+        text = f"{layout.name} states a cycle time of {cycle / 1e6:g} ms in the bus database, {meant}"
+        yield False, text, "correct sampling.rate_hz or its GenMsgCycleTime"
     if layout.samples_per_frame not in (None, samples):
-        findings.append(
-            f"{layout.name} states {layout.samples_per_frame} samples a frame in the bus database, "
-            f"{samples} are named; name them all, or correct its SamplesPerFrame"
+        stated = f"{layout.name} states {layout.samples_per_frame} samples a frame in the bus database"
+        yield False, f"{stated}, {samples} are named", "name them all, or correct its SamplesPerFrame"
+
+
+@ruled("time")
+def time_findings(bus: BusMap) -> Iterator[Said]:
+    """One finding for each input message, warnings where something of its time cannot be seen."""
+    for stream, timing in enumerate(bus.inputs.timing):
+        name = bus.name_of(layout_of(bus, stream))
+        yield f"{name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
+        if timing["numbering"] == Numbering.STAMPS:
+            seen = "lost frames are seen, and results valid, only while its jitter stays below a quarter of its cycle"
+            yield False, f"{name} has neither index nor counter: {seen}", "name its counter, if it has one"
+    if any(timing["joining"] == Joining.CLOCK for timing in bus.inputs.timing):
+        yield (
+            f"two time bases: not valid while more than {TOLERANCE / MICROSECOND:g} us between line pressure and "
+            f"lift are unknown ({TOLERANCE * LINE_SLOPE / MEGAPASCAL:.2g} MPa); the stamps must be the bus's "
+            "(hardware or kernel), an adapter that hands frames over in batches cannot tell"
         )
-    return [Finding("sampling", Level.WARNING, text) for text in findings]
+
+
+def _joined(timing: np.void) -> str:
+    joining = Joining(int(timing["joining"]))
+    if joining is Joining.RATIO:
+        return f", every {timing['steps']}th sample; held at most {timing['hold'] / MILLISECOND:g} ms"
+    if joining is Joining.NEAREST:
+        return (
+            f", nearest sample of the same time base; stamps {timing['delay'] / MICROSECOND:.4g} us after it"
+        )
+    if joining is Joining.CLOCK:
+        held = f", held at most {timing['hold'] / MILLISECOND:g} ms" if timing["steps"] > 1 else ""
+        return f"; by its clock, stamps {timing['delay'] / MICROSECOND:.4g} us after the last sample{held}"
+    return ""
+
+
+@ruled("channels")
+def channel_findings(fitted: BenchInjector) -> Iterator[Said]:
+    """One of each channel of which something is stated: its delays and lags, and what is made of them."""
+    for role in Role:
+        signal = fitted.config.signals.of(role)
+        delay = f"recorded {signal.filter_delay_us:g} us late" if signal.filter_delay_us else ""
+        slow = f"sensor with a lag of {signal.lag_us:g} us" if signal.lag_us else ""
+        if delay or slow:
+            yield f"{role}: {', '.join(filter(None, (delay, slow)))}, undone"

@@ -1,13 +1,13 @@
 """Findings about an injector's observer: integration, gain, dead band, look-ahead, events, training."""
 
 import math
+from collections.abc import Iterator
 
-from observer_rt.check.findings import Finding, Level, failed, graded
+from observer_rt.check.findings import Finding, Level, Said, graded, ruled
 from observer_rt.check.optional_inputs import fuel_findings
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.channels import effects_after_alignment
 from observer_rt.estimation.gain import gain_schedule
-from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
 from observer_rt.model.effects import effective_model
 from observer_rt.model.line.wave import steps_over
@@ -32,47 +32,49 @@ _LEVEL = {
 
 def observer_findings(fitted: BenchInjector) -> list[Finding]:
     """All findings about the observer of an injector; there is none with too many cells to be stable."""
-    try:
-        substeps = bench_constants(fitted).substeps
-    except UserError as error:
-        staggered = effective_model(fitted.parameters).coefficients.line.staggered
-        observer = [] if staggered else _observer(fitted)
-        return [failed("integration", error), *_fitted_model(fitted), *observer]
-    integration = Finding("integration", Level.OK, _steps(fitted, substeps))
-    return [integration, *fuel_findings(fitted), *_fitted_model(fitted), *_observer(fitted)]
+    integration = _integration(fitted)
+    is_stable = integration[0].error is None
+    fuel = fuel_findings(fitted) if is_stable else []
+    staggered = effective_model(fitted.parameters).coefficients.line.staggered
+    observer = _observer(fitted) if is_stable or not staggered else []
+    return [*integration, *fuel, *_fitted_model(fitted), *observer]
 
 
-def _steps(fitted: BenchInjector, substeps: int) -> str:
+@ruled("integration")
+def _integration(fitted: BenchInjector) -> Iterator[Said]:
     """How a sample is integrated, and how near the limits that is."""
+    substeps = bench_constants(fitted).substeps
     model, rate = effective_model(fitted.parameters), fitted.config.sampling.rate_hz
     line = model.coefficients.line
     if not line.staggered:
         fastest = fastest_rate(model.injector, model.departures)
-        return (
+        yield (
             f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {rate:g} Hz, for a fastest rate of "
             f"{fastest:.3g} 1/s"
         )
+        return
     steps = steps_over(1.0 / rate)
     step = 1.0 / (rate * steps)
-    return (
+    yield (
         f"{substeps} steps a sample at {rate:g} Hz; a line of {line.cells:.0f} cells, of which sound crosses "
         f"{line.crossing * step:.2g} in its step of {step / MICROSECOND:.3g} us"
     )
 
 
-def _fitted_model(fitted: BenchInjector) -> list[Finding]:
+@ruled("fitted model")
+def _fitted_model(fitted: BenchInjector) -> Iterator[Said]:
     """What the injector's file remembers of being fitted; nothing where it was not."""
-    baseline, topic = fitted.parameters.baseline, "fitted model"
+    baseline = fitted.parameters.baseline
     if baseline is None:
-        return []
+        return
     doubt = doubt_about_fit(fitted)
     if doubt is not None:
-        return [graded(topic, False, doubt.text, doubt.remedy)]
-    text = (
+        yield False, doubt.text, doubt.remedy
+        return
+    yield (
         f"{fitted.parameters_path.name}: adequate, by {baseline.injections} healthy injections at "
         f"{baseline.sample_rate_Hz:g} Hz; {_LEVEL[baseline.level]}"
     )
-    return [Finding(topic, Level.OK, text)]
 
 
 def _observer(fitted: BenchInjector) -> list[Finding]:
@@ -107,38 +109,31 @@ def _observer(fitted: BenchInjector) -> list[Finding]:
             "lower the noise of the needle lift",
         ),
         Finding("look-ahead", Level.OK, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us"),
-        _event_timing(fitted),
+        *_event_timing(fitted),
         *_paper_training(fitted),
     ]
 
 
-def _event_timing(fitted: BenchInjector) -> Finding:
+@ruled("events")
+def _event_timing(fitted: BenchInjector) -> Iterator[Said]:
     learning = fitted.config.learning
     longest = MAX_EVENT / fitted.config.sampling.rate_hz / MILLISECOND
-    return graded(
-        "events",
-        longest >= 2 * learning.event_gap_ms,
+    text = (
         f"openings within {learning.event_gap_ms:g} ms are one event; a new phi takes force "
         f"{learning.event_gap_ms + learning.learning_delay_ms:g} ms after the needle shuts; learned from events "
-        f"up to {longest:.0f} ms, gap included",
-        "shorten learning.event_gap_ms or sample slower",
+        f"up to {longest:.0f} ms, gap included"
     )
+    yield longest >= 2 * learning.event_gap_ms, text, "shorten learning.event_gap_ms or sample slower"
 
 
-def _paper_training(fitted: BenchInjector) -> list[Finding]:
+@ruled("training")
+def _paper_training(fitted: BenchInjector) -> Iterator[Said]:
     """What is to be said of `training = "paper"`, nothing where it is not used."""
     gain = fitted.config.learning.identification_gain
     if gain is None:
-        return []
-    c = effective_model(fitted.parameters).coefficients
-    try:
-        make_learner(
-            fitted, bench_constants(fitted), no_knowledge(configured_noise(fitted), c.pressure_scale)
-        )
-    except UserError as error:
-        return [failed("training", error)]
-    doubts = doubts_about_gain(gain, c, configured_noise(fitted))
-    return [
-        Finding("training", Level.WARNING, "paper: for comparison only, its results never count as valid"),
-        graded("identification gain", doubts is None, f"{gain:g} 1/s", doubts or ""),
-    ]
+        return
+    c, noise = effective_model(fitted.parameters).coefficients, configured_noise(fitted)
+    make_learner(fitted, bench_constants(fitted), no_knowledge(noise, c.pressure_scale))
+    yield False, "paper: for comparison only, its results never count as valid", ""
+    doubts = doubts_about_gain(gain, c, noise)
+    yield graded("identification gain", doubts is None, f"{gain:g} 1/s", doubts or "")

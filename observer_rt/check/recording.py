@@ -1,10 +1,13 @@
-"""What `check` says of a recording: what is made of its columns, time and units."""
+"""What `check` says of a recording, or of a CAN log: what is made of it, what is missing, how much noise there is."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from observer_rt.check.findings import Finding, Level, failed
+from observer_rt.bus.mapping.timing import TOLERANCE
+from observer_rt.check.findings import Finding, Level, Said, failed, ruled
 from observer_rt.config.bench import Bench
+from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
@@ -12,8 +15,8 @@ from observer_rt.recording.formats import is_log, open_recording
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.plausible import implausible
 from observer_rt.recording.signals.stream import SignalStream
+from observer_rt.service.core.noise import SIGNALS
 
-_TOPIC = "recording"
 _SHOWN = 10  # stretches
 _UNITS = {
     "rail_pressure": ("MPa", MEGAPASCAL),
@@ -23,28 +26,21 @@ _UNITS = {
 }
 
 
-def recording_findings(bench: Bench, path: Path) -> list[Finding]:
+@ruled("recording")
+def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     """Findings about a file of signals, read by the bench's `[recording]` where it is not in our own layout."""
-    try:
-        with file_errors(path):
-            if is_log(path):
-                raise UserError(str(path), "is a CAN log", "look at it by --log")
-            stream = open_recording(path, bench.injector)
-    except UserError as error:
-        return [failed(_TOPIC, error)]
-    findings = [Finding(_TOPIC, Level.OK, line) for line in stream.details or (f"{path}: our own layout",)]
-    findings.append(Finding(_TOPIC, Level.OK, _extent(stream)))
-    findings += [Finding(_TOPIC, Level.WARNING, note) for note in stream.notes]
-    findings += _ranges(stream)
-    findings += [
-        failed(_TOPIC, found.error(path, stream.names.get(found.signal, "")))
-        for found in implausible(stream.survey)
-    ]
-    try:
-        bench_for(bench, stream)
-    except UserError as error:
-        findings.append(failed(_TOPIC, error))
-    return findings
+    with file_errors(path):
+        if is_log(path):
+            raise UserError(str(path), "is a CAN log", "look at it by --log")
+        stream = open_recording(path, bench.injector)
+    yield from stream.details or (f"{path}: our own layout",)
+    yield _extent(stream)
+    for note in stream.notes:
+        yield False, note, ""
+    yield from _ranges(stream)
+    for found in implausible(stream.survey):
+        yield failed("recording", found.error(path, stream.names.get(found.signal, "")))
+    bench_for(bench, stream)
 
 
 def _extent(stream: SignalStream) -> str:
@@ -56,17 +52,52 @@ def _extent(stream: SignalStream) -> str:
     return f"{stream.samples} samples at {stream.sample_rate:g} Hz: {', '.join(parts[:_SHOWN])}{more}"
 
 
-def _ranges(stream: SignalStream) -> Iterator[Finding]:
+def _ranges(stream: SignalStream) -> Iterator[Said]:
     for name, survey in stream.survey.signals.items():
         unit, factor = _UNITS[name]
         if not survey.count:
-            yield Finding(_TOPIC, Level.ERROR, f"{name}: no value at all")
+            yield Finding("recording", Level.ERROR, f"{name}: no value at all")
             continue
         text = (
             f"{name}: {survey.lowest / factor:.4g} to {survey.highest / factor:.4g} {unit}, "
             f"mean {survey.mean / factor:.4g} {unit}"
         )
-        if survey.missing:
-            yield Finding(_TOPIC, Level.WARNING, f"{text}; {survey.missing} values missing")
-        else:
-            yield Finding(_TOPIC, Level.OK, text)
+        yield not survey.missing, text, f"{survey.missing} values missing"
+
+
+@ruled("log")
+def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) -> Iterator[Said]:
+    """Findings about a log of the bench's buses; from_channels: texts of `--from-channel`."""
+    logged = LoggedSignals(bench, path, from_channels)
+    counters = logged.counters
+    text = (
+        f"{logged.path}: {counters.frames} input frames, {counters.samples} samples, "
+        f"{counters.lost_samples} lost, {counters.interpolated_samples} interpolated, "
+        f"{counters.jumps} pauses of the source"
+    )
+    yield counters.lost_samples == 0, text + (f"; {counters.outliers}" if counters.outliers else ""), ""
+    odd = {
+        "with CRC errors": counters.crc_errors,
+        "of wrong length": counters.length_errors,
+        "out of sequence": counters.sequence_errors,
+        "repeated": counters.repeated_frames,
+        "too old": counters.old_frames,
+    }
+    if any(odd.values()):
+        yield False, f"frames {', '.join(f'{count} {what}' for what, count in odd.items() if count)}", ""
+    for note in logged.notes:
+        yield False, note, ""
+    for timing in logged.timing:
+        is_known = timing.unknown == 0.0 or (timing.jitter.frames > 0 and timing.unknown <= TOLERANCE)
+        yield is_known, timing.as_text(), "" if math.isinf(timing.unknown) else "see docs/time.md"
+    noise, stated = logged.standstill.noise, bench.injector.config.noise
+    if noise is not None:
+        yield (
+            f"noise at standstill, bench file in brackets: rail pressure {noise.rail_pressure / MEGAPASCAL:.3f} "
+            f"({stated.rail_pressure_MPa:g}) MPa, line pressure {noise.line_pressure / MEGAPASCAL:.3f} "
+            f"({stated.line_pressure_MPa:g}) MPa, needle lift {noise.needle_lift / MICROMETRE:.2f} "
+            f"({stated.needle_lift_um:g}) um"
+        )
+    for role, slow in logged.slow_noise.items():
+        _, unit, size = SIGNALS[role]
+        yield f"noise of the {role.value.replace('_', ' ')} is not white: {slow.as_text(unit, size)}"

@@ -1,25 +1,21 @@
-"""The command line: which commands there are, errors as messages and exit codes."""
+"""The command line: which commands there are, help in words, errors as messages and exit codes."""
 
+import inspect
 import os
 import sys
-from typing import Annotated, NoReturn
+from collections.abc import Callable
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
+from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from observer_rt import __version__
-from observer_rt.cli.compare import compare
-from observer_rt.cli.discover import discover
-from observer_rt.cli.effects import effects
-from observer_rt.cli.fit import fit
 from observer_rt.cli.fleet import batch, trend
-from observer_rt.cli.help import GroupedCommands, WordedCommand, first_sentence
-from observer_rt.cli.journal import journal
-from observer_rt.cli.live import check, demo, run
+from observer_rt.cli.live import check, demo, journal, monitor, run
 from observer_rt.cli.logs import convert, record, replay
-from observer_rt.cli.monitor import monitor
-from observer_rt.cli.offline import evaluate, simulate
-from observer_rt.cli.reproduce import reproduce
+from observer_rt.cli.models import compare, discover, effects, fit
+from observer_rt.cli.offline import evaluate, reproduce, simulate
 from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.terminal.console import say
@@ -28,6 +24,45 @@ EXIT_CODES = (
     "Exit code: 0 there is a result; 1 it failed at run time, or `check` found an error; "
     "2 the command line or a file of yours must change; 130 it was interrupted."
 )
+NAMES = {"<int>": "N", "<int range>": "N", "<float>": "NUMBER", "<float range>": "NUMBER", "<str>": "TEXT"}
+
+
+class GroupedCommands(TyperGroup):
+    """Commands listed under the headings they were registered with."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a section for each heading, the commands in it in their order."""
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for name in self.list_commands(ctx):
+            command: Any = self.get_command(ctx, name)
+            sections.setdefault(command.rich_help_panel, []).append((name, command.short_help))
+        for heading, rows in sections.items():
+            with formatter.section(heading):
+                formatter.write_dl(rows)
+
+
+class WordedCommand(TyperCommand):
+    """A command whose help names no types of Python."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        for parameter in self.params:
+            _reword(parameter)
+
+
+def _reword(parameter: Any) -> None:
+    """Replace what typer says of the type of an option, or of an argument, whose name says enough."""
+    of_type, is_argument = parameter.display_type, isinstance(parameter, TyperArgument)
+    parameter.display_type = lambda context: (
+        "" if is_argument else NAMES.get(of_type(context), of_type(context))
+    )
+
+
+def first_sentence(command: Callable[..., object]) -> str:
+    """Of a command's docstring, whole: for the list of commands."""
+    return inspect.cleandoc(command.__doc__ or "").split("\n\n")[0].replace("\n", " ")
+
+
 app = typer.Typer(
     cls=GroupedCommands,
     no_args_is_help=True,

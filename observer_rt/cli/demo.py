@@ -8,12 +8,10 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -26,7 +24,6 @@ from observer_rt.config.links import LinkConfig
 from observer_rt.evaluation.curves import RateCurves
 from observer_rt.evaluation.drawing.event_axes import MassRow, Picture
 from observer_rt.evaluation.drawing.figures import plot_injections
-from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.replay.framing import Framer, whole
@@ -36,15 +33,11 @@ from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.screen.shown import Reference
-from observer_rt.service.show import draw
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
-from observer_rt.terminal.compiling import show_compiling
-from observer_rt.terminal.console import results, say
-from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination
 from observer_rt.terminal.stop import stop_on_signals
 
 RAIL_PRESSURES = (60 * MEGAPASCAL, 100 * MEGAPASCAL, 140 * MEGAPASCAL)
@@ -63,29 +56,11 @@ class DemoResult:
     link: str
 
 
-def run_demo(wear: float, injections: int, speed: float, seed: int, figure: Path, console: Console) -> None:
-    """The command: set the scene, show the view, print the table, write the picture."""
-    check_destination("--figure", figure, FIGURE_SUFFIXES)
-    show_compiling(console)
-    say(console, f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...")
-    scene = Demo(wear, injections, seed)
-    say(
-        console,
-        f"replaying them as CAN FD frames over {scene.link.interface} {scene.link.channel} at {speed:g} times real "
-        "time; the observer knows the nominal injector only",
-    )
-    result = scene.run(speed, partial(draw, console=console) if console.is_terminal else _wait)
-    with file_errors(figure):
-        write_figure(result, wear, figure)
-    results().print(_table(result))
-    say(console, f"picture: {figure}")
-
-
-def _wait(_view: View, until: threading.Event) -> None:
+def wait(_view: View, until: threading.Event) -> None:
     until.wait()
 
 
-def _table(result: DemoResult) -> Table:
+def mass_table(result: DemoResult) -> Table:
     """Masses and their errors, injection by injection."""
     table = Table(title=f"Injected mass from the frames on {result.link}", title_justify="left", box=None)
     for heading in ("injection", "true [mg]", "nominal [mg]", "error", "observer [mg]", "error", "valid"):

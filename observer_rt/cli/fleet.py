@@ -1,6 +1,7 @@
 """Commands over many recordings: `batch` and `trend`."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,11 +19,12 @@ from observer_rt.cli.options import (
     file_option,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.foundation.errors import UserError
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import say
+from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination, check_folder
 
 messages = Console(stderr=True)
-FolderArgument = Annotated[
-    Path, typer.Argument(help="Folder that `batch` filled.", metavar="DIR", show_default=False)
-]
 
 
 def batch(
@@ -82,30 +84,56 @@ def batch(
     effects: Annotated[list[Path] | None, effects_option(exposed=True)] = None,
 ) -> None:
     """Evaluate thousands of recordings side by side: an injection a row of Parquet, resumed where it stopped."""
-    from observer_rt.fleet.batch import BatchOptions
-    from observer_rt.fleet.batch import batch as run
-    from observer_rt.foundation.errors import UserError
+    from observer_rt.fleet.batch import evaluate_all, settings_of, tell
+    from observer_rt.fleet.cluster import connected
+    from observer_rt.fleet.dataset import Dataset
+    from observer_rt.fleet.job import Task
+    from observer_rt.fleet.names import InjectorNames, recordings_in
+    from observer_rt.fleet.vocabulary import OwnEffects
+    from observer_rt.fleet.work import Work
+    from observer_rt.service.restoring import restored_knowledge
+    from observer_rt.service.state_file import model_hash
+    from observer_rt.terminal.stop import stop_on_signals
 
     if healthy and not discover:
         raise UserError("--healthy", "is for discovery", "add --discover, or leave it out")
     chosen = load_bench(bench.absolute(), model and model.absolute(), lenient).of(injector)
-    options = BatchOptions(
-        out=out,
-        scheduler=scheduler,
-        workers=workers,
-        state=state,
-        learning=not no_learning,
-        pattern=injector_from,
-        effects=tuple(effects or ()),
-        json=as_json,
-        discover=discover,
-        healthy=tuple(healthy or ()),
-    )
-    run(chosen, sources, options, messages)
+    InjectorNames(injector_from)  # refuses what is no pattern
+    own = OwnEffects.in_use(tuple(effects or ()))
+    asked = None
+    if discover:  # loading what it needs takes as long as all else
+        from observer_rt.fleet.discovering import Discovering
+
+        asked = Discovering.of(chosen, injector_from, healthy or (), own)
+    paths = recordings_in(sources)
+    out.mkdir(parents=True, exist_ok=True)
+    check_folder("--out", out)
+    learning = not no_learning
+    dataset = Dataset(out, settings_of(chosen, state, learning, injector_from, own))
+    knowledge, parameters = None, chosen.injector.parameters
+    if state is not None:
+        knowledge = restored_knowledge(
+            state,
+            model_hash(parameters),
+            parameters.scaling.pressure,
+            partial(say, messages),
+            set_aside=False,
+        )
+    task = Task(chosen, Path.cwd(), knowledge, learning, injector_from, own)
+    found = None
+    show_compiling(messages)
+    with dataset, stop_on_signals() as stop, connected(scheduler, workers) as cluster:
+        work = Work(cluster, stop, messages)
+        counts = evaluate_all(work, task, paths, dataset)
+        if asked is not None:
+            found = asked.of_groups(work, counts.paths, dataset)
+    tell(dataset, counts, found, as_json, messages)
 
 
 def trend(
-    folder: FolderArgument,
+    folder: Annotated[
+        Path, typer.Argument(help="Folder that `batch` filled.", metavar="DIR", show_default=False)
+    ],
     out: Annotated[
         Path | None, file_option("--out", "Page to write (default: trend.html in DIR).", show_default=False)
     ] = None,
@@ -117,8 +145,6 @@ def trend(
     from observer_rt.fleet.trend import NEEDED, trends
     from observer_rt.fleet.trend import as_json as document
     from observer_rt.fleet.trend_page import write_page, write_picture
-    from observer_rt.terminal.console import say
-    from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination
 
     page = out or folder / "trend.html"
     check_destination("--out", page, (".html",))

@@ -1,6 +1,7 @@
-"""Commands of the live observer: `demo`, `run` and `check`."""
+"""Commands of the live observer: `demo`, `run`, `check`, `monitor` and `journal`."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -19,9 +20,13 @@ from observer_rt.cli.options import (
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.foundation.errors import UserError
-from observer_rt.terminal.console import results
+from observer_rt.foundation.file_errors import file_errors
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import results, say
+from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination
 
 messages = Console(stderr=True)
+SHOWN = 10  # injections of a journal in a table
 
 
 def demo(
@@ -36,9 +41,23 @@ def demo(
     ] = Path("observer_rt_demo.png"),
 ) -> None:
     """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
-    from observer_rt.cli.demo import run_demo
+    from observer_rt.cli.demo import Demo, mass_table, wait, write_figure
+    from observer_rt.service.show import draw
 
-    run_demo(wear, injections, speed, seed, figure, messages)
+    check_destination("--figure", figure, FIGURE_SUFFIXES)
+    show_compiling(messages)
+    say(messages, f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...")
+    scene = Demo(wear, injections, seed)
+    say(
+        messages,
+        f"replaying them as CAN FD frames over {scene.link.interface} {scene.link.channel} at {speed:g} times real "
+        "time; the observer knows the nominal injector only",
+    )
+    result = scene.run(speed, partial(draw, console=messages) if messages.is_terminal else wait)
+    with file_errors(figure):
+        write_figure(result, wear, figure)
+    results().print(mass_table(result))
+    say(messages, f"picture: {figure}")
 
 
 def run(
@@ -109,8 +128,7 @@ def check(
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.check.checkup import Level, as_json_document, as_table, checkup, of_each
-    from observer_rt.check.log import log_findings
-    from observer_rt.check.recording import recording_findings
+    from observer_rt.check.recording import log_findings, recording_findings
 
     chosen = load_bench(bench, model, lenient).of(injector)
     findings = checkup(chosen, state)
@@ -125,3 +143,63 @@ def check(
         results().print(as_table(findings))
     if any(finding.level is Level.ERROR for finding in findings):
         raise typer.Exit(1)
+
+
+def monitor(
+    bench: BenchOption = EXAMPLE_BENCH,
+    injector: InjectorOption = None,
+    log: Annotated[
+        Path | None, file_option("--log", "CAN log with inputs and results, instead of the buses.")
+    ] = None,
+    from_channel: FromChannelOption = None,
+    speed: Annotated[float, typer.Option(help="Of a log: 1 = real time.", min=0.01, max=1000.0)] = 1.0,
+    port: Annotated[int, typer.Option(help="Of the page; 0 = any that is free.", min=0, max=65535)] = 5006,
+    address: Annotated[
+        str,
+        typer.Option(
+            help="Where the page is served: this computer only, unless an address that others reach is given."
+        ),
+    ] = "127.0.0.1",
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder that `Save` writes injections into.", metavar="DIR")
+    ] = Path("injections"),
+    lenient: LenientOption = False,
+    effects: EffectsOption = None,
+) -> None:
+    """Serve a live page of a bench: last injections, masses, wear, states and what to do. Listens, sends nothing."""
+    from observer_rt.watch.listening import LiveSource, LogSource
+    from observer_rt.watch.server import serve_page
+
+    chosen = load_bench(bench, lenient=lenient).of(injector)
+    source = (
+        LiveSource(chosen)
+        if log is None
+        else LogSource(log, chosen.config.buses, tuple(from_channel or ()), speed)
+    )
+    serve_page(chosen, source, address, port, out, messages)
+
+
+def journal(
+    file: Annotated[
+        Path, typer.Argument(help="Journal that `observer-rt run --journal` wrote or writes.", metavar="FILE")
+    ],
+    last: Annotated[
+        int | None,
+        typer.Option("--last", help=f"Only so many injections (of the table: {SHOWN}).", metavar="N", min=1),
+    ] = None,
+    as_csv: Annotated[bool, typer.Option("--csv", help="Injections as CSV on stdout.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Show a journal of injections: the last ones, and the wear over time; also while it is written."""
+    from observer_rt.service.keeping.journal_printing import print_csv, print_json, print_tables
+    from observer_rt.service.keeping.journal_reading import reading_journal
+
+    if as_csv and as_json:
+        raise UserError("--csv", "and --json are two forms of the same", "leave one of them out")
+    with reading_journal(file) as content:
+        if as_csv:
+            print_csv(content, last)
+        elif as_json:
+            print_json(content, last)
+        else:
+            print_tables(content, last or SHOWN)

@@ -1,12 +1,17 @@
 """Commands between files and buses: `replay`, `record` and `convert`."""
 
 import json
+import math
+from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
+from rich.live import Live
+from rich.text import Text
 
 from observer_rt.cli.options import (
     CLASSIC_ONLY,
@@ -14,19 +19,25 @@ from observer_rt.cli.options import (
     BenchOption,
     DecoderOption,
     EffectsOption,
+    ForceOption,
     FromChannelOption,
     InjectorOption,
     JsonOption,
     LenientOption,
     RecordingArgument,
+    decoder_of,
     file_option,
     link_option,
 )
-from observer_rt.config.bench import EXAMPLE_BENCH
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.links import of_links, refuse_shared_channels
+from observer_rt.foundation.errors import UserError
+from observer_rt.terminal.console import progress_bar, say
+from observer_rt.terminal.destinations import check_folder
+from observer_rt.terminal.stop import stop_on_signals
 
 if TYPE_CHECKING:
-    from observer_rt.config.bench import Bench
+    from observer_rt.recording.record.recorder import RecordStatistics
 
 ChannelOption = Annotated[
     list[str] | None,
@@ -79,16 +90,42 @@ def replay(
     effects: EffectsOption = None,
 ) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
-    from observer_rt.config.bench import load_bench
-    from observer_rt.recording.replay.command import ReplayOptions, replay_onto
+    from observer_rt.bus.links.open import open_link
+    from observer_rt.recording.formats import is_log
+    from observer_rt.recording.replay.player import play
+    from observer_rt.recording.replay.remapping import (
+        channel_map,
+        identifier_map,
+        remapped,
+        remapped_identifiers,
+    )
+    from observer_rt.recording.replay.sources import log_source, recording_source
+    from observer_rt.recording.replay.traffic import refuse_traffic
 
     chosen = _with_links(load_bench(bench, lenient=lenient).of(injector), interface, channel)
-    options = ReplayOptions(speed, loop, start, stop, windowed, map_id or (), map_channel or (), force)
-    statistics = replay_onto(chosen, recording, options, messages)
-    if as_json:
-        print(json.dumps(statistics.as_json(), indent=2))
+    channels, identifiers = channel_map(map_channel or ()), identifier_map(map_id or ())
+    if is_log(recording):
+        if windowed:
+            raise UserError("--windowed", "a log is sent as it was recorded", "leave out --windowed")
+        source = log_source(chosen, recording, channels, start, stop, loop, messages)
     else:
-        print(statistics.as_text())
+        source = recording_source(chosen, recording, windowed, start, stop, loop, messages)
+        if channels:
+            raise UserError("--map-channel", f"{recording} is no CAN log: it has no channels", "leave it out")
+    sent = remapped_identifiers(source.identifiers, identifiers)
+    total = source.extent.duration * loop if loop else None
+    with stop_on_signals() as stopped, ExitStack() as stack:
+        if not force:
+            refuse_traffic(source.buses, sent, stopped)
+        links = {
+            number: stack.enter_context(open_link(config.interface, config.channel, config.fd, []))
+            for number, config in source.buses.items()
+        }
+        progress = stack.enter_context(progress_bar(messages, f"replaying {recording.name}", total))
+        frames = remapped(source.frames, identifiers)
+        first = min(links.items())[1]
+        statistics = play(frames, first, speed or math.inf, progress, stopped, links, partial(say, messages))
+    print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
 
 
 def record(
@@ -106,20 +143,40 @@ def record(
     rotate_time: Annotated[
         float | None, typer.Option("--rotate-time", help="Begin a new file after this time [s].", min=0.001)
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that are there already.")] = False,
+    force: ForceOption = False,
     as_json: JsonOption = False,
     effects: EffectsOption = None,
 ) -> None:
     """Write every frame of the bench's buses into a log, until stopped; how many were lost is noted in it."""
-    from observer_rt.config.bench import load_bench
-    from observer_rt.recording.record.command import record_buses
-    from observer_rt.recording.record.recorder import RecordLimits
+    from observer_rt.bus.links.open import open_link
+    from observer_rt.recording.record.recorder import RecordLimits, check_recording_path
+    from observer_rt.recording.record.recorder import record as record_links
 
     limits = RecordLimits(
         duration, frames, None if rotate_size is None else round(rotate_size * MEGABYTE), rotate_time
     )
-    links = _with_links(load_bench(bench), interface, channel).config.buses
-    statistics = record_buses(links, out, limits, force, messages)
+    buses = _with_links(load_bench(bench), interface, channel).config.buses
+    check_recording_path(out, limits, force)
+    check_folder("--out", out.absolute().parent)
+    channels = [bus.config.channel for bus in buses]
+    names = [
+        bus.name if channels.count(bus.config.channel) > 1 and bus.name else bus.config.channel
+        for bus in buses
+    ]
+    with (
+        stop_on_signals() as stop,
+        ExitStack() as stack,
+        Live(console=messages, auto_refresh=False, transient=True) as live,
+    ):
+        links = [
+            stack.enter_context(
+                open_link(link.interface, link.channel, link.fd, computer_time=len(buses) > 1)
+            )
+            for link in (bus.config for bus in buses)
+        ]
+        say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
+        further = list(zip(links[1:], names[1:], strict=True))
+        statistics = record_links(links[0], names[0], out, limits, stop, _Line(live, messages), further)
     print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
 
 
@@ -141,14 +198,13 @@ def convert(
     effects: EffectsOption = None,
 ) -> None:
     """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""
-    from observer_rt.cli.decoder import decoder_of
     from observer_rt.evaluation.convert import convert as convert_file
 
     chosen = decoder_of(bench, injector, lenient)
     print(convert_file(recording, target, chosen, from_channel or (), force, messages))
 
 
-def _with_links(bench: "Bench", interfaces: list[str] | None, channels: list[str] | None) -> "Bench":
+def _with_links(bench: Bench, interfaces: list[str] | None, channels: list[str] | None) -> Bench:
     """The bench with the interfaces and channels of the command line."""
     config = bench.config
     changes: dict[int, dict[str, str]] = {}
@@ -163,3 +219,22 @@ def _with_links(bench: "Bench", interfaces: list[str] | None, channels: list[str
     config = config.model_copy(update={"link": link, "links": links})
     refuse_shared_channels("--channel: ", config.buses)
     return replace(bench, config=config)
+
+
+class _Line:
+    """Frames so far, and how many came in a second of late; on a terminal only."""
+
+    def __init__(self, live: Live, console: Console) -> None:
+        self._live = live if console.is_terminal else None
+        self._frames = 0
+        self._moment = 0.0
+
+    def __call__(self, so_far: "RecordStatistics") -> None:
+        if self._live is None:
+            return
+        passed = so_far.duration - self._moment
+        rate = (so_far.frames - self._frames) / passed if passed else 0.0
+        self._frames, self._moment = so_far.frames, so_far.duration
+        name = so_far.files[-1].name if so_far.files else "waiting for frames"
+        line = f"{name}: {so_far.frames} frames, {rate:.0f} a second, {so_far.lost} lost, {so_far.duration:.0f} s"
+        self._live.update(Text(line), refresh=True)

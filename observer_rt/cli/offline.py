@@ -1,4 +1,4 @@
-"""Commands that need no bus: `simulate` and `evaluate`."""
+"""Commands that need no bus: `simulate`, `evaluate` and `reproduce`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,9 +21,18 @@ from observer_rt.cli.options import (
     StateOption,
     file_option,
 )
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.units import MILLISECOND
+from observer_rt.model.fuel import at_temperature, temperature_of
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import progress_bar, results, say
+from observer_rt.terminal.destinations import check_destination, check_folder, refuse_existing
 
+MAX_SAMPLES = 20_000_000  # of a simulation, that a machine of 4 GiB can hold with their truth
 messages = Console(stderr=True)
+SampleRateOption = Annotated[float, typer.Option("--sample-rate", help="Samples a second [Hz].", min=1.0)]
 
 
 def simulate(
@@ -37,9 +46,7 @@ def simulate(
     ] = "1.9",
     injections: Annotated[int, typer.Option("--injections", help="Number of events.", min=1)] = 10,
     period: Annotated[float, typer.Option("--period", help="From event to event [ms].", min=1.0)] = 60.0,
-    sample_rate: Annotated[
-        float, typer.Option("--sample-rate", help="Samples a second [Hz].", min=1.0)
-    ] = 100e3,
+    sample_rate: SampleRateOption = 100e3,
     shots: Annotated[
         str | None,
         typer.Option("--shots", help="Shots of every event as duration@offset [ms], e.g. 0.3@-1.5,1.0@0."),
@@ -68,26 +75,55 @@ def simulate(
     effects: EffectsOption = None,
 ) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
-    from observer_rt.simulation.command import SimulateOptions, simulate_to_file
+    from observer_rt.recording.formats import signal_formats, suffixes_of, write_recording, written
+    from observer_rt.simulation.effects import parse_effects, sizes_of
+    from observer_rt.simulation.measurement import NoiseLevels
+    from observer_rt.simulation.schedule import (
+        make_schedule,
+        parse_energizing_times,
+        parse_rail_pressures,
+        parse_shots,
+    )
+    from observer_rt.simulation.simulate import simulate as simulated
+    from observer_rt.simulation.simulate import truth_path, write_truth
 
-    simulate_to_file(
-        output,
-        SimulateOptions(
-            model=model,
-            rail_pressure=rail_pressure,
-            energizing_time=energizing_time,
-            injections=injections,
-            period_ms=period,
-            sample_rate=sample_rate,
-            shots=shots,
-            effects=effect or (),
-            noise=noise,
-            measured_rate=measured_rate,
-            seed=seed,
-            fuel_temperature=fuel_temperature,
-            force=force,
-        ),
+    if noise not in ("on", "off"):
+        raise UserError("--noise", f"is {noise!r}", "give on or off")
+    check_destination("--output", output, suffixes_of(written(signal_formats())))
+    truth = truth_path(output)
+    refuse_existing("--output", [output, truth], force)
+    spacing = period * MILLISECOND
+    samples = injections * spacing * sample_rate
+    if samples > MAX_SAMPLES:
+        raise UserError(
+            "--injections",
+            f"{injections} events every {period:g} ms at {sample_rate:g} Hz are {samples:.3g} "
+            f"samples (at most {MAX_SAMPLES:.3g})",
+            "write several recordings; `evaluate --chain` takes them as one history",
+        )
+    schedule = make_schedule(
+        parse_rail_pressures(rail_pressure),
+        injections,
+        spacing,
+        parse_energizing_times(energizing_time),
+        parse_shots(shots) if shots else (),
+    )
+    parameters = load_injector(model)
+    if fuel_temperature is not None:
+        parameters = at_temperature(parameters, temperature_of("--fuel-temperature", fuel_temperature))
+    deviations = parse_effects(effect or ())
+    levels = NoiseLevels() if noise == "on" else None
+    show_compiling(messages)
+    with progress_bar(messages, "simulating", 1.0) as progress:
+        simulation = simulated(
+            parameters, schedule, sample_rate, deviations, levels, measured_rate, seed, progress
+        )
+    write_recording(output, simulation.recording)
+    write_truth(truth, simulation.truth)
+    say(
         messages,
+        f"{output}: {simulation.recording.samples} samples at {sample_rate:g} Hz, {injections} events, "
+        f"{'; '.join(map(sizes_of, deviations)) or 'no effect'}; truth in {truth.name}",
     )
 
 
@@ -127,9 +163,8 @@ def evaluate(
     effects: EffectsOption = None,
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
-    from observer_rt.evaluation.command import EvaluateOptions
+    from observer_rt.evaluation.command import EvaluateOptions, evaluate_bench
     from observer_rt.evaluation.curves import chosen_numbers
-    from observer_rt.evaluation.several import evaluate_bench
 
     options = EvaluateOptions(
         state=state,
@@ -145,3 +180,32 @@ def evaluate(
         injections=chosen_numbers(injections) if injections is not None else (),
     )
     evaluate_bench(load_bench(bench, model, lenient).of(injector), recordings, options, messages)
+
+
+def reproduce(
+    out: Annotated[Path, typer.Option("--out", help="Folder for figures, table and report.", metavar="DIR")],
+    sample_rate: SampleRateOption = 100e3,
+) -> None:
+    """Reproduce the paper's Figs. 3-5, its scheme and ours side by side, with a table and a report."""
+    from observer_rt.paper.figures import draw_figure_3, draw_figure_4, draw_figure_5
+    from observer_rt.paper.report import report
+    from observer_rt.paper.study import NOZZLE_WEAR, run_study
+    from observer_rt.paper.table import markdown, screen_table, write_csv
+
+    if out.exists() and not out.is_dir():
+        raise UserError(f"--out {out}", "is a file", "name a folder")
+    with file_errors(out):
+        out.mkdir(parents=True, exist_ok=True)
+    check_folder("--out", out)
+    show_compiling(messages)
+    with progress_bar(messages, "reproducing", 1.0) as progress:
+        study = run_study(load_bench(), sample_rate, progress)
+    with file_errors(out):
+        draw_figure_3(out / "figure_3.png", study)
+        draw_figure_4(out / "figure_4.png", study.case(NOZZLE_WEAR))
+        draw_figure_5(out / "figure_5.png", study)
+        write_csv(out / "table.csv", study)
+        (out / "table.md").write_text(markdown(study), encoding="utf-8")
+        (out / "report.md").write_text(report(study), encoding="utf-8")
+    results().print(screen_table(study))
+    say(messages, f"figures 3 to 5, table and report in {out}")

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 from typer.models import OptionInfo
 
+from observer_rt.config.bench import Bench, load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.log_format import LogFormat
 from observer_rt.recording.formats import BUILT_IN, formats, suffixes_of
@@ -99,3 +100,17 @@ FromChannelOption = Annotated[
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace files that are there already.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Results as JSON on stdout.")]
+
+
+def decoder_of(
+    bench: Path | None, injector: str | None, lenient: bool, model: Path | None = None
+) -> Bench | None:
+    """The bench of `--bench`, with the injector of `--injector` only; None without one.
+
+    Raises `UserError` for files that do not fit, and for an injector of no bench file.
+    """
+    if bench is not None:
+        return load_bench(bench, model, lenient).of(injector)
+    if injector is not None:
+        raise UserError(f"--injector {injector}", "names one of a bench file", "give that by --bench")
+    return None

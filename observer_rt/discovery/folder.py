@@ -40,6 +40,23 @@ class InjectorFile:
         return cls(path.name, file_hash(path), InjectorText(path))
 
 
+def refuse_replacing(folder: Path, model: Path, force: bool) -> None:
+    """Raise `UserError` where an answer, or a model that somebody may be using, would be replaced unless wanted."""
+    there = [name for name in ANSWER if (folder / name).exists()]
+    if (folder / AMENDED).resolve() == model.resolve():
+        raise UserError(
+            f"--out {folder}",
+            f"holds the model to be amended as {AMENDED}",
+            "name another folder, or copy the model",
+        )
+    if there and not force:
+        raise UserError(
+            f"--out {folder}",
+            f"holds {', '.join(there)} already",
+            "name another folder, or add --force to replace what is there",
+        )
+
+
 def make_folder(folder: Path) -> None:
     """The folder, if it is not there. Raises `UserError` where it cannot be made or written."""
     if folder.exists() and not folder.is_dir():

@@ -1,9 +1,10 @@
 """`observer-rt evaluate`: files in, table, JSON, trace and figure out."""
 
+import json
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -19,11 +20,12 @@ from observer_rt.evaluation.sources import in_runs, open_source, without_truths
 from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace_file import SUFFIXES, TRACE_SUFFIX
-from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.errors import CombinedError, UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.model.effects import effective_model
 from observer_rt.model.fuel import temperature_of
 from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.recording.formats import is_log
 from observer_rt.recording.replay.clamped import clamped_in
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.stream import SignalStream
@@ -63,10 +65,49 @@ class EvaluateOptions:
     """Numbers of those to be drawn as curves, empty: some."""
 
 
+def evaluate_bench(bench: Bench, given: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
+    """Evaluate the recordings for all injectors of a bench, as `evaluate_files`.
+
+    Files that the options name get the name of the injector where there are several: `worn.png` becomes
+    `worn_left.png`, and a folder has one for each. One that cannot be evaluated, such as an injector whose messages a
+    log lacks, leaves the others alone. Raises `UserError` for a recording that is one injector's, and at last
+    `CombinedError` for those that were not evaluated.
+    """
+    if len(bench.injectors) == 1:
+        evaluate_files(bench, given, options, console)
+        return
+    paths = without_truths(given, console)
+    _refuse_plain(bench, paths)
+    parts = [(each, _named(options, each.injector.name)) for each in bench.each]
+    for each, own in parts:
+        _refuse_early(each, paths, own)
+    failures: dict[str, UserError] = {}
+    if options.json:
+        print('{"injectors": {')
+    for number, (each, own) in enumerate(parts):
+        name = each.injector.name
+        if options.json:
+            print(f'{", " if number else ""}"{name}":')
+        else:
+            say(results(), f"{chr(10) if number else ''}injector {name}")
+        try:
+            evaluate_files(each, paths, own, console)
+        except UserError as error:
+            failures[name] = error
+            if options.json:
+                print(json.dumps({"error": str(error)}))
+            else:
+                say(results(), f"not evaluated: {error.problem}")
+    if options.json:
+        print("}}")
+    if failures:
+        raise CombinedError(failures)
+
+
 def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
     paths = without_truths(given, console)
-    refuse_early(bench, paths, options)
+    _refuse_early(bench, paths, options)
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
     show_compiling(console)
     model = model_hash(bench.injector.parameters)
@@ -92,7 +133,36 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
         _plot(options.plot, evaluations, options.injections)
 
 
-def refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions) -> None:
+def _refuse_plain(bench: Bench, paths: Sequence[Path]) -> None:
+    """A recording has columns for one injector only, unless the bench file says which are whose."""
+    for injector in bench.injectors:
+        if injector.config.recording is None and (plain := [path for path in paths if not is_log(path)]):
+            raise UserError(
+                str(plain[0]),
+                f"has the signals of one injector, {bench.path} has {len(bench.injectors)}",
+                f"say whose it is, as --injector {injector.name}; or state [injectors.{injector.name}.recording]",
+            )
+
+
+def _named(options: EvaluateOptions, name: str) -> EvaluateOptions:
+    """The options for one injector, with files of its own."""
+    output = options.output
+    if output is not None:
+        output = output / name if _is_folder(output) else _of(output, name)
+    return replace(
+        options,
+        output=output,
+        plot=_of(options.plot, name),
+        state=_of(options.state, name),
+        save_state=_of(options.save_state, name),
+    )
+
+
+def _of(path: Path | None, name: str) -> Path | None:
+    return path and path.with_name(f"{path.stem}_{name}{path.suffix}")
+
+
+def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Raise `UserError` for options that do not fit together, and for files that could not be read or written."""
     if options.injections and options.plot is None:
         raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
@@ -124,7 +194,7 @@ def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
     if len(paths) == 1:
         return
     if options.output is not None:
-        if not is_folder(options.output):
+        if not _is_folder(options.output):
             raise UserError(
                 f"--output {options.output}",
                 "names a file, but there are several recordings",
@@ -144,7 +214,7 @@ def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
 
 def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Refuse, before the long work, what could not be written after it, or would replace a file nobody named."""
-    if options.output is not None and is_folder(options.output):
+    if options.output is not None and _is_folder(options.output):
         with file_errors(options.output):
             options.output.mkdir(parents=True, exist_ok=True)
         check_folder("--output", options.output)
@@ -175,10 +245,10 @@ def _traces(output: Path | None, paths: Sequence[Path]) -> list[Path]:
     """The traces to be written, one a recording, or none."""
     if output is None:
         return []
-    return [_trace_in(output, path) for path in paths] if is_folder(output) else [output]
+    return [_trace_in(output, path) for path in paths] if _is_folder(output) else [output]
 
 
-def is_folder(output: Path) -> bool:
+def _is_folder(output: Path) -> bool:
     """Whether traces are to be written into `output`, each a file of its own."""
     return output.is_dir() or not (output.suffix or output.exists())
 

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,44 +12,22 @@ from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
-from observer_rt.fleet.cluster import Broken, Jobs, connected
+from observer_rt.fleet.cluster import Broken, Jobs
 from observer_rt.fleet.dataset import Dataset
 from observer_rt.fleet.job import Failed, Task, evaluated, hashed
-from observer_rt.fleet.names import InjectorNames, recordings_in
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.fleet.work import Work
 from observer_rt.foundation.compilation import is_complete, note_complete
 from observer_rt.foundation.file_hash import file_hash
 from observer_rt.model.effects import BUILT_IN
-from observer_rt.observer.learning.knowledge import Knowledge
-from observer_rt.service.restoring import restored_knowledge
 from observer_rt.service.state_file import model_hash
-from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import progress_bar, results, say
-from observer_rt.terminal.destinations import check_folder
-from observer_rt.terminal.stop import stop_on_signals
 
 if TYPE_CHECKING:
-    from observer_rt.fleet.discovering import Discovering, Found
+    from observer_rt.fleet.discovering import Found
 
 _WAITING = 4  # files at a worker, so that it need not wait for the next
 _COMPILED = "batch"  # in the cache: all code that evaluating a file needs
-
-
-@dataclass(frozen=True)
-class BatchOptions:
-    """What the command line says; pattern: as of `InjectorNames`; healthy: recordings for `discover`."""
-
-    out: Path
-    scheduler: str | None = None
-    workers: int | None = None
-    state: Path | None = None
-    learning: bool = True
-    pattern: str | None = None
-    effects: tuple[Path, ...] = ()
-    json: bool = False
-    discover: bool = False
-    healthy: tuple[Path, ...] = ()
 
 
 @dataclass
@@ -68,35 +45,11 @@ class Evaluated:
         return self.done + self.skipped
 
 
-def batch(bench: Bench, sources: Sequence[str], options: BatchOptions, console: Console) -> None:
-    """Evaluate every recording that is not done yet, then discover if asked; print what came of them.
-
-    Raises `UserError` for options that will not do, before the work begins; `RunError` when it is interrupted.
-    """
-    InjectorNames(options.pattern)
-    effects = OwnEffects.in_use(options.effects)
-    asked = _asked(bench, options, effects) if options.discover else None
-    paths = recordings_in(sources)
-    options.out.mkdir(parents=True, exist_ok=True)
-    check_folder("--out", options.out)
-    dataset = Dataset(options.out, _settings(bench, options, effects))
-    knowledge = _knowledge(bench, options, console)
-    task = Task(bench, Path.cwd(), knowledge, options.learning, options.pattern, effects)
-    found = None
-    show_compiling(console)
-    with dataset, stop_on_signals() as stop, connected(options.scheduler, options.workers) as cluster:
-        work = Work(cluster, stop, console)
-        counts = _evaluate(work, task, paths, dataset)
-        if asked is not None:
-            found = asked.of_groups(work, counts.paths, dataset)
-    _tell(dataset, counts, found, options, console)
-
-
 _Outcome = tuple[Path, str, pa.Table | Failed | None]
 """A file, its hash, and its rows; None: they were there before."""
 
 
-def _evaluate(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -> Evaluated:
+def evaluate_all(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -> Evaluated:
     """Rows of all files into the dataset. Raises `RunError` when it is interrupted."""
     counts = Evaluated()
     with progress_bar(work.console, "evaluating", len(paths)) as progress:
@@ -153,53 +106,33 @@ def _take(
     counts.paths.setdefault(sha256, path)
 
 
-def _asked(bench: Bench, options: BatchOptions, effects: OwnEffects) -> "Discovering":
-    """What is asked of every injector; loading what discovery needs takes as long as all else."""
-    from observer_rt.fleet.discovering import Discovering
-
-    return Discovering.of(bench, options.pattern, options.healthy, effects)
-
-
-def _settings(bench: Bench, options: BatchOptions, effects: OwnEffects) -> dict[str, Any]:
+def settings_of(
+    bench: Bench, state: Path | None, learning: bool, pattern: str | None, effects: OwnEffects
+) -> dict[str, Any]:
     """What rows depend on beside the files."""
     in_force = {effect.id for each in bench.injectors for effect in each.parameters.effects}
     return {
         "software": __version__,
         "models": [model_hash(each.parameters) for each in bench.injectors],
         "bench": file_hash(bench.path),
-        "state": file_hash(options.state) if options.state is not None else None,
-        "learning": options.learning,
-        "injector_from": options.pattern,
+        "state": file_hash(state) if state is not None else None,
+        "learning": learning,
+        "injector_from": pattern,
         "effects": list(effects.digests) if in_force - BUILT_IN.keys() else [],
     }
 
 
-def _knowledge(bench: Bench, options: BatchOptions, console: Console) -> Knowledge | None:
-    if options.state is None:
-        return None
-    parameters = bench.injector.parameters
-    return restored_knowledge(
-        options.state,
-        model_hash(parameters),
-        parameters.scaling.pressure,
-        partial(say, console),
-        set_aside=False,
-    )
-
-
-def _tell(
-    dataset: Dataset, counts: Evaluated, found: "Found | None", options: BatchOptions, console: Console
-) -> None:
+def tell(dataset: Dataset, counts: Evaluated, found: "Found | None", as_json: bool, console: Console) -> None:
     """What came of it: files, and answers if asked for, in words or JSON; those that failed."""
     for failed in dataset.failed:
         say(console, f"left out: {failed.problem}")
-    if options.json:
+    if as_json:
         said: dict[str, Any] = {
             "done": counts.done,
             "skipped": counts.skipped,
             "failed": counts.failed,
             "injections": dataset.injections,
-            "out": str(options.out),
+            "out": str(dataset.folder),
         }
         if found is not None:
             said["discovered"] = found.as_json()
@@ -209,8 +142,8 @@ def _tell(
     if counts.skipped:
         text += f"; {counts.skipped} were done before, or are copies"
     if counts.failed:
-        text += f"; {counts.failed} could not be evaluated, see {options.out / 'errors.parquet'}"
-    say(results(), f"{text}; {options.out}")
+        text += f"; {counts.failed} could not be evaluated, see {dataset.folder / 'errors.parquet'}"
+    say(results(), f"{text}; {dataset.folder}")
     if found is not None:
         results().print(found.table())
-        say(results(), f"{found.words}; {options.out}/{found.reports}")
+        say(results(), f"{found.words}; {dataset.folder}/{found.reports}")

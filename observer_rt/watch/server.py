@@ -3,7 +3,6 @@
 import gc
 import socket
 import sys
-from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
 
@@ -13,30 +12,14 @@ from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.terminal.console import say
 from observer_rt.terminal.stop import stop_on_signals
-from observer_rt.watch.listening import LiveSource, LogSource
 from observer_rt.watch.watching import Source, Watching
 
 _STOP_EVERY = 100  # ms between two looks at the stop signal
 _TURN = 0.0002  # s that the listening thread may go on while the page waits to be served
 
 
-@dataclass(frozen=True)
-class MonitorOptions:
-    """What the command line says: a log instead of the buses, where the page is served, where injections are saved.
-
-    speed: of a log; port 0: one that is free.
-    """
-
-    log: Path | None = None
-    from_channels: tuple[str, ...] = ()
-    speed: float = 1.0
-    address: str = "127.0.0.1"
-    port: int = 5006
-    folder: Path = Path()
-
-
-def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
-    """Listen and serve the page until SIGINT or SIGTERM.
+def serve_page(bench: Bench, source: Source, address: str, port: int, folder: Path, console: Console) -> None:
+    """Listen to a source and serve its page until SIGINT or SIGTERM; port 0: one that is free; folder: of `Save`.
 
     Raises `UserError` without Bokeh or for a log that will not do, `RunError` for a port that is taken.
     """
@@ -54,11 +37,11 @@ def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
     from observer_rt.watch.page.channel import PATH, Channel, Drawn
     from observer_rt.watch.page.document import Page
 
-    watching = Watching(bench, _source(bench, options))
+    watching = Watching(bench, source)
     pages: dict[str, Drawn] = {}
 
     def make_page(document: Document) -> None:
-        page = Page(document, watching, options.folder)
+        page = Page(document, watching, folder)
         pages[page.token] = page
 
         def forget(_: SessionContext) -> None:
@@ -68,23 +51,23 @@ def monitor(bench: Bench, options: MonitorOptions, console: Console) -> None:
 
     application = Application(FunctionHandler(make_page))
     try:
-        port = options.port or _free_port(options.address)
-        origins = _origins(options.address, port)
+        chosen = port or _free_port(address)
+        origins = _origins(address, chosen)
         server = Server(
             {"/": application},
-            address=options.address,
-            port=port,
+            address=address,
+            port=chosen,
             allow_websocket_origin=origins,
             extra_patterns=[(PATH, Channel, {"pages": pages, "origins": origins})],
         )
     except OSError as error:
         raise RunError(
-            f"--port {options.port}: {options.address} cannot be listened at ({error.strerror})\n"
+            f"--port {port}: {address} cannot be listened at ({error.strerror})\n"
             "  remedy: choose another port, or --port 0 for any that is free"
         ) from error
     with stop_on_signals() as stop:
         watching.start()
-        say(console, f"http://{options.address}:{port}/ (Ctrl-C ends it)")
+        say(console, f"http://{address}:{chosen}/ (Ctrl-C ends it)")
 
         def look() -> None:
             if stop.is_set():
@@ -109,9 +92,3 @@ def _origins(address: str, port: int) -> list[str]:
     if ip_address(socket.gethostbyname(address)).is_loopback:
         return [f"{name}:{port}" for name in (address, "localhost", "127.0.0.1")]
     return ["*"]
-
-
-def _source(bench: Bench, options: MonitorOptions) -> Source:
-    if options.log is None:
-        return LiveSource(bench)
-    return LogSource(options.log, bench.config.buses, options.from_channels, options.speed)

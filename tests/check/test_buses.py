@@ -6,10 +6,9 @@ import pytest
 
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.bus.mapping.load import frame_time
-from observer_rt.check.buses import buses_findings
+from observer_rt.check.buses import buses_findings, expected_load
 from observer_rt.check.checkup import checkup
 from observer_rt.check.findings import Finding, Level
-from observer_rt.check.load import expected_load
 from observer_rt.config.bench import load_bench
 from tests.benches import twin_bench
 

@@ -3,20 +3,15 @@
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.check.buses import expected_load
 from observer_rt.check.checkup import Finding, Level, as_json_document, as_table, checkup
-from observer_rt.check.host import Host, compiled_code_findings, real_time_findings
-from observer_rt.check.load import expected_load
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
-from observer_rt.foundation.compilation import CompiledCode
-from observer_rt.service.processors import Processors
-from observer_rt.service.rights import Rights
 
 DATABASE = EXAMPLE_BENCH.with_name("observer_fd.dbc")
 Edits = dict[str, str]
@@ -200,38 +195,6 @@ def test_levels_of_the_bus_load(
     findings_of: Callable[..., list[Finding]], bench: Edits, levels: list[Level]
 ) -> None:
     assert [finding.level for finding in of(findings_of(bench), "bus load")] == levels
-
-
-GOOD_HOST = Host(
-    Rights(may_hurry=True, may_lock_memory=True), swap_in_use=False, processors=4, loops=Processors()
-)
-
-
-def test_a_good_machine() -> None:
-    assert [finding.level for finding in real_time_findings(GOOD_HOST)] == [Level.OK] * 5
-
-
-@pytest.mark.parametrize(
-    ("host", "remedy"),
-    [
-        (replace(GOOD_HOST, rights=Rights(may_hurry=False, may_lock_memory=True)), "--rtprio=99"),
-        (replace(GOOD_HOST, rights=Rights(may_hurry=True, may_lock_memory=False)), "--memlock=unlimited"),
-        (replace(GOOD_HOST, swap_in_use=True), "sudo swapoff"),
-        (replace(GOOD_HOST, processors=1), "taskset"),
-        (replace(GOOD_HOST, loops=Processors(refused=(9,))), "cpuset"),
-    ],
-)
-def test_a_machine_that_may_not_keep_up(host: Host, remedy: str) -> None:
-    (finding,) = (f for f in real_time_findings(host) if f.level is not Level.OK)
-    assert finding.level is Level.WARNING
-    assert remedy in finding.text
-
-
-def test_where_compiled_code_is_kept() -> None:
-    (kept,) = compiled_code_findings(CompiledCode(Path("/var/cache/ours")))
-    assert (kept.level, kept.text) == (Level.OK, "kept in /var/cache/ours")
-    (lost,) = compiled_code_findings(CompiledCode(Path("/tmp/ours"), "cannot be kept in /home", "make room"))
-    assert (lost.level, lost.text) == (Level.WARNING, "cannot be kept in /home; make room")
 
 
 def test_the_interface_is_looked_at_for_socketcan_only(findings_of: Callable[..., list[Finding]]) -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.check.buses import expected_load
 from observer_rt.check.checkup import Finding, Level, checkup
-from observer_rt.check.load import expected_load
 from observer_rt.config.bench import load_bench
 from tests.check.test_checkup import NO_EDITS, Edits, edited, worst
 from tests.service.foreign_frames import DATABASES

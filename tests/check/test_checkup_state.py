@@ -6,9 +6,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.check.checkup import checkup
+from observer_rt.check.checkup import checkup, plausibility_findings
 from observer_rt.check.findings import Finding, Level
-from observer_rt.check.model import plausibility_findings
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.service.compiled.constants import configured_noise

@@ -6,8 +6,8 @@ import pytest
 
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.bus.mapping.load import frame_time
+from observer_rt.check.buses import INJECTIONS_PER_SECOND, expected_load
 from observer_rt.check.checkup import Finding, Level, checkup
-from observer_rt.check.load import INJECTIONS_PER_SECOND, expected_load
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import UserError
 from tests.two_injectors import one_injector, two_injectors

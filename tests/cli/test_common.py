@@ -10,20 +10,10 @@ import pytest
 from observer_rt import __version__
 from tests.cli.conftest import Command
 
-COMMANDS = ("demo", "run", "journal", "replay", "simulate", "evaluate", "check")
 
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_help_ends_with_an_example(command: Command, name: str) -> None:
-    outcome = command(name, "--help")
-    assert outcome.code == 0
-    assert f"Example: observer-rt {name} " in outcome.out
-
-
-def test_help_names_every_command_and_fits_80_columns(command: Command) -> None:
+def test_help_fits_80_columns(command: Command) -> None:
     outcome = command("--help")
     assert outcome.code == 0
-    assert all(f"  {name} " in outcome.out for name in COMMANDS)
     assert max(map(len, outcome.out.splitlines())) <= 80
 
 

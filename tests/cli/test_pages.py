@@ -12,7 +12,7 @@ import pytest
 import typer.main
 
 from observer_rt.check.findings import Level
-from observer_rt.check.interface import interface_findings
+from observer_rt.check.machine import interface_findings
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.config.links import LinkConfig
 from observer_rt.config.signals import SignalConfig

@@ -3,18 +3,15 @@
 import json
 import os
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from rich.console import Console
 
-from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
-from observer_rt.discovery.command import DiscoverOptions, discover_files
-from observer_rt.evaluation.second_opinion import second_opinion
+from observer_rt.cli.models import discover
+from observer_rt.config.bench import EXAMPLE_BENCH, load_injector
 from observer_rt.fleet.discovered import TABLE
 from observer_rt.model.effects import sized
 from observer_rt.recording.formats import write_recording
@@ -171,9 +168,7 @@ def test_the_findings_are_those_of_discover(
 ) -> None:
     """Of the same recordings, although a worker was killed, others were left out and none had more than a thread."""
     files = sorted(measured.glob("injector_worn/run_?.csv"), key=lambda path: path.stat().st_mtime)
-    ask = partial(second_opinion, signals=load_bench().injector.config.signals)
-    options = DiscoverOptions(NOMINAL_INJECTOR, tmp_path, (), json=True)
-    discover_files(files[::-1], options, ask, Console(quiet=True))
+    discover(files[::-1], tmp_path, bench=EXAMPLE_BENCH, as_json=True)
     alone = json.loads(capsys.readouterr().out)
     fleet = json.loads((run.folder / run.rows["worn"]["report"]).with_name("findings.json").read_text())
     for varying in ("made", "seconds"):

@@ -1,4 +1,4 @@
-"""What `check` says of a SocketCAN interface, from what the kernel tells."""
+"""What `check` says of the machine: its rights, and a SocketCAN interface, from what the kernel tells."""
 
 import json
 from collections.abc import Callable
@@ -11,14 +11,20 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.check.findings import Finding, Level
-from observer_rt.check.interface import (
+from observer_rt.check.machine import (
     BitTiming,
     Controller,
+    Host,
+    compiled_code_findings,
     controller_in,
     interface_findings,
     read_controller,
+    real_time_findings,
 )
 from observer_rt.config.links import LinkConfig
+from observer_rt.foundation.compilation import CompiledCode
+from observer_rt.service.processors import Processors
+from observer_rt.service.rights import Rights
 
 
 @pytest.fixture
@@ -232,3 +238,35 @@ def test_a_real_virtual_interface(vcan: str) -> None:
         f"{vcan}: queue of 1000 frames to send",
     ]
     assert {finding.level for finding in findings} == {Level.OK}
+
+
+GOOD_HOST = Host(
+    Rights(may_hurry=True, may_lock_memory=True), swap_in_use=False, processors=4, loops=Processors()
+)
+
+
+def test_a_good_machine() -> None:
+    assert [finding.level for finding in real_time_findings(GOOD_HOST)] == [Level.OK] * 5
+
+
+@pytest.mark.parametrize(
+    ("host", "remedy"),
+    [
+        (replace(GOOD_HOST, rights=Rights(may_hurry=False, may_lock_memory=True)), "--rtprio=99"),
+        (replace(GOOD_HOST, rights=Rights(may_hurry=True, may_lock_memory=False)), "--memlock=unlimited"),
+        (replace(GOOD_HOST, swap_in_use=True), "sudo swapoff"),
+        (replace(GOOD_HOST, processors=1), "taskset"),
+        (replace(GOOD_HOST, loops=Processors(refused=(9,))), "cpuset"),
+    ],
+)
+def test_a_machine_that_may_not_keep_up(host: Host, remedy: str) -> None:
+    (finding,) = (f for f in real_time_findings(host) if f.level is not Level.OK)
+    assert finding.level is Level.WARNING
+    assert remedy in finding.text
+
+
+def test_where_compiled_code_is_kept() -> None:
+    (kept,) = compiled_code_findings(CompiledCode(Path("/var/cache/ours")))
+    assert (kept.level, kept.text) == (Level.OK, "kept in /var/cache/ours")
+    (lost,) = compiled_code_findings(CompiledCode(Path("/tmp/ours"), "cannot be kept in /home", "make room"))
+    assert (lost.level, lost.text) == (Level.WARNING, "cannot be kept in /home; make room")

@@ -1,22 +1,72 @@
-"""Findings about a SocketCAN interface, as the kernel describes it. No socket is opened on it."""
+"""Findings about the machine: real-time rights, memory, processors, compiled code, its SocketCAN interfaces."""
 
 import json
+import os
 import subprocess
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
-from observer_rt.check.findings import Finding, Level, graded
+from observer_rt.check.findings import Said, ruled
 from observer_rt.config.links import LinkConfig
+from observer_rt.foundation.compilation import CompiledCode
+from observer_rt.service.processors import REMEDY, Processors, processors
+from observer_rt.service.rights import PRIORITY, Rights, rights
 
+PROCESSORS = 2  # one for the loop, one for learning
 SHORTEST_QUEUE = 100  # frames
 RATE_TOLERANCE = 0.005  # of a bit rate: CAN nodes of a bus may differ by less
 NETWORK = Path("/sys/class/net")
-TOPIC = "interface"
 _INTERFACE_IS_UP = 1  # IFF_UP
 _IP_TIMEOUT = 5.0  # s
 _SILENT_MODES = ("LISTEN-ONLY", "LOOPBACK")
+
+
+@dataclass(frozen=True)
+class Host:
+    """What the machine grants this process."""
+
+    rights: Rights
+    swap_in_use: bool
+    processors: int
+    loops: Processors
+
+
+def this_host(cpus: Sequence[int] | None = None, loops: int = 1) -> Host:
+    """The machine this runs on; cpus: asked for by the bench file, for so many loops."""
+    swaps = Path("/proc/swaps")
+    return Host(
+        rights=rights(),
+        swap_in_use=swaps.exists() and len(swaps.read_text().splitlines()) > 1,  # the first line is a heading
+        processors=len(os.sched_getaffinity(0)),
+        loops=processors(cpus, loops),
+    )
+
+
+@ruled("compiled code")
+def compiled_code_findings(code: CompiledCode) -> Iterator[Said]:
+    """Whether what is compiled once is still there at the next start."""
+    yield not code.trouble, code.trouble or f"kept in {code.folder}", code.remedy
+
+
+@ruled("real time")
+def real_time_findings(host: Host) -> Iterator[Said]:
+    """Whether the loop can be expected to keep up."""
+    here = "in this shell: sudo prlimit --pid $$"
+    may = host.rights.may_hurry
+    text = f"the loop gets real-time priority {PRIORITY}" if may else "no real-time priority allowed"
+    yield may, text, f"{here} --rtprio=99"
+    may = host.rights.may_lock_memory
+    yield may, "memory is locked" if may else "memory may not be locked", f"{here} --memlock=unlimited"
+    text = "swap in use, which can stop the loop for long" if host.swap_in_use else "no swap"
+    yield not host.swap_in_use, text, "sudo swapoff --all"
+    remedy = (
+        f"loop and learning want {PROCESSORS}: taskset --cpu-list 0-{PROCESSORS - 1} COMMAND, where there are"
+    )
+    yield host.processors >= PROCESSORS, f"{host.processors} processor(s)", remedy
+    yield not host.loops.trouble, host.loops.trouble or host.loops.as_text(), REMEDY
 
 
 @dataclass(frozen=True)
@@ -62,14 +112,8 @@ def controller_in(text: str) -> Controller | None:
             restart_ms=int(content["restart_ms"]) if "restart_ms" in content else None,
             modes=tuple(map(str, content.get("ctrlmode", ()))),
         )
-    except (
-        ValueError,
-        OverflowError,
-        LookupError,
-        TypeError,
-        AttributeError,
-    ):  # an iproute2 that writes otherwise
-        return None
+    except (ValueError, OverflowError, LookupError, TypeError, AttributeError):
+        return None  # an iproute2 that writes otherwise
 
 
 def _timing(content: dict[str, Any], key: str) -> BitTiming | None:
@@ -80,9 +124,10 @@ def _timing(content: dict[str, Any], key: str) -> BitTiming | None:
     return BitTiming(fixed, None) if fixed > 0 else None
 
 
+@ruled("interface")
 def interface_findings(
     link: LinkConfig, controller: Controller | None = None, network: Path = NETWORK, place: str = "link"
-) -> list[Finding]:
+) -> Iterator[Said]:
     """What is to be said of the interface with its folder below `network` and, where there is one, a controller.
 
     place: the section of the bench file.
@@ -95,70 +140,49 @@ def interface_findings(
         )
         state = (folder / "operstate").read_text().strip()
     except OSError:
-        return [Finding(TOPIC, Level.WARNING, f"{name} does not exist; {_create(link)}")]
+        yield False, f"{name} does not exist", _create(link)
+        return
     if kind != ARPHRD_CAN:
-        return [Finding(TOPIC, Level.WARNING, f"{name} is no CAN interface; set {place}.channel to one")]
+        yield False, f"{name} is no CAN interface", f"set {place}.channel to one"
+        return
     is_up = bool(flags & _INTERFACE_IS_UP) and state != "down"
-    is_off = controller is not None and controller.state == "BUS-OFF"  # which also takes the carrier away
-    findings = (
-        [] if is_off else [graded(TOPIC, is_up, f"{name}: {'up' if is_up else 'down'}", _bring_up(link))]
-    )
+    if controller is None or controller.state != "BUS-OFF":  # which also takes the carrier away
+        yield is_up, f"{name}: {'up' if is_up else 'down'}", _bring_up(link)
     if link.fd:
         carries_fd = mtu >= FD_MTU
-        text = f"{name}: mtu {mtu}, {'' if carries_fd else 'no '}CAN FD"
-        findings.append(graded(TOPIC, carries_fd, text, _set_up_anew(link)))
-    findings.append(
-        graded(
-            TOPIC,
-            queue >= SHORTEST_QUEUE,
-            f"{name}: queue of {queue} frames to send",
-            f"sudo ip link set {name} txqueuelen {10 * SHORTEST_QUEUE}",
-        )
-    )
+        yield carries_fd, f"{name}: mtu {mtu}, {'' if carries_fd else 'no '}CAN FD", _set_up_anew(link)
+    longer = f"sudo ip link set {name} txqueuelen {10 * SHORTEST_QUEUE}"
+    yield queue >= SHORTEST_QUEUE, f"{name}: queue of {queue} frames to send", longer
     if controller is not None:
-        findings += _controller_findings(link, controller, place)
-    return findings
+        yield from _of_controller(link, controller, place)
 
 
-def _controller_findings(link: LinkConfig, controller: Controller, place: str) -> list[Finding]:
+def _of_controller(link: LinkConfig, controller: Controller, place: str) -> Iterator[Said]:
     name = link.channel
-    findings = []
+    anew = f"sudo ip link set {name} down && sudo ip link set {name} up type can"
     if controller.state in ("BUS-OFF", "ERROR-PASSIVE"):
         remedy = "check wiring, termination and the bit rates of all nodes"
         if controller.state == "BUS-OFF":
             remedy += f", then: sudo ip link set {name} type can restart"
-        findings.append(graded(TOPIC, False, f"{name}: {controller.state.lower()}", remedy))
+        yield False, f"{name}: {controller.state.lower()}", remedy
     for phase, timing, wanted in (
         ("bit rate", controller.arbitration, link.bit_rate),
         ("data bit rate", controller.data if link.fd else None, link.data_bit_rate),
     ):
-        if timing is not None:
-            findings.append(_rate_finding(link, phase, timing, wanted, place))
-    if controller.restart_ms is not None:
-        findings.append(
-            graded(
-                TOPIC,
-                controller.restart_ms > 0,
-                f"{name}: restart-ms {controller.restart_ms}"
-                + ("" if controller.restart_ms else ", after bus-off it stays off"),
-                f"sudo ip link set {name} down && sudo ip link set {name} up type can restart-ms 100",
-            )
+        if timing is None:
+            continue
+        point = "" if timing.sample_point is None else f", sampled at {timing.sample_point:.1%}"
+        key = f"{place}.{phase.replace(' ', '_')}"
+        yield (
+            abs(timing.bit_rate - wanted) <= RATE_TOLERANCE * wanted,
+            f"{name}: {phase} {timing.bit_rate} bit/s{point}",
+            f"the bench file says {wanted:.0f}: set {key}, or {_set_up_anew(link)}",
         )
+    if (restart := controller.restart_ms) is not None:
+        off = "" if restart else ", after bus-off it stays off"
+        yield restart > 0, f"{name}: restart-ms {restart}{off}", f"{anew} restart-ms 100"
     for mode in set(_SILENT_MODES).intersection(controller.modes):
-        off = f"sudo ip link set {name} down && sudo ip link set {name} up type can {mode.lower()} off"
-        findings.append(graded(TOPIC, False, f"{name}: {mode.lower()}, nobody will hear the results", off))
-    return findings
-
-
-def _rate_finding(link: LinkConfig, phase: str, timing: BitTiming, wanted: float, place: str) -> Finding:
-    point = "" if timing.sample_point is None else f", sampled at {timing.sample_point:.1%}"
-    key = phase.replace(" ", "_")
-    return graded(
-        TOPIC,
-        abs(timing.bit_rate - wanted) <= RATE_TOLERANCE * wanted,
-        f"{link.channel}: {phase} {timing.bit_rate} bit/s{point}",
-        f"the bench file says {wanted:.0f}: set {place}.{key}, or {_set_up_anew(link)}",
-    )
+        yield False, f"{name}: {mode.lower()}, nobody will hear the results", f"{anew} {mode.lower()} off"
 
 
 def _create(link: LinkConfig) -> str:

@@ -1,0 +1,261 @@
+"""Commands that find out what a model should be: `fit`, `discover`, `compare` and `effects`."""
+
+import json
+import sys
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from observer_rt.cli.options import (
+    DecoderOption,
+    EffectsOption,
+    ForceOption,
+    FromChannelOption,
+    InjectorOption,
+    JsonOption,
+    LenientOption,
+    RecordingsArgument,
+    decoder_of,
+    file_option,
+)
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.config.effects import effect_named
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.file_errors import file_errors
+from observer_rt.terminal.compiling import show_compiling
+from observer_rt.terminal.console import progress_bar, results, say
+from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination, refuse_existing
+
+messages = Console(stderr=True)
+
+
+def fit(
+    recordings: RecordingsArgument,
+    model: Annotated[
+        Path,
+        file_option(
+            "--model", "Injector file to start from: geometry right, the rest within a factor of two."
+        ),
+    ],
+    output: Annotated[Path, file_option("--output", "Fitted injector file to write.")],
+    mass: Annotated[
+        Path | None,
+        file_option(
+            "--mass",
+            "Measured masses (CSV: recording,mass_mg[,injection][,sigma_mg]), which fix the absolute level.",
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None, file_option("--plot", "Figure (png, svg, pdf): line pressure and residuals by phase.")
+    ] = None,
+    force: ForceOption = False,
+    bench: DecoderOption = None,
+    from_channel: FromChannelOption = None,
+    injector: InjectorOption = None,
+    lenient: LenientOption = False,
+    as_json: JsonOption = False,
+    effects: EffectsOption = None,
+) -> None:
+    """Calibrate the model, its structure included, to recordings of the healthy injector."""
+    from observer_rt.config.channels import effects_on_one_raster
+    from observer_rt.evaluation.sources import open_source, without_truths
+    from observer_rt.evidence.coverage import coverage
+    from observer_rt.evidence.excerpts import MOST_SAMPLES
+    from observer_rt.evidence.plausible import refuse_rates_missing
+    from observer_rt.evidence.reading import hashes, read_measured
+    from observer_rt.fit.calibrate import calibrate
+    from observer_rt.fit.document import as_json as document_of
+    from observer_rt.fit.fitted_file import baseline_of, read_document, write_fitted
+    from observer_rt.fit.masses import read_masses
+    from observer_rt.fit.suitability import refuse_clipped, warnings
+    from observer_rt.fit.text import print_fit
+
+    decoder = decoder_of(bench, injector, lenient, model)
+    paths = without_truths(recordings, messages)
+    start, document = load_injector(model), read_document(model)
+    if output.resolve() == model.resolve():
+        raise UserError(
+            f"--output {output}", "is the model that is fitted", "name another file, to compare the two"
+        )
+    for option, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
+        if path is not None:
+            check_destination(option, path, suffixes)
+            refuse_existing(option, [path], force)
+    read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
+    most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: masses go by the injection's number
+    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
+    found = read_measured(paths, read, messages, most, stated)
+    refuse_rates_missing([one.recording for one in found])
+    refuse_clipped(found)
+    weighed = {} if mass is None else read_masses(mass, found)
+    warned = warnings(found)
+    for line in (*map(coverage, found), *(f"warning: {one}" for one in warned)):
+        say(messages, line)
+    show_compiling(messages)
+    with progress_bar(messages, "fitting", 1.0) as progress:
+        try:
+            done = calibrate(start, found, weighed, progress)
+        except KeyboardInterrupt:
+            raise RunError("interrupted; nothing was written") from None
+    baseline = baseline_of(done, hashes(paths))
+    with file_errors(output):
+        write_fitted(output, document, done, baseline)
+    if plot is not None:
+        from observer_rt.fit.figure import draw_fit
+
+        draw_fit(plot, done)
+    if as_json:
+        print(json.dumps(document_of(done, baseline, warned), indent=2))
+    else:
+        print_fit(done, results())
+    say(messages, f"{output}: written" + ("" if plot is None else f"; {plot}: figure"))
+
+
+def discover(
+    recordings: RecordingsArgument,
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder for findings, amended model and report.", metavar="DIR")
+    ],
+    model: Annotated[
+        Path | None,
+        file_option(
+            "--model",
+            "Injector file (default: the bench file's, else the nominal injector).",
+            show_default=False,
+        ),
+    ] = None,
+    healthy: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--healthy",
+            help="Recording of a healthy injector to judge the model by; repeatable.",
+            metavar="RECORDING",
+        ),
+    ] = None,
+    choose: Annotated[
+        str,
+        typer.Option(
+            "--choose",
+            help="Effect to put into the amended model where several explain the recordings as well; two as ID+ID.",
+            metavar="ID",
+            show_default=False,
+        ),
+    ] = "",
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the report and the amended model that stand in DIR.")
+    ] = False,
+    data: Annotated[
+        bool, typer.Option("--data", help="Also write the figures (SVG) and the numbers behind them (CSV).")
+    ] = False,
+    bench: DecoderOption = None,
+    from_channel: FromChannelOption = None,
+    injector: InjectorOption = None,
+    lenient: LenientOption = False,
+    as_json: JsonOption = False,
+    effects: EffectsOption = None,
+) -> None:
+    """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
+    from observer_rt.config.channels import effects_on_one_raster
+    from observer_rt.discovery.answer import Question, answer, refuse_incomparable
+    from observer_rt.discovery.folder import (
+        AMENDED,
+        DATA,
+        FINDINGS,
+        FITS,
+        REPORT,
+        InjectorFile,
+        fits_in,
+        make_folder,
+        refuse_replacing,
+        write_answer,
+    )
+    from observer_rt.discovery.report.text import as_text
+    from observer_rt.evaluation.second_opinion import second_opinion
+    from observer_rt.evaluation.sources import open_source, without_truths
+    from observer_rt.evidence.coverage import coverage
+    from observer_rt.evidence.reading import hashes, read_measured
+
+    begin = time.monotonic()
+    decoder = decoder_of(bench, injector, lenient, model)
+    paths, references = without_truths(recordings, messages), tuple(healthy or ())
+    start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
+    parameters = load_injector(start)
+    chosen = tuple(effect_named("--choose", name.strip()).id for name in choose.split("+")) if choose else ()
+    refuse_replacing(out, start, force)
+    amendable = InjectorFile.read(start)
+    read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
+    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
+    measured = read_measured([*paths, *references], read, messages, stated=stated)
+    question = Question(parameters, measured[: len(paths)], measured[len(paths) :], hashes(paths), chosen)
+    refuse_incomparable(question, str(start))
+    make_folder(out)
+    for one in measured:
+        say(messages, coverage(one))
+    show_compiling(messages)
+    ask = partial(second_opinion, signals=None if decoder is None else decoder.injector.config.signals)
+    store = fits_in(out, question, stated)
+    if store.taken_over:
+        say(messages, f"going on with {store.taken_over} candidates fitted before")
+    with store, progress_bar(messages, "looking for what is missing", 1.0) as progress:
+        try:
+            found = answer(question, store, ask, progress, AMENDED)
+        except KeyboardInterrupt:
+            raise RunError(
+                f"interrupted; {store.kept} fitted candidates are kept in {out / FITS}\n"
+                "  remedy: give the same command again to go on"
+            ) from None
+    found = replace(found, seconds=time.monotonic() - begin)
+    document = write_answer(out, question, found, amendable, references, data)
+    if as_json:
+        print(document)
+    else:
+        say(results(), as_text(found))
+        more = [name for name, is_there in ((AMENDED, bool(found.in_force)), (DATA, data)) if is_there]
+        say(messages, f"{out}: {', '.join([REPORT, FINDINGS, *more])}")
+
+
+def compare(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(help="Folders that `discover --out` wrote.", metavar="DIR", show_default=False),
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """Put runs of `discover` side by side: verdicts, sizes, gaps; what changed from the first to the last."""
+    from observer_rt.discovery import runs as comparison
+    from observer_rt.discovery.report.run_table import change_lines, run_table
+
+    if len(runs) < 2:
+        raise UserError("DIR", "is one run", "name two folders or more")
+    found = [comparison.Run.read(path) for path in runs]
+    if as_json:
+        print(json.dumps(comparison.as_json(found), indent=2))
+        return
+    console = results()
+    console.print(run_table(found))
+    for line in change_lines(found):
+        say(console, line)
+
+
+def effects(
+    ids: Annotated[
+        list[str] | None,
+        typer.Argument(help="Effects to be told in detail (default: all).", metavar="ID", show_default=False),
+    ] = None,
+    as_json: JsonOption = False,
+    effects: EffectsOption = None,
+) -> None:
+    """List the effects a model can have: units, bounds, meaning, what each is taken for; check those of your own."""
+    from observer_rt.discovery import vocabulary
+    from observer_rt.model.effects import VOCABULARY
+
+    chosen = [effect_named("ID", name) for name in ids or VOCABULARY]
+    if as_json:
+        print(json.dumps(vocabulary.as_json(chosen), indent=2))
+    else:
+        results().print(vocabulary.as_table(chosen, in_detail=bool(ids)), highlight=False)

@@ -15,7 +15,7 @@ from rich.console import Console
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.sources import open_source
 from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
-from observer_rt.fleet.columns import SCHEMA, row_of
+from observer_rt.fleet.columns import SCHEMA, table_row
 from observer_rt.fleet.names import InjectorNames
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.foundation.errors import ObserverError
@@ -104,7 +104,7 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
     zero = _zero(place, source)
     for result in evaluation.injections:
         yield {
-            **row_of(result, evaluation.has_energizing, c),
+            **table_row(result, c),
             "file": str(path),
             "sha256": sha256,
             "injector": name,

@@ -11,7 +11,7 @@ from observer_rt.evaluation.compiled import area, mean_flowing, rms_difference
 from observer_rt.evaluation.trace import Signal, Trace
 from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.service.reports.injection_record import Field, Output, injection_record
+from observer_rt.service.reports.injection_record import FIELDS, Field, Output, injection_record
 from observer_rt.service.reports.injection_report import InjectionReport
 
 
@@ -29,7 +29,14 @@ class InjectionResult:
     rate_ci95_halfwidth: float  # m3/s, of the published rate, mean while it flows
 
 
+def _of_report(each: Field[InjectionReport]) -> Field[InjectionResult]:
+    return Field(
+        each.name, each.kind, lambda r, c: each.get(r.report, c), each.heading, each.form, each.outputs
+    )
+
+
 RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
+    *map(_of_report, FIELDS),
     Field("start_s", float, lambda r, _: r.start, "start\ns", ".3f"),
     Field("end_s", float, lambda r, _: r.end),
     Field("nominal_mass_mg", float, lambda r, _: r.nominal_mass / MILLIGRAM, "nominal\nmg", ".2f"),
@@ -43,12 +50,12 @@ RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
         outputs=Output.JSON,
     ),
 )
-"""What is said of an injection beside the fields of its report."""
+"""What is said of an injection, the fields of its report first."""
 
 
 def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficients) -> dict[str, Any]:
     """One injection of the JSON document."""
-    compared = {each.name: each.of(result, c) for each in RESULT_FIELDS}
+    compared = {each.name: each.of(result, c) for each in RESULT_FIELDS[len(FIELDS) :]}
     return {**injection_record(result.report, c, has_energizing), **compared}
 
 

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.service.keeping.journal import COLUMNS, PATIENCE, SCHEMA, make_tables, require_journal
-from observer_rt.service.reports.injection_record import FIELDS, WEAR, Value
+from observer_rt.service.reports.injection_record import NAMED, WEAR, Value
 from observer_rt.terminal.console import results
 
 Row = Mapping[str, Value]
@@ -107,8 +107,9 @@ def print_tables(journal: JournalReader, last: int) -> None:
             *(_mean(*mean) for mean in means),
         )
     newest = Table("judged (UTC)", "no.", "rail MPa", "mass mg", *names, "valid", title="Last injections")
-    shown = [each for each in FIELDS if each.name in ("number", "rail_pressure_MPa", "mass_mg")]
-    shown += [each.value for each in WEAR]
+    shown = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg")] + [
+        each.value for each in WEAR
+    ]
     for row in journal.injections(last):
         cells = (field.text(row.get(field.name)) for field in shown)
         newest.add_row(str(row["judged_utc"]), *cells, "yes" if row["valid"] else str(row["reasons"]))

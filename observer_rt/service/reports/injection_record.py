@@ -68,8 +68,8 @@ class Field(Generic[T]):
 
 
 @dataclass(frozen=True)
-class Indicator:
-    """What is learned of an injector: its name and unit as people write them, its value and 95 % interval."""
+class IndicatorFields:
+    """What is learned of an injector, as two fields; name and unit are those of JSON."""
 
     name: str
     unit: str
@@ -82,7 +82,7 @@ class Indicator:
         return (*self.value.columns, *self.ci95.columns)
 
 
-def _indicator(shown: Shown) -> Indicator:
+def _indicator(shown: Shown) -> IndicatorFields:
     name, unit = shown.key or shown.effect, shown.unit[0]
     suffix = "" if unit == "-" else "_" + re.sub(r"\W+", "_", unit.replace("/", " per ")).strip("_")
 
@@ -95,7 +95,7 @@ def _indicator(shown: Shown) -> Indicator:
 
     outputs, heading = Output.JOURNAL | Output.PARQUET, f"{name.partition('_')[2]}\n{unit}"
     single = Field(f"{name}{suffix}", float, value, heading, "+.3f", outputs)
-    return Indicator(name, unit, single, Field(f"{name}_ci95{suffix}", tuple, ci95, outputs=outputs))
+    return IndicatorFields(name, unit, single, Field(f"{name}_ci95{suffix}", tuple, ci95, outputs=outputs))
 
 
 INDICATORS = tuple(_indicator(shown) for _, shown in SCALARS.shown())
@@ -128,6 +128,7 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
     *chain.from_iterable((each.value, each.ci95) for each in INDICATORS),
 )
 # fmt: on
+NAMED = {each.name: each for each in FIELDS}
 
 
 def columns_of(fields: Sequence[Field[T]], output: Output) -> dict[str, type]:

@@ -191,8 +191,12 @@ def journal(
     as_json: JsonOption = False,
 ) -> None:
     """Show a journal of injections: the last ones, and the wear over time; also while it is written."""
-    from observer_rt.service.keeping.journal_printing import print_csv, print_json, print_tables
-    from observer_rt.service.keeping.journal_reading import reading_journal
+    from observer_rt.service.keeping.journal_reading import (
+        print_csv,
+        print_json,
+        print_tables,
+        reading_journal,
+    )
 
     if as_csv and as_json:
         raise UserError("--csv", "and --json are two forms of the same", "leave one of them out")

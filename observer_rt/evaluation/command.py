@@ -13,9 +13,9 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.curves import numbers_shown, refuse_beyond
-from observer_rt.evaluation.document import write_document
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.replacing import replacing
+from observer_rt.evaluation.results import write_document
 from observer_rt.evaluation.sources import in_runs, open_source, without_truths
 from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
 from observer_rt.evaluation.table import print_evaluation

@@ -2,12 +2,16 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.evaluation.compiled import area, mean_flowing, rms_difference
 from observer_rt.evaluation.trace import Signal, Trace
+from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.service.reports.injection_record import FIELDS, Field, Output, injection_record
 from observer_rt.service.reports.injection_report import InjectionReport
 
 
@@ -23,6 +27,36 @@ class InjectionResult:
     rate_rmse: float  # m3/s
     nominal_rate_rmse: float  # m3/s
     rate_ci95_halfwidth: float  # m3/s, of the published rate, mean while it flows
+
+
+def _of_report(each: Field[InjectionReport]) -> Field[InjectionResult]:
+    return Field(
+        each.name, each.kind, lambda r, c: each.get(r.report, c), each.heading, each.form, each.outputs
+    )
+
+
+RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
+    *map(_of_report, FIELDS),
+    Field("start_s", float, lambda r, _: r.start, "start\ns", ".3f"),
+    Field("end_s", float, lambda r, _: r.end),
+    Field("nominal_mass_mg", float, lambda r, _: r.nominal_mass / MILLIGRAM, "nominal\nmg", ".2f"),
+    Field("measured_mass_mg", float, lambda r, _: r.measured_mass / MILLIGRAM, "measured\nmg", ".2f"),
+    Field("rate_rmse_mm3_per_ms", float, lambda r, _: r.rate_rmse / MM3_PER_MS, "RMSE\nmm3/ms", ".2f"),
+    Field("nominal_rate_rmse_mm3_per_ms", float, lambda r, _: r.nominal_rate_rmse / MM3_PER_MS),
+    Field(
+        "rate_ci95_halfwidth_mm3_per_ms",
+        float,
+        lambda r, _: r.rate_ci95_halfwidth / MM3_PER_MS,
+        outputs=Output.JSON,
+    ),
+)
+"""What is said of an injection, the fields of its report first."""
+
+
+def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficients) -> dict[str, Any]:
+    """One injection of the JSON document."""
+    compared = {each.name: each.of(result, c) for each in RESULT_FIELDS[len(FIELDS) :]}
+    return {**injection_record(result.report, c, has_energizing), **compared}
 
 
 def injection_result(

@@ -1,66 +1,27 @@
-"""What is said of an evaluated recording: injection by injection, as data for tables and JSON."""
+"""What is said of an evaluated recording: standstill checks, and one JSON document of everything."""
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Protocol
+from textwrap import indent
+from typing import Any, TextIO
 
 import numpy as np
 
-from observer_rt.evaluation.injections import InjectionResult
-from observer_rt.foundation.units import (
-    MEGAPASCAL,
-    MICROMETRE,
-    MICROSECOND,
-    MILLIGRAM,
-    MM3_PER_MS,
-)
+from observer_rt.evaluation.evaluate import Evaluation
+from observer_rt.evaluation.injections import injection_json
+from observer_rt.evaluation.streamed import StreamedEvaluation
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.stream.lift_figures import LiftFigures
 from observer_rt.observer.stream.lift_zero import LIMIT
-from observer_rt.observer.stream.standstill import Standstill
-from observer_rt.service.core.counters import Counters
-from observer_rt.service.reports.injection_record import energizing_record, injection_record, known
 
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
+_NO_INJECTIONS = '"injections": []'  # a string of the document cannot hold it: its quotes would be escaped
 
-
-class Evaluated(Protocol):
-    """What is said of an evaluated recording, in memory or not."""
-
-    @property
-    def path(self) -> Path | None:
-        """Of the file."""
-
-    @property
-    def samples(self) -> int:
-        """How many there are."""
-
-    @property
-    def sample_rate(self) -> float:
-        """Of the recording [Hz]."""
-
-    @property
-    def has_rate(self) -> bool:
-        """Whether an injection rate was measured."""
-
-    @property
-    def counters(self) -> Counters:
-        """What was counted of it."""
-
-    @property
-    def standstill(self) -> Standstill:
-        """Statistics of the closed needle."""
-
-    @property
-    def has_energizing(self) -> bool:
-        """Whether the bench has this input."""
-
-    @property
-    def injections(self) -> Sequence[InjectionResult]:
-        """In their order."""
+Evaluated = Evaluation | StreamedEvaluation
 
 
 @dataclass(frozen=True)
@@ -71,11 +32,6 @@ class Check:
     value: float
     unit: str
     passed: bool
-
-
-def injection_results(evaluation: Evaluated) -> list[InjectionResult]:
-    """Results of every injection, each over the window it was detected in."""
-    return list(evaluation.injections)
 
 
 def checks(evaluation: Evaluated, c: Coefficients) -> list[Check]:
@@ -107,14 +63,30 @@ def _lift_checks(lift: LiftFigures) -> list[Check]:
     return result
 
 
-def recording_json(evaluation: Evaluated, c: Coefficients) -> dict[str, Any]:
-    """One recording of the JSON document."""
-    injections = [injection_json(result, evaluation.has_energizing, c) for result in evaluation.injections]
-    return {**recording_json_without(evaluation, c), "injections": injections}
+def write_document(evaluations: Sequence[Evaluated], model: str, c: Coefficients, out: TextIO) -> None:
+    """Write one JSON document, injection by injection, however many there are.
+
+    model: SHA-256 of the parameters; c: of the nominal model.
+    """
+    document: dict[str, Any] = {
+        "schema": SCHEMA,
+        "model_sha256": model,
+        "recordings": [_without_injections(evaluation, c) for evaluation in evaluations],
+    }
+    before, *after = json.dumps(document, indent=2).split(_NO_INJECTIONS)
+    out.write(before)
+    for evaluation, text in zip(evaluations, after, strict=True):
+        out.write('"injections": [')
+        for number, result in enumerate(evaluation.injections):
+            record = json.dumps(injection_json(result, evaluation.has_energizing, c), indent=2)
+            out.write((",\n" if number else "\n") + indent(record, 8 * " "))
+        out.write("\n      ]" if len(evaluation.injections) else "]")
+        out.write(text)
+    out.write("\n")
 
 
-def recording_json_without(evaluation: Evaluated, c: Coefficients) -> dict[str, Any]:
-    """The same without its injections: an empty list in their place."""
+def _without_injections(evaluation: Evaluated, c: Coefficients) -> dict[str, Any]:
+    """One recording of the document, an empty list for its injections."""
     valid = sum(result.report.valid for result in evaluation.injections)
     return {
         "file": str(evaluation.path),
@@ -150,20 +122,4 @@ def _energizing_json(evaluation: Evaluated) -> dict[str, Any]:
             "mean_opening_delay_us": float(np.mean(known)) if known else None,
             "opening_delay_sigma_us": float(np.std(known)) if known else None,
         }
-    }
-
-
-def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficients) -> dict[str, Any]:
-    """One injection of the JSON document."""
-    commanded = result.report.commanded
-    return {
-        **injection_record(result.report, c),
-        "start_s": result.start,
-        "end_s": result.end,
-        "nominal_mass_mg": known(result.nominal_mass / MILLIGRAM),
-        "measured_mass_mg": known(result.measured_mass / MILLIGRAM),
-        "rate_rmse_mm3_per_ms": known(result.rate_rmse / MM3_PER_MS),
-        "nominal_rate_rmse_mm3_per_ms": known(result.nominal_rate_rmse / MM3_PER_MS),
-        "rate_ci95_halfwidth_mm3_per_ms": known(result.rate_ci95_halfwidth / MM3_PER_MS),
-        **({"energizing": energizing_record(commanded)} if has_energizing else {}),
     }

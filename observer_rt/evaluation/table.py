@@ -2,22 +2,35 @@
 
 import math
 from collections.abc import Sequence
+from statistics import fmean, pstdev
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT
-from observer_rt.evaluation.injections import InjectionResult
+from observer_rt.estimation.scalars import SCALARS
+from observer_rt.evaluation.injections import RESULT_FIELDS, InjectionResult
 from observer_rt.evaluation.results import Evaluated, checks
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.stream.state import Reason
+from observer_rt.service.reports.injection_record import WEAR, Field
 from observer_rt.terminal.console import say
 
 MOST_ROWS = 50  # injections beyond which only means of several are shown
 SUMMARY_ROWS = 20
 NOTEWORTHY = 4.0  # standard deviations from nothing
+
+_NAMED = {each.name: each for each in RESULT_FIELDS}
+_FIRST = [_NAMED[name] for name in ("number", "event", "start_s", "rail_pressure_MPa", "mass_mg")]
+_NOMINAL, _MEASURED = _NAMED["nominal_mass_mg"], _NAMED["measured_mass_mg"]
+_ERROR = Field[InjectionResult](
+    "error",
+    float,
+    lambda r, _: 100 * (r.report.mass / r.measured_mass - 1) if r.measured_mass else None,
+    "error\n%",
+    ".2f",
+)
+_WEAR = [_NAMED[each.value.name] for each in WEAR]
 
 
 def print_evaluation(evaluation: Evaluated, c: Coefficients, console: Console) -> None:
@@ -46,11 +59,11 @@ def print_evaluation(evaluation: Evaluated, c: Coefficients, console: Console) -
     if counters.outliers:
         say(console, counters.outliers)
     if count > MOST_ROWS:
-        console.print(summary_table(evaluation.injections, evaluation.has_rate))
+        console.print(_summary_table(evaluation.injections, evaluation.has_rate, c))
     elif count:
         injections = list(evaluation.injections)
         measured = any(not math.isnan(result.measured_mass) for result in injections)
-        console.print(_table(injections, measured or evaluation.has_rate))
+        console.print(_table(injections, measured or evaluation.has_rate, c))
     else:
         say(console, "no injection found")
     if evaluation.has_energizing:
@@ -69,69 +82,52 @@ def print_evaluation(evaluation: Evaluated, c: Coefficients, console: Console) -
             say(console, f"check failed: {check.id} is {check.value:.3g} {check.unit}")
 
 
-def _table(injections: Sequence[InjectionResult], measured: bool) -> Table:
+def _table(injections: Sequence[InjectionResult], measured: bool, c: Coefficients) -> Table:
     """Beside a measurement its error stands where otherwise the interval does: both do not fit."""
-    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    headings = ["\nno", "\nevent", "start\ns", "rail\nMPa", "mass\nmg"]
-    if measured:
-        headings += ["nominal\nmg", "measured\nmg", "error\n%", "RMSE\nmm3/ms"]
-    else:
-        headings += ["95 %\nmg", "nominal\nmg"]
-    for heading in [*headings, "v_H\n-", "v_S\n-", "\nvalid"]:
-        table.add_column(Text(heading), justify="right", no_wrap=True)
+    compared = [_NOMINAL, _MEASURED, _ERROR, _NAMED["rate_rmse_mm3_per_ms"]]
+    fields = [*_FIRST, *(compared if measured else [_NAMED["mass_ci95_mg"], _NOMINAL]), *_WEAR]
+    table = _headed(*(each.heading for each in fields))
     for result in injections:
-        report = result.report
-        nominal = _number(result.nominal_mass / MILLIGRAM)
-        comparison = [
-            _number(result.measured_mass / MILLIGRAM),
-            _number(100 * (report.mass / result.measured_mass - 1)) if result.measured_mass else "-",
-            _number(result.rate_rmse / MM3_PER_MS),
-        ]
-        table.add_row(
-            str(report.number),
-            str(report.event),
-            f"{result.start:.3f}",
-            f"{report.rail_pressure / MEGAPASCAL:.1f}",
-            _number(report.mass / MILLIGRAM),
-            *([nominal, *comparison] if measured else [_range(report.mass_ci95), nominal]),
-            f"{report.indicators[NOZZLE].value:+.3f}",
-            f"{report.indicators[SEAT].value:+.3f}",
-            "yes" if report.valid else "no",
-        )
+        cells = (each.text(each.of(result, c)) for each in fields)
+        table.add_row(*cells, "yes" if result.report.valid else "no")
     return table
 
 
-def summary_table(injections: Sequence[InjectionResult], measured: bool) -> Table:
+def _summary_table(injections: Sequence[InjectionResult], measured: bool, c: Coefficients) -> Table:
     """Means of runs of injections, in order; of masses their standard deviation, too."""
-    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    headings = ["\nno", "start\ns", "rail\nMPa", "mass\nmg", "+-\nmg", "nominal\nmg"]
-    headings += ["measured\nmg"] if measured else []
-    for heading in [*headings, "v_H\n-", "v_S\n-", "\nvalid"]:
-        table.add_column(Text(heading), justify="right", no_wrap=True)
+    number, _, start, rail, mass = _FIRST
+    compared = [_NOMINAL, *([_MEASURED] if measured else []), *_WEAR]
+    headings = [each.heading for each in (number, start, rail, mass, *compared)]
+    table = _headed(*headings[:4], "+-\nmg", *headings[4:])
     size = -(-len(injections) // SUMMARY_ROWS)
     for first in range(0, len(injections), size):
         run = injections[first : first + size]
-        reports = [result.report for result in run]
-        masses = [report.mass / MILLIGRAM for report in reports]
+        numbers = [run[0].report.number, run[-1].report.number]
+        rails, masses, *others = (_mean(each, run, c) for each in (rail, mass, *compared))
+        known = [value for one in run if (value := mass.of(one, c)) is not None]
         table.add_row(
-            f"{reports[0].number}-{reports[-1].number}" if len(run) > 1 else str(reports[0].number),
-            f"{run[0].start:.3f}",
-            f"{_mean([report.rail_pressure / MEGAPASCAL for report in reports]):.1f}",
-            _number(_mean(masses)),
-            _number(_mean([(mass - _mean(masses)) ** 2 for mass in masses]) ** 0.5),
-            _number(_mean([result.nominal_mass / MILLIGRAM for result in run])),
-            *([_number(_mean([result.measured_mass / MILLIGRAM for result in run]))] if measured else []),
-            f"{_mean([report.indicators[NOZZLE].value for report in reports]):+.3f}",
-            f"{_mean([report.indicators[SEAT].value for report in reports]):+.3f}",
-            f"{100 * sum(report.valid for report in reports) / len(run):.0f} %",
+            "-".join(map(str, numbers[: len(run)])),
+            start.text(run[0].start),
+            rails,
+            masses,
+            mass.text(pstdev(known) if known else None),
+            *others,
+            f"{100 * sum(one.report.valid for one in run) / len(run):.0f} %",
         )
     return table
 
 
-def _mean(values: Sequence[float]) -> float:
-    """Of those that are known; nan of none."""
-    known = [value for value in values if not math.isnan(value)]
-    return sum(known) / len(known) if known else math.nan
+def _mean(field: Field[InjectionResult], run: Sequence[InjectionResult], c: Coefficients) -> str:
+    """Of those that are known."""
+    known = [value for one in run if (value := field.of(one, c)) is not None]
+    return field.text(fmean(known) if known else None)
+
+
+def _headed(*headings: str) -> Table:
+    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    for heading in (*headings, "\nvalid"):
+        table.add_column(Text(heading), justify="right", no_wrap=True)
+    return table
 
 
 def _not_valid(injections: Sequence[InjectionResult]) -> dict[Reason, list[int]]:
@@ -152,14 +148,6 @@ def _ranges(numbers: Sequence[int]) -> str:
         else:
             runs.append([number])
     return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
-
-
-def _range(interval: tuple[float, float] | None) -> str:
-    return "-" if interval is None else "-".join(f"{bound / MILLIGRAM:.1f}" for bound in interval)
-
-
-def _number(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.2f}"
 
 
 def _line_side(last: InjectionResult, c: Coefficients) -> list[str]:

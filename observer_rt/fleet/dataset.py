@@ -19,7 +19,7 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from observer_rt.evaluation.replacing import replacing
-from observer_rt.fleet.columns import SCHEMA
+from observer_rt.fleet.columns import OLD_NAMES, SCHEMA
 from observer_rt.fleet.job import Failed
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
@@ -42,7 +42,7 @@ class Dataset:
         self.folder = folder
         with file_errors(folder):
             (folder / INJECTIONS).mkdir(parents=True, exist_ok=True)
-            self._refuse_other(settings)
+            self._refuse_other({**settings, "columns": SCHEMA.names})
             self._done = self._read_done()
         self._failed: list[Failed] = []
         self.injections = 0
@@ -140,6 +140,11 @@ def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.T
         )
     with file_errors(place):
         partitioning = ds.partitioning(pa.schema([(_PARTITION, pa.string())]), flavor="hive")
-        found = ds.dataset(place, schema=SCHEMA, format="parquet", partitioning=partitioning)
-        table: pa.Table = found.to_table(columns=list(columns))
+        schema = pa.schema([*SCHEMA, *(SCHEMA.field(new).with_name(old) for new, old in OLD_NAMES.items())])
+        found = ds.dataset(place, schema=schema, format="parquet", partitioning=partitioning)
+        values = {name: ds.field(name) for name in columns}
+        older = {
+            name: pc.coalesce(values[name], ds.field(OLD_NAMES[name])) for name in values if name in OLD_NAMES
+        }
+        table: pa.Table = found.to_table(columns={**values, **older})
     return table

@@ -13,9 +13,10 @@ import pyarrow as pa
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
+from observer_rt.evaluation.injections import RESULT_FIELDS
 from observer_rt.evaluation.sources import open_source
 from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
-from observer_rt.fleet.columns import SCHEMA, row_of
+from observer_rt.fleet.columns import SCHEMA
 from observer_rt.fleet.names import InjectorNames
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.foundation.errors import ObserverError
@@ -28,6 +29,7 @@ from observer_rt.recording.formats import is_log, open_log
 from observer_rt.recording.signals.checked import OtherRateError
 from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.stream import SignalStream
+from observer_rt.service.reports.injection_record import Output, row_of
 
 NO_MEMORY = "not enough memory\n  remedy: fewer --workers"
 _ROWS = 1024
@@ -104,7 +106,7 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
     zero = _zero(place, source)
     for result in evaluation.injections:
         yield {
-            **row_of(result, evaluation.has_energizing, c),
+            **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
             "file": str(path),
             "sha256": sha256,
             "injector": name,

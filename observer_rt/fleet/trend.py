@@ -4,22 +4,25 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import chain
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from observer_rt.service.reports.injection_record import WEAR
+
 Signal = NDArray[np.float64]
 SURE = 1.959964  # standard deviations of a 95 % interval
 _DRIFTS, _LEAST_DRIFT = 24, 1e-3  # how many are tried, and the least of them, of what the sightings span
-_COLUMNS = {"nozzle": "nozzle_v_H", "seat": "seat_v_S"}
+_COLUMNS = {each.name.partition("_")[0]: each.columns for each in WEAR}  # of the value, its interval
 NEEDED = (
     "injector",
     "sha256",
     "time",
     "number",
     "valid",
-    *(f"{name}{end}" for name in _COLUMNS.values() for end in ("", "_low", "_high")),
+    *chain.from_iterable(_COLUMNS.values()),
 )
 """Columns of a batch's rows that a trend is made of."""
 
@@ -70,13 +73,12 @@ def trends(rows: pa.Table) -> list[Trend]:
 
 def _trend(injector: str, rows: pa.Table) -> Trend:
     table = rows.to_pandas().sort_values(["time", "number"])
-    known = table[table["valid"]].dropna(subset=list(_COLUMNS.values()))
+    known = table[table["valid"]].dropna(subset=[value for value, _, _ in _COLUMNS.values()])
     last = known.groupby("sha256", sort=False).tail(1)
     courses = {}
-    for name, column in _COLUMNS.items():
-        value = last[column].to_numpy(float)
-        half = 0.5 * (last[f"{column}_high"] - last[f"{column}_low"]).to_numpy(float)
-        courses[name] = smoothed(value, half / SURE)
+    for name, columns in _COLUMNS.items():
+        value, low, high = (last[column].to_numpy(float) for column in columns)
+        courses[name] = smoothed(value, 0.5 * (high - low) / SURE)
     return Trend(
         injector,
         tuple(each.to_pydatetime() for each in last["time"]),

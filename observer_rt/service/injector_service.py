@@ -88,7 +88,7 @@ class InjectorService:
             )
             self.screen.watch(daemon)
             self._voice.say(Topic.START, "ready")
-            with self._keeper.keeping(daemon.core):
+            with self._keeper.keeping(lambda: daemon.core.knowledge):
                 daemon.run(stop)
             self._farewell(daemon)
 

@@ -64,7 +64,7 @@ class View:
             Text(state.name, "green" if is_good(state) else "red"),
             Text(", ".join(reason.name for reason in reasons), "yellow"),
         )
-        return (*cells, *last_injection(self._shown[-1])) if self._shown else cells
+        return (*cells, *last_injection(self._shown[-1], self._coefficients)) if self._shown else cells
 
     def render(self, now: int, width: int, height: int) -> RenderableType:
         """The whole view at a monotonic time [ns], for a terminal of `width` x `height` characters."""
@@ -82,7 +82,7 @@ class View:
                     item.references = self._references(item.report, item.rows)
             size = inner, max(LOWEST, left - rows)
             parts.append(curves(shown[-1], self._coefficients, self._sample_rate, size))
-            parts.append(injections(shown[-rows:], inner))
+            parts.append(injections(shown[-rows:], inner, self._coefficients))
         else:
             parts.append(Text("no injection yet", style="dim"))
         return Panel(Group(*parts), title=self._title, expand=False)

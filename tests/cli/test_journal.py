@@ -10,8 +10,8 @@ import pytest
 
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import RunError
+from observer_rt.service.keeping.journal import JournalWriter
 from observer_rt.service.keeping.lock import sole_writer
-from observer_rt.service.keeping.notebook import Notebook
 from tests.cli.conftest import Command
 from tests.device import frames_of
 from tests.service.keeping.report_samples import some_report
@@ -23,13 +23,13 @@ def path(tmp_path: Path) -> Path:
     """A journal of two runs, of 15 and 3 injections; the second was killed."""
     path = tmp_path / "injections.sqlite"
     for count in (15, 3):
-        notebook = Notebook(path, load_bench(), print)
+        journal = JournalWriter(path, load_bench(), print)
         for number in range(1, count + 1):
-            notebook(some_report(number))
+            journal(some_report(number))
         if count == 3:
-            notebook.write()
+            journal.write()
         else:
-            notebook.finish()
+            journal.finish()
     return path
 
 

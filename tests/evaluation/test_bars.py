@@ -8,7 +8,6 @@ import pytest
 
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.evaluation.results import injection_results
 from observer_rt.model.effects import sized
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import make_schedule
@@ -27,7 +26,7 @@ def test_mass_and_rate(v_h: float) -> None:
     )
     (found,) = evaluate(load_bench(), [made.recording]).evaluations
     density = load_injector().fluid.density_nozzle
-    results = injection_results(found)
+    results = found.injections
     assert len(results) == 10
     assert [result.report.valid for result in results] == [False] * 2 + [True] * 8
     squares = []

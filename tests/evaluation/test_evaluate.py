@@ -1,17 +1,14 @@
 """Recordings through the observer: traces and results against the truth and against each other."""
 
 import csv
-import json
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
-from observer_rt.evaluation.evaluate import Evaluation, History, evaluate
-from observer_rt.evaluation.results import injection_results, recording_json
+from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.evaluation.trace_file import write_trace
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients
@@ -20,6 +17,7 @@ from observer_rt.observer.stream.state import State
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import Shot, make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
+from tests.evaluation.documents import recording_json
 
 BENCH = load_bench()
 NOMINAL = load_injector()
@@ -37,13 +35,6 @@ def worn() -> Simulation:
 @cache
 def evaluated() -> History:
     return evaluate(BENCH, [worn().recording])
-
-
-def document(evaluation: Evaluation) -> dict[str, Any]:
-    """The recording's part of the JSON document, through JSON and back: no number that is none."""
-    text = json.dumps(recording_json(evaluation, C), allow_nan=False)
-    parsed: dict[str, Any] = json.loads(text)
-    return parsed
 
 
 @pytest.mark.parametrize("sample_rate", [50e3, 100e3])
@@ -97,7 +88,7 @@ def test_results_of_the_injections() -> None:
     (found,) = evaluated().evaluations
     recording = worn().recording
     assert recording.injection_rate is not None
-    for result in document(found)["injections"]:
+    for result in recording_json(found, C)["injections"]:
         inside = (recording.time >= result["start_s"] - 1e-9) & (recording.time <= result["end_s"] + 1e-9)
         to_mg = 1 / 50e3 * NOMINAL.fluid.density_nozzle * 1e6
         for key, rate in (
@@ -109,7 +100,7 @@ def test_results_of_the_injections() -> None:
         error = (found.trace.injection_rate - recording.injection_rate)[inside] / 1e-6
         assert result["rate_rmse_mm3_per_ms"] == pytest.approx(float(np.sqrt(np.mean(error**2))))
         assert result["rail_pressure_MPa"] == pytest.approx(100.0, abs=0.6)
-    last = document(found)["injections"][-1]
+    last = recording_json(found, C)["injections"][-1]
     assert last["mass_mg"] == pytest.approx(last["measured_mass_mg"], rel=0.02)
     assert last["nominal_mass_mg"] < 0.85 * last["measured_mass_mg"]
     assert last["rate_rmse_mm3_per_ms"] < 0.2 * last["nominal_rate_rmse_mm3_per_ms"]
@@ -117,7 +108,7 @@ def test_results_of_the_injections() -> None:
 
 def test_window_of_a_result_holds_the_whole_injection() -> None:
     truth = worn().truth
-    for result in document(evaluated().evaluations[0])["injections"]:
+    for result in recording_json(evaluated().evaluations[0], C)["injections"]:
         lift = truth.needle_lift[
             (truth.time > result["start_s"] - 0.02) & (truth.time < result["end_s"] + 0.02)
         ]
@@ -127,7 +118,7 @@ def test_window_of_a_result_holds_the_whole_injection() -> None:
 
 
 def test_document_has_every_key_of_its_schema() -> None:
-    whole = document(evaluated().evaluations[0])
+    whole = recording_json(evaluated().evaluations[0], C)
     assert set(whole) >= {
         "file",
         "samples",
@@ -169,7 +160,7 @@ def test_document_has_every_key_of_its_schema() -> None:
 def test_without_a_measurement_nothing_is_compared_with_it() -> None:
     made = simulate(NOMINAL, make_schedule([100e6], 2, 0.05, [1.1e-3]), 20e3, noise=NoiseLevels())
     (found,) = evaluate(BENCH, [made.recording]).evaluations
-    for result in document(found)["injections"]:
+    for result in recording_json(found, C)["injections"]:
         assert result["measured_mass_mg"] is None
         assert result["rate_rmse_mm3_per_ms"] is None
         assert result["mass_mg"] > 0.0
@@ -180,7 +171,7 @@ def test_standstill_check_of_the_offset(offset: float, passed: bool) -> None:
     effects = (sized("line_pressure_sensor_offset", o=offset),)
     made = simulate(NOMINAL, make_schedule([100e6], 1, 0.05, [1.1e-3]), 20e3, effects, NoiseLevels())
     (found,) = evaluate(BENCH, [made.recording], learning=False).evaluations
-    checks = {check["id"]: check for check in document(found)["checks"]}
+    checks = {check["id"]: check for check in recording_json(found, C)["checks"]}
     assert checks["rail_line_offset"]["value"] == pytest.approx(offset / 1e6, abs=0.02)
     assert checks["rail_line_offset"]["unit"] == "MPa"
     assert checks["rail_line_offset"]["passed"] is passed
@@ -194,8 +185,8 @@ def test_recordings_one_after_another_are_one_history() -> None:
     assert [report.number for report in second.reports] == [5, 6, 7, 8]
     assert all(report.valid for report in second.reports)
     assert second.reports[0].phi_version > 0
-    masses = [injection_results(part)[0].report.mass for part in (first, second)]
-    true = injection_results(second)[0].measured_mass
+    masses = [part.injections[0].report.mass for part in (first, second)]
+    true = second.injections[0].measured_mass
     assert abs(masses[1] / true - 1) < 0.02 < abs(masses[0] / true - 1)
 
 
@@ -203,7 +194,7 @@ def test_knowledge_of_one_history_starts_another() -> None:
     restored = evaluate(BENCH, [worn().recording], knowledge=evaluated().knowledge).evaluations[0]
     assert restored.reports[0].phi_version == evaluated().knowledge.phi_version
     assert [report.valid for report in restored.reports] == [False, True, True, True]
-    true = injection_results(restored)[0].measured_mass
+    true = restored.injections[0].measured_mass
     assert restored.reports[0].mass == pytest.approx(true, rel=0.02)
 
 

@@ -1,6 +1,5 @@
 """The intervals of mass and rate against the truth of simulated worn injectors."""
 
-import json
 from dataclasses import dataclass
 from functools import cache
 
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.drawing.pictures import picture_of
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
-from observer_rt.evaluation.results import injection_results, recording_json
 from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import sized
@@ -22,6 +20,7 @@ from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import Shot, make_schedule
 from observer_rt.simulation.simulate import simulate
+from tests.evaluation.documents import recording_json
 
 BENCH, NOMINAL = load_bench(), load_injector()
 C = coefficients(NOMINAL)
@@ -153,8 +152,8 @@ def test_rate_has_a_sigma_in_the_windows_of_injections_only() -> None:
 
 def test_mean_half_width_of_the_rate_in_the_document() -> None:
     made = run(3, 0.3)
-    document = json.loads(json.dumps(recording_json(made.found, C), allow_nan=False))
-    for result, injection in zip(injection_results(made.found), document["injections"], strict=True):
+    document = recording_json(made.found, C)
+    for result, injection in zip(made.found.injections, document["injections"], strict=True):
         window = slice(result.report.start_index, result.report.end_index + 1)
         flows = made.found.trace.injection_rate[window] != 0.0
         mean = 1.96 * made.found.trace.injection_rate_sigma[window][flows].mean()
@@ -164,7 +163,7 @@ def test_mean_half_width_of_the_rate_in_the_document() -> None:
 
 def test_figure_gets_the_sigma_of_its_injections() -> None:
     made = run(3, 0.3)
-    results = injection_results(made.found)
+    results = made.found.injections
     bench = bench_for(BENCH, made.found.recording)
     (streamed,), _ = evaluate_stream(bench, [HeldSignals(made.found.recording)], curves_of=C)
     picture = picture_of(streamed, {1, 3})

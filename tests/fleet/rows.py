@@ -22,11 +22,11 @@ def rows(sha256: str, injector: str, nozzle: Sequence[float], day: int = 0, **mo
             "number": number,
             "valid": True,
             "nozzle_v_H": value,
-            "nozzle_v_H_low": value - 0.0196,
-            "nozzle_v_H_high": value + 0.0196,
+            "nozzle_v_H_ci95_low": value - 0.0196,
+            "nozzle_v_H_ci95_high": value + 0.0196,
             "seat_v_S": 0.0,
-            "seat_v_S_low": -0.0196,
-            "seat_v_S_high": 0.0196,
+            "seat_v_S_ci95_low": -0.0196,
+            "seat_v_S_ci95_high": 0.0196,
             **more,
         }
         for number, value in enumerate(nozzle, 1)

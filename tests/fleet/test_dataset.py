@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from observer_rt.fleet.columns import OLD_NAMES, SCHEMA
 from observer_rt.fleet.dataset import Dataset, read_injections
 from observer_rt.fleet.job import Failed
 from observer_rt.foundation.errors import UserError
@@ -84,6 +85,16 @@ def test_a_failure_costs_the_same_however_many_there_were(tmp_path: Path) -> Non
             written.append(sum(path.stat().st_size - before.get(path, 0) for path in tmp_path.iterdir()))
             assert all(path.stat().st_size >= size for path, size in before.items())
     assert len(set(written)) == 1
+
+
+def test_columns_of_an_older_version_are_read_under_their_names_of_today(tmp_path: Path) -> None:
+    today = rows("aa", "one", [0.1, 0.2])
+    before = today.rename_columns([OLD_NAMES.get(name, name) for name in today.column_names])
+    Dataset(tmp_path, SETTINGS).take(Path("x.csv"), "aa", before)
+    Dataset(tmp_path, SETTINGS).take(Path("y.csv"), "bb", rows("bb", "one", [0.3]))
+    found = read_injections(tmp_path)
+    assert sorted(found["nozzle_v_H_ci95_low"].to_pylist()) == pytest.approx([0.0804, 0.1804, 0.2804])
+    assert found.schema.names == SCHEMA.names
 
 
 def test_a_folder_that_is_none_of_a_batch_is_refused(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.service.keeping.notebook import Notebook
+from observer_rt.service.keeping.journal import JournalWriter
 from observer_rt.service.state_file import model_hash, save_knowledge
 from tests.service.keeping.report_samples import some_report
 from tests.service.knowledge_samples import some_knowledge
@@ -51,10 +51,10 @@ def scene(tmp_path: Path) -> Scene:
     bench = load_bench()
     scene = Scene(bench, (), tmp_path / "state.json", tmp_path / "injections.sqlite")
     save_knowledge(scene.state, some_knowledge(events=COUNT), model_hash(bench.injector.parameters))
-    notebook = Notebook(scene.journal, bench, print)
+    journal = JournalWriter(scene.journal, bench, print)
     for number in range(1, COUNT + 1):
-        notebook(some_report(number, mass=(41.5 + 0.01 * number) * 1e-6))
-    notebook.finish()
+        journal(some_report(number, mass=(41.5 + 0.01 * number) * 1e-6))
+    journal.finish()
     return scene
 
 

@@ -20,7 +20,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.learners import LearnerFactory, make_learner
 from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.service.reports.worker import InlineExecutor
+from observer_rt.service.reports.judging import InlineExecutor
 from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore

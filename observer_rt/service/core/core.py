@@ -36,9 +36,8 @@ from observer_rt.service.core.noise import slow_noise_of
 from observer_rt.service.inputs.energizing import EnergizingFigures
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
-from observer_rt.service.reports.judging import Judged, Judging
+from observer_rt.service.reports.judging import InlineExecutor, Judged, Judging
 from observer_rt.service.reports.news import Listener, to_all
-from observer_rt.service.reports.worker import InlineExecutor
 
 
 class Core:

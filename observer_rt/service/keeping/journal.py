@@ -3,17 +3,33 @@
 import contextlib
 import os
 import sqlite3
-from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
+from observer_rt import __version__
+from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.service.keeping.journal_columns import COLUMNS, Value
+from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.model.effects import effective_model
+from observer_rt.service.reports.injection_record import FIELDS, Output, Value, columns_of, row_of
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.reports.news import MeasuredMass, News
+from observer_rt.service.state_file import model_hash
 
 APPLICATION_ID = 0x4F425254  # "OBRT", in the file's header
 SCHEMA = 1
 PATIENCE = 2.0  # s for another program that has the file locked
+BATCH = 500  # entries in one transaction
+MOST_WAITING = 10_000  # entries, some minutes of a full disk; those beyond are lost
 
+_SAID = columns_of(FIELDS, Output.JOURNAL)
+COLUMNS = {"judged_utc": str, **_SAID, "measured_mass_mg": float}
+"""Of an injection beside its run, with their types; those of a measured mass are added later."""
+_KINDS = {int: "INTEGER", bool: "INTEGER", float: "REAL", str: "TEXT"}
 _RUN = """CREATE TABLE IF NOT EXISTS run (
     started_unix_us INTEGER PRIMARY KEY,
     started_utc TEXT NOT NULL,
@@ -26,91 +42,125 @@ _RUN = """CREATE TABLE IF NOT EXISTS run (
 )"""
 _INJECTION = f"""CREATE TABLE IF NOT EXISTS injection (
     run INTEGER NOT NULL REFERENCES run (started_unix_us),
-    {", ".join(f"{column.name} {column.kind}" for column in COLUMNS)},
+    {", ".join(f"{name} {_KINDS[kind]}" for name, kind in COLUMNS.items())},
     PRIMARY KEY (run, number)
 )"""
 # a batch may come again when it is not known whether its transaction reached the disk
 _ADD_RUN = "INSERT OR IGNORE INTO run VALUES (?, ?, NULL, ?, ?, ?, ?, ?)"
 _ADD_INJECTION = (
-    f"INSERT OR IGNORE INTO injection (run, {', '.join(column.name for column in COLUMNS)}) "
-    f"VALUES (:run, {', '.join(f':{column.name}' for column in COLUMNS)})"
+    f"INSERT OR IGNORE INTO injection (run, judged_utc, {', '.join(_SAID)}) "
+    f"VALUES (:run, :judged_utc, {', '.join(f':{name}' for name in _SAID)})"
 )
-_ADD_MASS = "UPDATE injection SET measured_mass_mg = ? WHERE run = ? AND number = ?"
+_ADD_MASS = "UPDATE injection SET measured_mass_mg = :mass_mg WHERE run = :run AND number = :number"
 
 
-@dataclass(frozen=True)
-class Run:
-    """One run of the daemon; its injections refer to it by the time it began."""
+class JournalWriter:
+    """Listens in the loop, where it only keeps what it hears; writes the rows of one run from another thread.
 
-    started_unix_us: int
-    started_utc: str
-    software_version: str
-    model_sha256: str
-    injector: str  # its name in the bench file, empty where that has one
-    bench_file: str
-    configuration_json: str
+    A file that is taken away meanwhile is begun anew.
+    """
 
-
-@dataclass(frozen=True)
-class MassRow:
-    """What was measured of an injection that has a row."""
-
-    number: int
-    mass_mg: float
-
-
-class Journal:
-    """Writes the rows of one run; a file that is taken away meanwhile is begun anew."""
-
-    def __init__(self, path: Path, run: Run) -> None:
+    def __init__(self, path: Path, bench: Bench, tell: Callable[[str], None]) -> None:
         """Raises `UserError` for a file that is no journal; the file is made by the first `write`."""
+        require_journal(path)
+        self.name = f"journal {path}"
+        self.lost = 0
+        """Injections and measured masses for which there was no room."""
+        self.written = 0
+        """Injections on disk."""
         self._path = path
-        self._run = run
+        self._tell = tell
+        self._told_lost = 0
+        fitted, now = bench.injector, time.time_ns()
+        self._c = effective_model(fitted.parameters).coefficients
+        self._run = now // 1000
+        self._about_run = (
+            self._run,
+            utc(now),
+            __version__,
+            model_hash(fitted.parameters),
+            fitted.name,
+            str(bench.path.absolute()),
+            fitted.config.model_dump_json(),
+        )
+        self._is_begun = False
+        self._waiting: deque[tuple[int, InjectionReport | MeasuredMass]] = deque()  # with Unix time, ns
         self._connection: sqlite3.Connection | None = None
         self._identity: os.stat_result | None = None
-        require_journal(path)
 
-    def write(self, rows: Iterable[dict[str, Value]], masses: Sequence[MassRow] = ()) -> None:
-        """Add rows of `row_of`, and what was measured of injections: all of it reaches the disk, or nothing.
+    def __call__(self, news: News) -> None:
+        """Keep what belongs into the journal, without arrays, for which nobody asks here."""
+        match news:
+            case InjectionReport():
+                entry: InjectionReport | MeasuredMass = replace(news, rate_sigma=None)
+            case MeasuredMass():
+                entry = replace(news, report=replace(news.report, rate_sigma=None))
+            case _:
+                return
+        if len(self._waiting) < MOST_WAITING:
+            self._waiting.append((time.time_ns(), entry))
+        else:
+            self.lost += 1
 
-        Raises:
-            RunError: nothing was written.
-        """
-        run = self._run.started_unix_us
-        try:
-            with self._opened() as connection:
+    def write(self) -> None:
+        """Write what waits; begun with nothing, the run itself. Raises `RunError`; what is not written waits on."""
+        if self.lost != self._told_lost:
+            self._told_lost = self.lost
+            self._tell(
+                f"warning: {self.name}: {self.lost} injections lost so far, for want of room to keep them"
+            )
+        while self._waiting or not self._is_begun:
+            # by index: the loop may add more meanwhile
+            batch = [self._waiting[i] for i in range(min(len(self._waiting), BATCH))]
+            with self._writing() as connection:
                 connection.execute("BEGIN IMMEDIATE")
-                connection.execute(_ADD_RUN, astuple(self._run))
-                connection.executemany(_ADD_INJECTION, ({**row, "run": run} for row in rows))
-                connection.executemany(_ADD_MASS, [(mass.mass_mg, run, mass.number) for mass in masses])
-        except (sqlite3.Error, OSError) as error:
-            self._give_up()
-            raise self._failed(error) from error
+                connection.execute(_ADD_RUN, self._about_run)
+                for at, entry in batch:  # one by one, so that the loop gets its turn between two of them
+                    connection.execute(*self._statement(at, entry))
+            self._is_begun = True
+            for _ in batch:
+                _, entry = self._waiting.popleft()
+                self.written += isinstance(entry, InjectionReport)
 
-    def close(self, stopped_utc: str) -> None:
-        """Note the clean stop. Raises `RunError` when it cannot be written."""
-        try:
-            with self._opened() as connection:
-                connection.execute(
-                    "UPDATE run SET stopped_utc = ? WHERE started_unix_us = ?",
-                    (stopped_utc, self._run.started_unix_us),
-                )
+    def finish(self) -> str:
+        """Write what waits and the clean stop; what to say of it. Raises `RunError`."""
+        self.write()
+        with self._writing() as connection:
+            connection.execute(
+                "UPDATE run SET stopped_utc = ? WHERE started_unix_us = ?", (utc(time.time_ns()), self._run)
+            )
             with contextlib.suppress(sqlite3.OperationalError):  # while somebody reads
                 # then whoever may read the file can, even where nothing can be made beside it
                 connection.execute("PRAGMA journal_mode = DELETE")
-        except (sqlite3.Error, OSError) as error:
-            raise self._failed(error) from error
-        finally:
-            self._give_up()
+        self._give_up()
+        return f"{self.written} injections in the journal {self._path}"
 
-    def _opened(self) -> sqlite3.Connection:
-        """The connection to the file that is there now."""
-        if self._connection is not None and not self._is_there():
+    def _statement(self, at: int, entry: InjectionReport | MeasuredMass) -> tuple[str, Mapping[str, Value]]:
+        """SQL and its values; at: Unix time [ns]."""
+        if isinstance(entry, MeasuredMass):
+            mass = entry.mass / MILLIGRAM
+            return _ADD_MASS, {"mass_mg": mass, "run": self._run, "number": entry.report.number}
+        said = row_of(FIELDS, Output.JOURNAL, entry, self._c)
+        return _ADD_INJECTION, {"run": self._run, "judged_utc": utc(at), **said}
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[sqlite3.Connection]:
+        """A connection to the file that is there now: all of a transaction reaches the disk, or `RunError`."""
+        try:
+            if self._connection is not None and not self._is_there():
+                self._give_up()
+            if self._connection is None:
+                self._connection = _connected(self._path)
+                self._identity = self._path.stat()
+            with self._connection as connection:
+                yield connection
+        except (sqlite3.Error, OSError) as error:
             self._give_up()
-        if self._connection is None:
-            self._connection = _connected(self._path)
-            self._identity = self._path.stat()
-        return self._connection
+            is_damaged = isinstance(error, sqlite3.DatabaseError) and not isinstance(
+                error, sqlite3.OperationalError
+            )
+            advice = "; move the file away, and a new one is begun" if is_damaged else ""
+            raise RunError(f"{self._path}: the journal cannot be written: {error}{advice}") from error
 
     def _is_there(self) -> bool:
         try:
@@ -118,19 +168,18 @@ class Journal:
         except FileNotFoundError:
             return False
 
-    def _failed(self, error: sqlite3.Error | OSError) -> RunError:
-        is_damaged = isinstance(error, sqlite3.DatabaseError) and not isinstance(
-            error, sqlite3.OperationalError
-        )
-        advice = "; move the file away, and a new one is begun" if is_damaged else ""
-        return RunError(f"{self._path}: the journal cannot be written: {error}{advice}")
-
     def _give_up(self) -> None:
         """Close what is open: the next write begins with a connection of its own."""
         if self._connection is not None:
             with contextlib.suppress(sqlite3.Error):
                 self._connection.close()
         self._connection = None
+
+
+def utc(unix_ns: int) -> str:
+    """A Unix time [ns] as SQLite and people read it, to the millisecond."""
+    seconds, rest = divmod(unix_ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{rest // 1_000_000:03d}"
 
 
 def require_journal(path: Path) -> None:
@@ -184,8 +233,8 @@ def make_tables(connection: sqlite3.Connection) -> None:
     connection.execute(_RUN)
     connection.execute(_INJECTION)
     there = {name for _, name, *_ in connection.execute("PRAGMA table_info (injection)")}
-    for column in COLUMNS:  # of a journal begun by a version that learned less
-        if column.name not in there:
-            connection.execute(f"ALTER TABLE injection ADD COLUMN {column.name} {column.kind}")
+    for name, kind in COLUMNS.items():  # of a journal begun by a version that learned less
+        if name not in there:
+            connection.execute(f"ALTER TABLE injection ADD COLUMN {name} {_KINDS[kind]}")
     connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
     connection.execute(f"PRAGMA user_version = {SCHEMA}")

@@ -1,48 +1,35 @@
-"""Reading a journal of injections, be it written meanwhile or left behind by a killed daemon."""
+"""Reads a journal, written meanwhile or left behind by a killed daemon, and shows it as tables, CSV and JSON."""
 
 import contextlib
+import csv
+import json
 import sqlite3
+import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+from rich.table import Table
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.service.keeping.journal import PATIENCE, make_tables, require_journal
-from observer_rt.service.keeping.journal_columns import WEAR, Value
+from observer_rt.service.keeping.journal import COLUMNS, PATIENCE, SCHEMA, make_tables, require_journal
+from observer_rt.service.reports.injection_record import NAMED, WEAR, Value
+from observer_rt.terminal.console import results
 
 Row = Mapping[str, Value]
 """A row of the journal by its columns; those of a version that knew fewer are missing."""
+SPANS = 12  # of the table of wear
 
 _NEWEST = """SELECT * FROM injection ORDER BY run DESC, number DESC LIMIT ?"""
 _SPANS = f"""
 WITH part AS (SELECT *, ntile(?) OVER (ORDER BY run, number) AS span FROM injection)
-SELECT max(judged_utc), count(*), sum(valid), min(rail_pressure_MPa), max(rail_pressure_MPa),
-    {", ".join(f"avg({name}) FILTER (WHERE valid)" for each in WEAR for name in (each.value, each.low, each.high))}
+SELECT max(judged_utc) AS until_utc, count(*) AS injections, sum(valid) AS valid_injections,
+    min(rail_pressure_MPa) AS lowest_rail_MPa, max(rail_pressure_MPa) AS highest_rail_MPa,
+    {", ".join(f"avg({name}) FILTER (WHERE valid) AS {name}" for each in WEAR for name in each.columns)}
 FROM part GROUP BY span ORDER BY span"""
 
 
-@dataclass(frozen=True)
-class Mean:
-    """An indicator over the valid injections of a span: means of its value and of its 95 % interval's ends."""
-
-    value: float | None
-    low: float | None
-    high: float | None
-
-
-@dataclass(frozen=True)
-class Span:
-    """A number of injections one after another, ended at a time; wear: in the order of `WEAR`."""
-
-    until_utc: str
-    injections: int
-    valid: int
-    lowest_rail_MPa: float  # noqa: N815 - units as in the file
-    highest_rail_MPa: float  # noqa: N815
-    wear: tuple[Mean, ...]
-
-
-class JournalFile:
+class JournalReader:
     """A journal that is read; what is written meanwhile is not seen half."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
@@ -61,19 +48,13 @@ class JournalFile:
         """The injections in order, or the last ones."""
         return self._rows(f"SELECT * FROM ({_NEWEST}) ORDER BY run, number", (-1 if last is None else last,))
 
-    def spans(self, number: int) -> list[Span]:
-        """The wear over time: as many spans of as many injections each, fewer where there are fewer injections."""
-        return [
-            Span(
-                until,
-                count,
-                valid,
-                lowest,
-                highest,
-                tuple(Mean(*wear[k : k + 3]) for k in range(0, len(wear), 3)),
-            )
-            for until, count, valid, lowest, highest, *wear in self._connection.execute(_SPANS, (number,))
-        ]
+    def spans(self, number: int) -> list[Mapping[str, Any]]:
+        """The wear over time: as many spans of as many injections each, fewer where there are fewer injections.
+
+        until_utc, injections, valid_injections, lowest_rail_MPa, highest_rail_MPa; under the columns of `WEAR` means
+        of the valid ones.
+        """
+        return list(self._rows(_SPANS, (number,)))
 
     def _rows(self, query: str, values: tuple[int, ...] = ()) -> Iterator[Row]:
         cursor = self._connection.execute(query, values)
@@ -81,8 +62,68 @@ class JournalFile:
         return (dict(zip(names, row, strict=True)) for row in cursor)
 
 
+def print_csv(journal: JournalReader, last: int | None) -> None:
+    """All injections, or the last ones, on stdout."""
+    writer = csv.DictWriter(sys.stdout, ["run", *COLUMNS], extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(journal.injections(last))
+
+
+def print_json(journal: JournalReader, last: int | None) -> None:
+    """One document on stdout: the runs, and all injections or the last ones."""
+    runs = [dict(run) for run in journal.runs()]
+    for run in runs:
+        run["configuration"] = json.loads(str(run.pop("configuration_json")))
+    injections = [
+        {
+            **row,
+            "valid": bool(row["valid"]),
+            "reasons": str(row["reasons"]).split(",") if row["reasons"] else [],
+        }
+        for row in journal.injections(last)
+    ]
+    print(json.dumps({"schema": SCHEMA, "runs": runs, "injections": injections}, indent=2))
+
+
+def print_tables(journal: JournalReader, last: int) -> None:
+    """The wear over time, and the last injections."""
+    console, runs = results(), journal.runs()
+    killed = sum(run["stopped_utc"] is None for run in runs)
+    since = f" since {runs[0]['started_utc']} UTC" if runs else ""
+    console.print(
+        f"injections: {journal.count()}{since}; runs: {len(runs)}, {killed} of them killed or still running",
+        highlight=False,
+    )
+    names = [each.name for each in WEAR]
+    title = "Wear over time: means of the valid injections, with their 95 % intervals"
+    wear = Table("until (UTC)", "injections", "valid", "rail MPa", *names, title=title)
+    for span in journal.spans(SPANS):
+        means = ([span[name] for name in each.columns] for each in WEAR)
+        wear.add_row(
+            str(span["until_utc"]),
+            str(span["injections"]),
+            f"{100 * span['valid_injections'] / span['injections']:.0f} %",
+            f"{span['lowest_rail_MPa']:.0f} to {span['highest_rail_MPa']:.0f}",
+            *(_mean(*mean) for mean in means),
+        )
+    newest = Table("judged (UTC)", "no.", "rail MPa", "mass mg", *names, "valid", title="Last injections")
+    shown = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg")] + [
+        each.value for each in WEAR
+    ]
+    for row in journal.injections(last):
+        cells = (field.text(row.get(field.name)) for field in shown)
+        newest.add_row(str(row["judged_utc"]), *cells, "yes" if row["valid"] else str(row["reasons"]))
+    console.print(wear, newest)
+
+
+def _mean(value: float | None, low: float | None, high: float | None) -> str:
+    if value is None:
+        return "-"
+    return f"{value:+.3f}" + ("" if low is None else f" [{low:+.3f}, {high:+.3f}]")
+
+
 @contextlib.contextmanager
-def reading_journal(path: Path) -> Iterator[JournalFile]:
+def reading_journal(path: Path) -> Iterator[JournalReader]:
     """A journal as it is now.
 
     Raises:
@@ -95,7 +136,7 @@ def reading_journal(path: Path) -> Iterator[JournalFile]:
     try:
         with contextlib.closing(sqlite3.connect(place, uri=True, timeout=PATIENCE)) as connection:
             connection.execute("BEGIN")  # one state of the file for all that is asked
-            yield JournalFile(connection if _is_begun(connection) else _empty())
+            yield JournalReader(connection if _is_begun(connection) else _empty())
     except sqlite3.OperationalError as error:
         raise UserError(
             str(path),

@@ -3,7 +3,7 @@
 import contextlib
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -11,71 +11,118 @@ from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.foundation.errors import RunError
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.core.learners import refuse_state
-from observer_rt.service.keeping.chore import Chore, Keepsake, Tell
+from observer_rt.service.keeping.journal import JournalWriter
 from observer_rt.service.keeping.lock import sole_writer
-from observer_rt.service.keeping.notebook import Notebook
 from observer_rt.service.reports.news import Listener
 from observer_rt.service.state_file import model_hash, save_knowledge
 from observer_rt.terminal.destinations import check_destination, check_folder
 
+Tell = Callable[[str], None]
+"""Says a message to whoever runs the daemon; called from the thread that writes."""
+KnowledgeSource = Callable[[], Knowledge]
+"""All that was learned so far: another value whenever something was, never one that changes."""
 
-class Knowing(Protocol):
-    """What learns, such as a daemon's core."""
 
-    @property
-    def knowledge(self) -> Knowledge:
-        """All that was learned so far: another value whenever something was, never one that changes."""
+class Persisted(Protocol):
+    """Something on disk that follows the daemon. name: what it is, with its file."""
+
+    name: str
+
+    def write(self) -> None:
+        """Bring the file up to date. Raises `RunError`; what could not be written is written by a later call."""
+
+    def finish(self) -> str:
+        """The last write, whatever was written before; what to say of it. Raises `RunError`."""
+
+
+class RetryingWriter:
+    """Tries to write a file, and tells once of what is in its way and once that it is over."""
+
+    def __init__(self, file: Persisted, interval: float, tell: Tell) -> None:
+        """interval [s]: after which it is tried again, for the message."""
+        self.failures = 0
+        self._file = file
+        self._interval = interval
+        self._tell = tell
+        self._since = 0  # failures before those that go on
+        self._told = ""
+
+    def attempt(self) -> None:
+        """Write once."""
+        try:
+            self._file.write()
+        except RunError as error:
+            self.failures += 1
+            if str(error) != self._told:
+                self._told = str(error)
+                self._tell(
+                    f"warning: {error}\n  remedy: make room there, or mend the folder's rights; the observer goes "
+                    f"on, and it is tried again every {self._interval:g} s"
+                )
+        else:
+            if self._told:
+                failed = self.failures - self._since
+                self._tell(f"{self._file.name} is written again, after {failed} failed attempts")
+                self._since, self._told = self.failures, ""
+
+    def finish(self) -> None:
+        """Write a last time. Raises `RunError`."""
+        failed = f" ({self.failures} attempts failed before)" if self.failures else ""
+        try:
+            self._tell(f"{self._file.finish()}{failed}")
+        except RunError as error:
+            raise RunError(f"{error}{failed}") from error
 
 
 class Keeper:
     """Keeps what a daemon learns. The loop only lends it what it has: nothing here is done in the loop's time."""
 
     def __init__(
-        self, fitted: BenchInjector, state: Path | None, notebook: Notebook | None, tell: Tell
+        self, fitted: BenchInjector, state: Path | None, journal: JournalWriter | None, tell: Tell
     ) -> None:
-        """state: where the learned state is kept; None, as for the notebook: nowhere."""
+        """state: where the learned state is kept; None, as for the journal: nowhere."""
         self.state = state
+        self.listeners: Sequence[Listener] = [] if journal is None else [journal]
+        """Who wants to hear the daemon's news."""
         self._fitted = fitted
-        self._notebook = notebook
+        self._journal = journal
         self._tell = tell
-        self._chores: Sequence[Chore] = ()
+        self._writers: Sequence[RetryingWriter] = ()
 
     @property
     def failures(self) -> int:
         """Attempts to write that failed so far."""
-        return sum(chore.failures for chore in self._chores)
-
-    @property
-    def listeners(self) -> Sequence[Listener]:
-        """Who wants to hear the daemon's news."""
-        return [] if self._notebook is None else [self._notebook]
+        return sum(writer.failures for writer in self._writers)
 
     @contextlib.contextmanager
-    def keeping(self, core: Knowing) -> Iterator[None]:
+    def keeping(self, source: KnowledgeSource) -> Iterator[None]:
         """While it lasts, write what is new, within `save_within_s`; at the end, a last time.
 
         Raises `RunError` when the last write fails.
         """
         # what comes just after a write waits for the next one, and for its end
         interval = self._fitted.config.state.save_within_s / 2
-        self._chores = chores = [Chore(each, interval, self._tell) for each in self._keepsakes(core)]
+        files: list[Persisted] = [] if self._journal is None else [self._journal]
+        if self.state is not None:
+            files.insert(0, LearnedState(self.state, self._fitted, source))
+        self._writers = [RetryingWriter(file, interval, self._tell) for file in files]
         stop = threading.Event()
-        writer = threading.Thread(target=self._write, args=(chores, interval, stop), name="keeping")
-        writer.start()
+        thread = threading.Thread(target=self._write, args=(interval, stop), name="keeping")
+        thread.start()
         try:
             yield
         finally:
             stop.set()
-            writer.join()
-            self._finish(chores)
+            thread.join()
+            self._finish()
 
-    def _write(self, chores: Sequence[Chore], interval: float, stop: threading.Event) -> None:
+    def _write(self, interval: float, stop: threading.Event) -> None:
         """Write again and again, `interval` seconds from begin to begin, until stopped."""
         wait, is_told = 0.0, False
         while not stop.wait(wait):
             began = time.monotonic()
-            for chore in chores:
-                chore.attempt()
+            for writer in self._writers:
+                writer.attempt()
             took = time.monotonic() - began
             wait = max(interval - took, 0.0)
             if took > interval and not is_told:
@@ -85,50 +132,40 @@ class Keeper:
                     "  remedy: keep it on a faster disk, or raise save_within_s in [state]"
                 )
 
-    def _keepsakes(self, core: Knowing) -> Iterator[Keepsake]:
-        if self.state is not None:
-            yield LearnedState(self.state, self._fitted, core)
-        if self._notebook is not None:
-            yield self._notebook
-
-    def _finish(self, chores: Sequence[Chore]) -> None:
+    def _finish(self) -> None:
         """Write everything a last time, one whether or not another fails."""
-        problems: list[str] = []
-        for chore in chores:
-            failed = f" ({chore.failures} attempts failed before)" if chore.failures else ""
+        problems = []
+        for writer in self._writers:
             try:
-                self._tell(f"{chore.keepsake.finish()}{failed}")
+                writer.finish()
             except RunError as error:
-                problems.append(f"{error}{failed}")
+                problems.append(str(error))
         if problems:
             raise RunError("\n".join(problems))
 
 
 class LearnedState:
-    """What the core knows, in a state file."""
+    """What was learned, in a state file."""
 
-    def __init__(self, path: Path, fitted: BenchInjector, core: Knowing) -> None:
+    def __init__(self, path: Path, fitted: BenchInjector, source: KnowledgeSource) -> None:
         self.name = f"learned state in {path}"
         self._path = path
         self._model = model_hash(fitted.parameters)
         self._pressure_scale = fitted.parameters.scaling.pressure
-        self._core = core
-        self._written = core.knowledge
+        self._source = source
+        self._written = source()
 
     def write(self) -> None:
         """Replace the file if something was learned since."""
-        knowledge = self._core.knowledge
-        if knowledge is not self._written:
-            self._save(knowledge)
+        if self._source() is not self._written:
+            self.finish()
 
     def finish(self) -> str:
         """Replace the file."""
-        self._save(self._core.knowledge)
-        return f"learned state saved in {self._path}"
-
-    def _save(self, knowledge: Knowledge) -> None:
+        knowledge = self._source()
         save_knowledge(self._path, knowledge, self._model, self._pressure_scale)
         self._written = knowledge
+        return f"learned state saved in {self._path}"
 
 
 @contextlib.contextmanager
@@ -147,5 +184,4 @@ def keeper_of(bench: Bench, state: Path | None, journal: Path | None, tell: Tell
         if journal is not None:
             check_destination("--journal", journal)
             check_folder("--journal", journal.absolute().parent)
-        notebook = None if journal is None else Notebook(journal, bench, tell)
-        yield Keeper(fitted, state, notebook, tell)
+        yield Keeper(fitted, state, None if journal is None else JournalWriter(journal, bench, tell), tell)

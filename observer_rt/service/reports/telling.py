@@ -1,13 +1,11 @@
 """News as lines of the log, records of the stream, and the service manager's status."""
 
-from typing import Any
-
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, ZERO_CELSIUS
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.service.log import Voice
 from observer_rt.service.notify import Notifier
-from observer_rt.service.reports.injection_record import energizing_record, injection_record
+from observer_rt.service.reports.injection_record import injection_record
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, Mismatch, News, Notice
 from observer_rt.service.reports.once import Once
@@ -29,7 +27,7 @@ class Teller:
         match news:
             case InjectionReport():
                 self._log.say(Topic.INJECTION, line(news))
-                self._log.record(self._record(news))
+                self._log.record(injection_record(news, self._c, has_energizing=news.commanded is not None))
             case MeasuredMass():
                 self._log.say(Topic.MEASURED, news.as_text())
             case Mismatch():
@@ -44,12 +42,6 @@ class Teller:
         self._log.log.say(notice.topic, text, notice.is_over)
         if notice.topic in (Topic.STATE, Topic.LINK):
             self._notifier.status(text)
-
-    def _record(self, report: InjectionReport) -> dict[str, Any]:
-        record = injection_record(report, self._c)
-        if report.commanded is not None:
-            record["energizing"] = energizing_record(report.commanded)
-        return record
 
 
 def line(report: InjectionReport) -> str:

@@ -1,23 +1,26 @@
 """The recent injections as a table."""
 
-import math
 from collections.abc import Sequence
 
 from rich.table import Table
 from rich.text import Text
 
 from observer_rt.estimation.scalars import NOZZLE
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM
+from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.service.reports.injection_record import NAMED
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.screen.shown import Shown
 from observer_rt.service.words import REASONS
 
 WITH_WORDS = 110  # columns, from which all columns have room, and reasons are put into words
 HEADING = 2  # lines
+_FIRST = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg", "mass_ci95_mg")]
+_COMMAND = [NAMED["command"], NAMED["opening_delay_us"]]
 
 
-def injections(shown: Sequence[Shown], width: int) -> Table:
-    """A row for each, the last one at the bottom; in 76 columns no figure is cut."""
+def injections(shown: Sequence[Shown], width: int, c: Coefficients) -> Table:
+    """A row for each, the last one at the bottom; in 76 columns no figure is cut. c: of the nominal model."""
     is_measured = any(item.measured for item in shown)
     is_commanded = any(item.report.commanded for item in shown)
     is_tight = width < WITH_WORDS and (is_measured or is_commanded)
@@ -26,9 +29,9 @@ def injections(shown: Sequence[Shown], width: int) -> Table:
     names = [f"{reference.name}\nmg" for reference in compared]
     if is_measured:
         names += ["measured\nmg", "error\n%"]
-    if is_commanded:
-        names += ["command\nno", "delay\nus"]
-    for heading in ("\nno", "rail\nMPa", "mass\nmg", "95 %\nmg", *names, "v_H\n-"):
+    commanded = _COMMAND if is_commanded else []
+    headings = [*(each.heading for each in _FIRST), *names, *(each.heading for each in commanded)]
+    for heading in (*headings, "v_H\n-"):
         table.add_column(Text(heading), justify="right", no_wrap=True)
     table.add_column(Text("\nvalid?"), no_wrap=True)
     for item in shown:
@@ -36,32 +39,22 @@ def injections(shown: Sequence[Shown], width: int) -> Table:
         references = [f"{reference.mass / MILLIGRAM:.2f}" for reference in item.references or ()]
         references = (references + ["-"] * len(compared))[: len(compared)]
         table.add_row(
-            str(report.number),
-            f"{report.rail_pressure / MEGAPASCAL:.1f}",
-            f"{report.mass / MILLIGRAM:.2f}",
-            _interval(report),
+            *(each.text(each.of(report, c)) for each in _FIRST),
             *references,
             *(_measured(item) if is_measured else ()),
-            *(_commanded(report) if is_commanded else ()),
+            *(each.text(each.of(report, c)) for each in commanded),
             _wear(report, not is_tight),
             _verdict(report, width >= WITH_WORDS),
         )
     return table
 
 
-def last_injection(item: Shown) -> tuple[Text, ...]:
+def last_injection(item: Shown, c: Coefficients) -> tuple[Text, ...]:
     """Number, mass [mg], its interval, wear of the nozzle and verdict: cells of a row."""
     report = item.report
     verdict = Text("yes", "green") if report.valid else Text(_names(report), "yellow")
-    cells = str(report.number), f"{report.mass / MILLIGRAM:.2f}", _interval(report), _wear(report, True)
-    return (*map(Text, cells), verdict)
-
-
-def _interval(report: InjectionReport) -> str:
-    if report.mass_ci95 is None:
-        return "-"
-    low, high = (bound / MILLIGRAM for bound in report.mass_ci95)
-    return f"{low:.1f}-{high:.1f}"
+    number, _, *mass = (each.text(each.of(report, c)) for each in _FIRST)
+    return (*map(Text, (number, *mass, _wear(report, True))), verdict)
 
 
 def _wear(report: InjectionReport, with_interval: bool) -> str:
@@ -86,12 +79,3 @@ def _measured(shown: Shown) -> tuple[str, str]:
     if shown.measured is None:
         return "-", "-"
     return f"{shown.measured.mass / MILLIGRAM:.2f}", f"{100 * shown.measured.error:+.2f}"
-
-
-def _commanded(report: InjectionReport) -> tuple[str, str]:
-    """Number of the command, and opening delay."""
-    commanded = report.commanded
-    if commanded is None:
-        return "-", "-"
-    delay = commanded.opening_delay
-    return str(commanded.command), "-" if math.isnan(delay) else f"{delay / MICROSECOND:.0f}"

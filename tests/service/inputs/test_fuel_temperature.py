@@ -17,7 +17,6 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.evaluation.results import recording_json
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import sized
@@ -31,6 +30,7 @@ from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
 from tests.benches import SAMPLE_RATE, sample_bench
 from tests.device import Device, Result, encoded, hand, inserted, recoded, run
+from tests.evaluation.documents import recording_json
 from tests.service.end_to_end import DATABASE
 from tests.service.participants import ScriptedLink
 

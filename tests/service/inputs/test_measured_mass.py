@@ -13,7 +13,6 @@ from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate_logs
 from observer_rt.evaluation.logged import read_logged
-from observer_rt.evaluation.results import recording_json
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
@@ -22,6 +21,7 @@ from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import MeasuredMass, Notes
 from observer_rt.service.view import View
 from tests.device import Result, damaged, hand, inserted, run
+from tests.evaluation.documents import recording_json
 from tests.recording.canlog.log_cases import sent_log, write_log
 from tests.service.participants import ScriptedLink, assert_warm_up_takes_all
 from tests.service.slow_frames import bed, safe_bed, slow_bench

@@ -27,6 +27,10 @@ class Learner:
     def __init__(self) -> None:
         self.knowledge = some_knowledge(events=1)
 
+    def source(self) -> Knowledge:
+        """What it knows now."""
+        return self.knowledge
+
 
 @pytest.fixture
 def bench() -> Bench:
@@ -45,7 +49,7 @@ def events(bench: Bench, path: Path) -> int:
 
 def test_what_is_learned_is_saved_while_running(bench: Bench, tmp_path: Path) -> None:
     path, learner, told = tmp_path / "state.json", Learner(), list[str]()
-    with keeper_of(bench, path, None, told.append) as keeper, keeper.keeping(learner):
+    with keeper_of(bench, path, None, told.append) as keeper, keeper.keeping(learner.source):
         assert keeper.state == path
         for count in range(2, 5):
             learner.knowledge = some_knowledge(count, events=count)
@@ -56,7 +60,7 @@ def test_what_is_learned_is_saved_while_running(bench: Bench, tmp_path: Path) ->
 
 def test_the_last_save_is_made_whether_or_not_anything_was_learned(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "state.json"
-    with keeper_of(bench, path, None, print) as keeper, keeper.keeping(Learner()):
+    with keeper_of(bench, path, None, print) as keeper, keeper.keeping(Learner().source):
         time.sleep(2 * INTERVAL)
         assert not path.exists()
     assert events(bench, path) == 1
@@ -64,7 +68,7 @@ def test_the_last_save_is_made_whether_or_not_anything_was_learned(bench: Bench,
 
 def test_saves_are_no_more_frequent_than_stated(bench: Bench, tmp_path: Path) -> None:
     path, learner, files = tmp_path / "state.json", Learner(), set()
-    with keeper_of(bench, path, None, print) as keeper, keeper.keeping(learner):
+    with keeper_of(bench, path, None, print) as keeper, keeper.keeping(learner.source):
         began = time.monotonic()
         for count in range(2, 400):
             learner.knowledge = some_knowledge(events=count)
@@ -93,7 +97,7 @@ def test_a_full_disk_is_told_once_counted_and_tried_again(
         fsync(descriptor)
 
     monkeypatch.setattr(os, "fsync", limited)
-    with keeper_of(bench, path, None, tell) as keeper, keeper.keeping(learner):
+    with keeper_of(bench, path, None, tell) as keeper, keeper.keeping(learner.source):
         learner.knowledge = some_knowledge(events=2)
         until(lambda: events(bench, path) == 2)
         is_full.set()
@@ -115,7 +119,7 @@ def test_a_disk_too_slow_for_what_is_stated_is_told_once(
 ) -> None:
     path, learner, told = tmp_path / "state.json", Learner(), list[str]()
     monkeypatch.setattr(os, "fsync", lambda _: time.sleep(INTERVAL))
-    with keeper_of(bench, path, None, told.append) as keeper, keeper.keeping(learner):
+    with keeper_of(bench, path, None, told.append) as keeper, keeper.keeping(learner.source):
         for count in range(2, 5):
             learner.knowledge = some_knowledge(count, events=count)
             until(lambda: events(bench, path) == learner.knowledge.events)
@@ -133,7 +137,7 @@ def test_a_disk_that_is_full_at_the_end_is_an_error(
     with (
         keeper_of(bench, tmp_path / "state.json", None, print) as keeper,
         pytest.raises(RunError, match="No space left"),
-        keeper.keeping(Learner()),
+        keeper.keeping(Learner().source),
     ):
         monkeypatch.setattr(os, "fsync", full)
 
@@ -159,7 +163,7 @@ def test_the_bench_file_names_what_is_kept(tmp_path: Path) -> None:
 
 def test_nothing_is_kept_unasked(bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with keeper_of(bench, None, None, print) as keeper, keeper.keeping(Learner()):
+    with keeper_of(bench, None, None, print) as keeper, keeper.keeping(Learner().source):
         time.sleep(2 * INTERVAL)
     assert not list(tmp_path.iterdir())
 

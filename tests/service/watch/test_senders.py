@@ -12,7 +12,7 @@ from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.contest import contested
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.keeping.journal_columns import row_of
+from observer_rt.service.reports.injection_record import FIELDS, Output, row_of
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.reports.telling import line
 from observer_rt.service.words import Topic
@@ -133,7 +133,8 @@ def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
     assert line(contested_one).endswith(
         "not valid: SECOND_SENDER: another node sends what only this observer should"
     )
-    row = row_of(contested_one, daemon.core.compiled.observer.constants.coefficients, 0)
+    c = daemon.core.compiled.observer.constants.coefficients
+    row = row_of(FIELDS, Output.JOURNAL, contested_one, c)
     assert (row["valid"], row["reasons"], row["state"]) == (0, "SECOND_SENDER", "DEGRADED")
 
 

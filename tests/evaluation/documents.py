@@ -1,0 +1,16 @@
+"""The JSON document of an evaluated recording, written and read back."""
+
+import io
+import json
+from typing import Any
+
+from observer_rt.evaluation.results import Evaluated, write_document
+from observer_rt.model.coefficients import Coefficients
+
+
+def recording_json(evaluation: Evaluated, c: Coefficients) -> dict[str, Any]:
+    """The part of one recording; fails for a number that JSON does not have."""
+    out = io.StringIO()
+    write_document([evaluation], "hash", c, out)
+    (recording,) = json.loads(out.getvalue(), parse_constant=int)["recordings"]
+    return dict(recording)

@@ -3,7 +3,7 @@
 import math
 
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.bus.mapping.slow_inputs import SlowSignal, value_range
+from observer_rt.bus.mapping.optional_inputs import SlowSignal
 from observer_rt.check.findings import Finding, Level, graded
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import OptionalRole
@@ -25,7 +25,7 @@ def slow_findings(bus: BusMap) -> list[Finding]:
 
 
 def _finding(name: str, signal: SlowSignal) -> Finding:
-    lowest, highest = value_range(signal)
+    lowest, highest = signal.range
     if signal.role is OptionalRole.FUEL_TEMPERATURE:
         limits = f"{lowest - ZERO_CELSIUS:.0f} to {highest - ZERO_CELSIUS:.0f} degC"
         is_fuel = lowest < HIGHEST_TEMPERATURE and highest > LOWEST_TEMPERATURE

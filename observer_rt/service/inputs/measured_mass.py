@@ -4,32 +4,27 @@ import math
 from collections import deque
 from collections.abc import Callable
 
-from observer_rt.observer.observer import closed_injections
-from observer_rt.service.compiled.by_reference import CompiledPipeline
-from observer_rt.service.inputs.optional_input import OptionalInput
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass
 
 
-class MassComparison(OptionalInput[float]):
+class MassComparison:
     """Joins measured masses and reports of injections, whichever comes first.
 
     A value is a measurement when it is positive and is not the one before it, which a cyclic message repeats; it
     belongs to the last injection closed before it came. Of several for one injection the first counts.
     """
 
-    def __init__(self, on_measured: Callable[[MeasuredMass], None], compiled: CompiledPipeline) -> None:
+    def __init__(self, on_measured: Callable[[MeasuredMass], None]) -> None:
         """on_measured: called with every measured injection once it is reported too."""
         self._on_measured = on_measured
-        self._compiled = compiled
         self._value = math.nan
         self._measured = 0  # number of the last injection with a measurement
         self._waiting: deque[tuple[int, float]] = deque()
         self._report: InjectionReport | None = None
 
-    def take(self, reading: float, now: float) -> None:
-        """Take a received value [kg, nan: not available]."""
-        mass, closed = reading, closed_injections(self._compiled.observer)
+    def take(self, mass: float, closed: int) -> None:
+        """Take a received value [kg, nan: not available]; closed: injections that were over when it came."""
         is_new = mass != self._value and 0.0 < mass < math.inf
         self._value = mass
         if not is_new or closed == self._measured:

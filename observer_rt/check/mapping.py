@@ -9,9 +9,8 @@ from observer_rt.bus.mapping.bench_map import KnownMessage
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.signal_range import message_of, role_factor, role_range, role_resolution
-from observer_rt.check.energizing import energizing_findings
 from observer_rt.check.findings import Finding, Level, graded
-from observer_rt.check.optional_inputs import slow_findings
+from observer_rt.check.optional_inputs import optional_findings
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.foundation.units import LENGTH_UNITS, MEGAPASCAL, MICROMETRE, PRESSURE_UNITS
@@ -25,8 +24,8 @@ CYCLE_TOLERANCE = 0.5e6  # ns, what rounding to whole milliseconds may take
 
 def mapping_findings(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:
     """All findings about the mapping of an injector; known: the messages of all databases."""
-    findings = [_mapping(fitted, bus, role) for role in ROLES] + slow_findings(bus)
-    return findings + energizing_findings(fitted, bus) + _sample_periods(fitted, bus, known)
+    findings = [_mapping(fitted, bus, role) for role in ROLES] + optional_findings(fitted, bus)
+    return findings + _sample_periods(fitted, bus, known)
 
 
 def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:

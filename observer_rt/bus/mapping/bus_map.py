@@ -71,7 +71,7 @@ class BusMap:
     @property
     def received(self) -> tuple[MessageLayout, ...]:
         """Every message that something is read from, once."""
-        return (*self.input_layouts, *(slow.layout for slow in self.slow if not slow.is_input))
+        return tuple(dict.fromkeys((*self.input_layouts, *(slow.layout for slow in self.slow))))
 
     @property
     def sent(self) -> tuple[MessageLayout, ...]:
@@ -176,7 +176,7 @@ def _map_inputs(
         tables.stream_samples,
     )
     require_one_rate(fitted, streams, timing["steps"].tolist())
-    slow = map_optional(fitted, databases, tables, timing, layouts)
+    slow = map_optional(fitted, databases, tables, timing)
     inputs = tables.inputs(timing)
     say_nothing(inputs, slow)
     return inputs, tuple(layouts), slow

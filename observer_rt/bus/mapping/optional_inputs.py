@@ -77,8 +77,6 @@ class SlowMessage:
     layout: MessageLayout
     signals: tuple[SlowSignal, ...]
     energizing: Energizing | None
-    is_input: bool
-    """Whether it carries samples too."""
 
 
 def slow_timeout(configured_ms: float | None, cycle_time_ns: int | None) -> float:
@@ -93,11 +91,10 @@ def map_optional(
     databases: BenchDatabases,
     tables: InputTables,
     timing: NDArray[np.void],
-    layouts: Sequence[MessageLayout],
 ) -> tuple[SlowMessage, ...]:
-    """Add the optional inputs to the tables: the messages that carry them.
+    """Add the optional inputs to the tables: the messages that carry them; timing: of all streams.
 
-    timing: of all streams; layouts: of the messages that carry samples. Raises `UserError` naming bench file and key.
+    Raises `UserError` naming bench file and key.
     """
     by_message: dict[tuple[str, int], tuple[BusMessage, _Mappings]] = {}
     for role, config in fitted.config.signals.optional:
@@ -115,7 +112,7 @@ def map_optional(
         energizing = None
         if found == carrier:
             energizing = map_energizing(fitted, databases.links[found.bus], found.message, layout, leading)
-        slow.append(SlowMessage(layout, signals, energizing, layout in layouts))
+        slow.append(SlowMessage(layout, signals, energizing))
         tables.add_optional(layout, _rows(slow[-1]))
     return tuple(slow)
 

@@ -30,10 +30,6 @@ class FrameBlock(NamedTuple):
         """How many there are."""
         return int(self.keys.size)
 
-    def payload(self, number: int) -> NDArray[np.uint8]:
-        """Of one frame, as a view."""
-        return self.data[self.starts[number] : self.starts[number + 1]]
-
 
 def block_of(frames: Sequence[BusFrame]) -> FrameBlock:
     """The frames in arrays."""

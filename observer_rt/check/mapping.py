@@ -11,9 +11,8 @@ from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.signal_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.bus.mapping.timing import TOLERANCE, Joining, Numbering
-from observer_rt.check.energizing import energizing_findings
 from observer_rt.check.findings import Finding, Said, graded, ruled
-from observer_rt.check.optional_inputs import slow_findings
+from observer_rt.check.optional_inputs import optional_findings
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.foundation.units import (
@@ -40,8 +39,8 @@ _NUMBERED = {
 
 def mapping_findings(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:
     """All findings about the mapping of an injector; known: the messages of all databases."""
-    findings = [_mapping(fitted, bus, role) for role in ROLES] + slow_findings(bus)
-    return findings + energizing_findings(fitted, bus) + _sample_periods(fitted, bus, known)
+    findings = [_mapping(fitted, bus, role) for role in ROLES] + optional_findings(fitted, bus)
+    return findings + _sample_periods(fitted, bus, known)
 
 
 def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:

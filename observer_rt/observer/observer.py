@@ -34,7 +34,6 @@ from observer_rt.observer.stream.lift_step import LONG_PAST
 from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
-    INJECTIONS,
     PENDING_EVENTS,
     RING,
     SAMPLE,
@@ -237,14 +236,6 @@ def event_standstill(observer: Observer, number: int) -> Standstill:
     event = observer.memory[0]["events"][number % PENDING_EVENTS]
     stated = observer.memory[0]["stated_noise"]
     return standstill_of(event, observer.constants.coefficients.pressure_scale, stated)
-
-
-def closed_injections(observer: Observer) -> int:
-    """How many injections are over, which is the number of the last of them."""
-    memory = observer.memory[0]
-    begun = int(memory["injections_begun"])
-    is_under_way = begun > 0 and memory["injections"][(begun - 1) % INJECTIONS]["end"] < 0
-    return begun - int(is_under_way)
 
 
 def was_shut(observer: Observer, begin: float, end: float) -> bool:

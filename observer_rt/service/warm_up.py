@@ -9,7 +9,7 @@ from threading import Event
 
 import numpy as np
 
-from observer_rt.bus.database.e2e import protect
+from observer_rt.bus.database.e2e import UNPROTECTED, protect
 from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
@@ -54,9 +54,9 @@ def _frames(bench: Bench, bus: BusMap, wait: Callable[[], object], stop: Event) 
 
 def _slow_frames(bus: BusMap) -> Iterator[TimedFrame]:
     """One of every message with optional inputs."""
-    for layout, frame in ((slow.layout, slow.frame[0]) for slow in bus.slow):
+    for layout in (slow.layout for slow in bus.slow):
         payload = np.zeros(layout.length, np.uint8)
-        protect(payload, layout.length, int(frame["e2e_profile"]), int(frame["data_id"]), 0)
+        protect(payload, layout.length, layout.e2e_profile or UNPROTECTED, layout.e2e_data_id or 0, 0)
         identifier, is_extended = layout.frame_id, layout.is_extended
         yield TimedFrame(0.0, identifier, is_extended, layout.is_fd, payload.tobytes(), bus=layout.bus)
 

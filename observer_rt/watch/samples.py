@@ -20,7 +20,7 @@ class InputSamples:
 
     def __init__(self, fitted: BenchInjector, bus: BusMap) -> None:
         self._compiled = Core(fitted, bus, learning=False).compiled
-        self._keys = set(bus.inputs.messages["key"].tolist())
+        self._keys = set(bus.inputs.messages["key"][: len(bus.input_layouts)].tolist())
 
     def prepare(self) -> None:
         """Compile, or load, what frames will need: an empty one is passed over."""

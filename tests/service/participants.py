@@ -7,11 +7,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from observer_rt.bus.can_frame import EXTENDED_MASK
+from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.link import Frame, Link
 from observer_rt.bus.links.open import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
@@ -20,10 +19,9 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.service import opening
-from observer_rt.service.core.core import Core
-from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.warm_up import warm_up
+from observer_rt.service.watch.arrivals import Arrivals
 from tests.benches import SAMPLE_RATE
 from tests.links import FakeLink
 from tests.service.end_to_end import STATUS, Heard, Listener, decoded, output_bus, write_bench
@@ -117,20 +115,16 @@ def assert_warm_up_takes_all(bench: Bench) -> None:
     """Every message of the bench goes through the core that warms up, and none is refused."""
     taken = set()
 
-    class Watched(Core):
-        def handle(self, frame_id: int, *rest: Any) -> list[OutputFrame]:
-            taken.add(frame_id)
-            return super().handle(frame_id, *rest)
-
-        def take_inputs(self, key: int, *rest: Any) -> None:
-            taken.add(key & EXTENDED_MASK)
-            super().take_inputs(key, *rest)
+    class Watched(Arrivals):
+        def set(self, layout: MessageLayout, frames: int, last: int) -> None:
+            taken.update([layout] if frames else [])
+            super().set(layout, frames, last)
 
     bus = map_bus(bench)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("observer_rt.service.warm_up.Core", Watched)
+        patch.setattr("observer_rt.service.warm_up.Arrivals", Watched)
         counters = warm_up(bench, bus).counters
-    assert taken >= {slow.layout.frame_id for slow in bus.slow}
+    assert taken >= set(bus.received)
     assert counters.samples > 0
     assert counters.crc_errors == counters.length_errors == 0
 

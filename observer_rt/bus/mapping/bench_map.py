@@ -44,8 +44,8 @@ class BenchMap:
         """Where the samples of a frame go, by its `frame_key`."""
         found: dict[int, tuple[Destination, ...]] = {}
         for injector, bus in enumerate(self.injectors):
-            for message, row in enumerate(bus.inputs.messages):
-                key = int(row["key"])
+            for message in range(len(bus.input_layouts)):
+                key = int(bus.inputs.messages[message]["key"])
                 found[key] = (*found.get(key, ()), Destination(injector, message))
         return found
 

@@ -16,6 +16,7 @@ from observer_rt.bus.database.lookup import MessageLayout, signal_names
 from observer_rt.bus.database.signal_unit import from_unit
 from observer_rt.bus.mapping.energizing import Energizing
 from observer_rt.bus.mapping.input_tables import INPUT_GROUP, ROLES, Inputs, InputTables, frame_row
+from observer_rt.bus.mapping.optional_inputs import SlowMessage, map_optional, say_nothing
 from observer_rt.bus.mapping.output_messages import (
     OutputMessage,
     RateMessage,
@@ -32,8 +33,6 @@ from observer_rt.bus.mapping.sample_groups import (
     require_one_rate,
     sample_groups,
 )
-from observer_rt.bus.mapping.slow_inputs import SlowMessage
-from observer_rt.bus.mapping.slow_mapping import map_optional
 from observer_rt.bus.mapping.timing import INDEX_BITS, Following, following, map_timing, number_signal
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role
@@ -56,7 +55,6 @@ class BusMap:
     input_layouts: tuple[MessageLayout, ...]
     slow: tuple[SlowMessage, ...]
     """Messages with optional inputs."""
-    energizing: Energizing | None
     following: tuple[Following | None, ...]  # how a stream that is not on the grid follows it
     rate: RateMessage | None
     """None: the injection rate is not published."""
@@ -66,9 +64,14 @@ class BusMap:
     """What messages to the user call the buses."""
 
     @property
+    def energizing(self) -> Energizing | None:
+        """Where it is among them."""
+        return next((slow.energizing for slow in self.slow if slow.energizing), None)
+
+    @property
     def received(self) -> tuple[MessageLayout, ...]:
         """Every message that something is read from, once."""
-        return (*self.input_layouts, *(slow.layout for slow in self.slow if not slow.is_input))
+        return tuple(dict.fromkeys((*self.input_layouts, *(slow.layout for slow in self.slow))))
 
     @property
     def sent(self) -> tuple[MessageLayout, ...]:
@@ -113,8 +116,7 @@ def map_bus(bench: Bench) -> BusMap:
 
 def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
     """Compile the mapping of one injector of a bench, whose `databases` are all injectors'; raises as `map_bus`."""
-    inputs, layouts = _map_inputs(fitted, databases)
-    slow, energizing = map_optional(fitted, databases, inputs, layouts)
+    inputs, layouts, slow = _map_inputs(fitted, databases)
     outputs = fitted.config.outputs
 
     def output(key: str, compile_message: Callable[[Message, int], Compiled]) -> Compiled:
@@ -127,7 +129,6 @@ def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
         inputs=inputs,
         input_layouts=layouts,
         slow=slow,
-        energizing=energizing,
         following=tuple(following(fitted, inputs.timing, inputs.streams["roles"].tolist())),
         rate=output("injection_rate", rate_message) if outputs.injection_rate else None,
         summary=output("injection_summary", partial(_output, SummaryValues)),
@@ -150,7 +151,10 @@ def _output(values: type[SummaryValues] | type[StatusValues], message: Message, 
     return output_message(message, signals_of(values), bus)
 
 
-def _map_inputs(fitted: BenchInjector, databases: BenchDatabases) -> tuple[Inputs, tuple[MessageLayout, ...]]:
+def _map_inputs(
+    fitted: BenchInjector, databases: BenchDatabases
+) -> tuple[Inputs, tuple[MessageLayout, ...], tuple[SlowMessage, ...]]:
+    """The tables of all inputs, the messages that carry samples, and those with optional inputs."""
     by_message: dict[tuple[str, int], tuple[BusMessage, list[Role]]] = {}
     for role in ROLES:
         config = fitted.config.signals.of(role)
@@ -172,7 +176,10 @@ def _map_inputs(fitted: BenchInjector, databases: BenchDatabases) -> tuple[Input
         tables.stream_samples,
     )
     require_one_rate(fitted, streams, timing["steps"].tolist())
-    return tables.inputs(timing), tuple(layouts)
+    slow = map_optional(fitted, databases, tables, timing)
+    inputs = tables.inputs(timing)
+    say_nothing(inputs, slow)
+    return inputs, tuple(layouts), slow
 
 
 def _map_message(

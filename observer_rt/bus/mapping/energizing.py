@@ -13,12 +13,10 @@ from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.catalogue import named
-from observer_rt.bus.database.codec import encode, signal_table
-from observer_rt.bus.database.e2e import UNPROTECTED, counter_values
+from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.lookup import MessageLayout, find_signal, signal_names
-from observer_rt.bus.database.multiplexing import Selection, compile_conditions, is_selected
+from observer_rt.bus.database.multiplexing import Selection, compile_conditions
 from observer_rt.bus.mapping.sample_groups import require_carried, sample_groups
-from observer_rt.bus.mapping.slow_inputs import Receipt, SlowMessage, check_frame, read_value
 from observer_rt.bus.mapping.timing import USUAL_INDEX, Numbering, index_signal, time_on_bus
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.links import LinkConfig
@@ -35,8 +33,6 @@ class Energizing:
     """Where the energizing is on the bus, compiled."""
 
     layout: MessageLayout
-    frame: NDArray[np.void]
-    """(1,) `inputs.INPUT_MESSAGE`: key, length and protection."""
     names: tuple[str, ...]
     """Its signals: one, or the samples of a level."""
     table: NDArray[np.void]
@@ -59,6 +55,15 @@ class Energizing:
         """Whether it is a level; else a duration."""
         return self.factor is None
 
+    def reading(self, values: NDArray[np.float64], stamp: int, follows: bool) -> "Reading":
+        """What a frame received at `stamp` [ns] says; values: by the table, in SI; follows: as of `Reading`."""
+        return Reading(
+            None if self.index is None else int(values[0]),
+            stamp - round(self.delay * NANOSECONDS),
+            values[-len(self.names) :],
+            None if self.layout.e2e_profile is None else follows,
+        )
+
 
 class Reading(NamedTuple):
     """What a frame says of the energizing, sample by sample."""
@@ -74,7 +79,7 @@ class Reading(NamedTuple):
 
 
 def map_energizing(
-    fitted: BenchInjector, link: LinkConfig, message: Message, slow: SlowMessage, grid: np.void
+    fitted: BenchInjector, link: LinkConfig, message: Message, layout: MessageLayout, grid: np.void
 ) -> Energizing:
     """Compile the mapping; link: its bus; grid: `timing.TIMING` of the line pressure's message.
 
@@ -103,17 +108,16 @@ def map_energizing(
         problem = f"names {len(names)} levels a frame, {message.name} has {expected} samples of other signals"
         raise UserError(place, problem, "name as many, or one")
     delay = config.delay_us
-    on_bus = time_on_bus(slow.layout, link)
+    on_bus = time_on_bus(layout, link)
     return Energizing(
-        layout=slow.layout,
-        frame=slow.frame,
+        layout=layout,
         names=names,
         table=signal_table(message, names if index is None else (index, *names)),
         selection=compile_conditions(message, groups[0].conditions),
         index=index,
         factor=factor,
         delay=on_bus if delay is None else delay * MICROSECOND,
-        cycle=_cycle(fitted, slow.layout, expected, bool(beside) or len(names) > 1),
+        cycle=_cycle(fitted, layout, expected, bool(beside) or len(names) > 1),
         window=config.missing_after_ms * MILLISECOND,
     )
 
@@ -168,47 +172,3 @@ def _factor(place: str, config: EnergizingConfig, message: Message, names: tuple
             f'add unit = "..." with one of {", ".join(TIME_UNITS)} for a duration, or "-" for a level',
         )
     return factor
-
-
-def say_no_energizing(energizing: Energizing, payload: NDArray[np.uint8]) -> None:
-    """Make a frame without protection say nothing of the energizing, or that there is none."""
-    if is_selected(payload, energizing.selection, 0, len(energizing.selection.conditions)):
-        table = energizing.table[-len(energizing.names) :]
-        encode(np.full(len(table), np.nan), table, payload)
-
-
-class EnergizingReceiver:
-    """Checks and decodes the frames; errors are counted where all optional inputs are."""
-
-    def __init__(self, energizing: Energizing) -> None:
-        self._energizing = energizing
-        self._key = int(energizing.frame[0]["key"])
-        profile = int(energizing.frame[0]["e2e_profile"])
-        self._counters = 0 if profile == UNPROTECTED else counter_values(profile)
-        self._counter = -1
-        self._interrupted = False
-        self._values = np.zeros(len(energizing.table))
-
-    def is_ours(self, key: int) -> bool:
-        """Whether the frames `key` (`frame_key.frame_key`) names may tell of the energizing."""
-        return key == self._key
-
-    def read(self, payload: NDArray[np.uint8], stamp: int) -> Reading | None:
-        """What a frame of ours, received at `stamp` [ns], says; None: nothing, bad, or repeated."""
-        last = self._counter
-        receipt, self._counter = check_frame(payload, self._energizing.frame, last)
-        if receipt != Receipt.GOOD:
-            return None
-        if self._counters and last >= 0 and (self._counter - last) % self._counters != 1:
-            self._interrupted = True
-        if not read_value(payload, self._energizing.table, self._energizing.selection, self._values):
-            return None
-        index = None
-        if self._energizing.index is not None:
-            if np.isnan(self._values[0]):
-                return None
-            index = int(self._values[0])
-        follows, self._interrupted = not self._interrupted, False
-        values = self._values[-len(self._energizing.names) :] * (self._energizing.factor or 1.0)
-        taken = stamp - round(self._energizing.delay * NANOSECONDS)
-        return Reading(index, taken, values, follows if self._counters else None)

@@ -1,4 +1,7 @@
-"""Input frames as compiled code sees them: tables of messages, of groups of samples in their frames, of signals."""
+"""Input frames as compiled code sees them: tables of messages, of what their frames carry, and of signals.
+
+That is groups of samples, and optional inputs, which need neither grid nor index.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -21,11 +24,13 @@ from observer_rt.bus.database.multiplexing import (
     meets,
 )
 from observer_rt.bus.mapping.sample_groups import SampleGroup
-from observer_rt.config.signals import Role
+from observer_rt.config.signals import OptionalRole, Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.referenced import referenced
 
 ROLES = tuple(Role)
+OPTIONAL_ROLES = tuple(OptionalRole)
+ENERGIZING = len(OPTIONAL_ROLES)  # beside the numbers of these roles
 MAX_INPUTS = len(ROLES)
 MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
 LONGEST_FRAME = FD_LENGTHS[-1]  # bytes
@@ -40,6 +45,8 @@ INPUT_MESSAGE = np.dtype(
         ("samples", np.int64),  # of every role, in all frames that share one sample index
         ("first_group", np.int64),
         ("group_count", np.int64),
+        ("first_optional", np.int64),
+        ("optional_count", np.int64),
         ("first_kind", np.int64),  # of the frames that share one sample index
         ("kind_count", np.int64),
     ],
@@ -71,6 +78,20 @@ INPUT_GROUP = np.dtype(
     align=True,
 )
 
+OPTIONAL_INPUT = np.dtype(
+    [
+        ("role", np.int64),  # OPTIONAL_ROLES[role], or ENERGIZING
+        ("is_placed", np.bool_),  # by its first signal, the index of its first sample
+        ("factor", np.float64),  # of its other signals, to SI
+        ("origin", np.float64),  # what their 0 is in SI
+        ("timeout", np.float64),  # s, after which a value counts no longer
+        ("first_signal", np.int64),
+        ("signal_count", np.int64),
+        ("first_condition", np.int64),
+        ("condition_count", np.int64),
+    ],
+    align=True,
+)
 
 # One kind of frame of a message: it has one, or one for every selector value that carries samples.
 INPUT_KIND = np.dtype(
@@ -86,10 +107,11 @@ INPUT_KIND = np.dtype(
 class Inputs(NamedTuple):
     """What compiled code needs to decode the input frames."""
 
-    messages: NDArray[np.void]  # INPUT_MESSAGE
+    messages: NDArray[np.void]  # INPUT_MESSAGE, those with samples first
     streams: NDArray[np.void]  # INPUT_STREAM
     groups: NDArray[np.void]  # INPUT_GROUP, of all messages one after another
-    signals: NDArray[np.void]  # SIGNAL, of all groups one after another
+    optional: NDArray[np.void]  # OPTIONAL_INPUT, of all messages one after another
+    signals: NDArray[np.void]  # SIGNAL, of all groups one after another, then of the optional inputs
     selection: Selection
     kinds: NDArray[np.void]  # INPUT_KIND
 
@@ -103,6 +125,7 @@ class InputTables:
         self._groups: list[NDArray[np.void]] = []
         self._streams: list[tuple[int, int]] = []
         self._messages: list[NDArray[np.void]] = []
+        self._optional: list[NDArray[np.void]] = []
         self._kinds: list[NDArray[np.void]] = []
         self._signals = [np.zeros(0, SIGNAL)]
         self._selectors = [np.zeros(0, SIGNAL)]
@@ -119,13 +142,7 @@ class InputTables:
             )
         row["stream"] = len(self._streams)
         row["offset"], row["samples"] = group.offset, group.count
-        row["first_signal"], row["signal_count"] = _rows(self._signals), len(names)
-        self._signals.append(signal_table(message, names))
-        selection = compile_conditions(message, group.conditions)
-        row["first_condition"], row["condition_count"] = _rows(self._conditions), len(selection.conditions)
-        selection.conditions["selector"] += _rows(self._selectors)
-        self._selectors.append(selection.selectors)
-        self._conditions.append(selection.conditions)
+        self._add_signals(row, signal_table(message, names), compile_conditions(message, group.conditions))
         self._groups.append(row)
 
     def add_stream(self, samples: int, roles: int) -> None:
@@ -150,12 +167,37 @@ class InputTables:
         row["kind_count"] = len(self._kinds) - row["first_kind"]
         self._messages.append(row)
 
+    def add_optional(
+        self, layout: MessageLayout, inputs: Sequence[tuple[NDArray[np.void], NDArray[np.void], Selection]]
+    ) -> None:
+        """Add the optional inputs of a message: rows without their places, signals, and which frames carry them."""
+        own = frame_row(layout)
+        row = next((each for each in self._messages if each["key"] == own["key"]), own)
+        if row is own:
+            row["first_group"] = len(self._groups)
+            self._messages.append(row)
+        row["first_optional"], row["optional_count"] = len(self._optional), len(inputs)
+        for optional, signals, selection in inputs:
+            self._add_signals(optional, signals, selection)
+            self._optional.append(optional)
+
+    def _add_signals(self, row: NDArray[np.void], signals: NDArray[np.void], selection: Selection) -> None:
+        """Add the signals of a row, and the conditions that a frame with them meets."""
+        row["first_signal"], row["signal_count"] = _rows(self._signals), len(signals)
+        row["first_condition"], row["condition_count"] = _rows(self._conditions), len(selection.conditions)
+        conditions = selection.conditions.copy()
+        conditions["selector"] += _rows(self._selectors)
+        self._signals.append(signals)
+        self._selectors.append(selection.selectors)
+        self._conditions.append(conditions)
+
     def inputs(self, timing: NDArray[np.void]) -> Inputs:
         """All that was added, with the timing of every stream."""
         return Inputs(
             np.array(self._messages, INPUT_MESSAGE),
             np.array(self._streams, INPUT_STREAM),
             np.array(self._groups, INPUT_GROUP),
+            np.array(self._optional, OPTIONAL_INPUT),
             np.concatenate(self._signals),
             Selection(np.concatenate(self._selectors), np.concatenate(self._conditions)),
             np.array(self._kinds, INPUT_KIND),

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import from_dtype, njit, typeof, types
+from numba import njit, typeof, types
 from numba.core.cgutils import create_struct_proxy
 from numba.experimental import structref
 from numba.extending import intrinsic, overload_attribute
@@ -19,7 +19,6 @@ from observer_rt.bus.frame_block import FrameBlock
 from observer_rt.foundation.referenced import Reference, reference_to
 from observer_rt.observer.observer import with_constants
 from observer_rt.observer.stream.state import Constants, Observer
-from observer_rt.service.compiled.asking import ASKING, Asking, Need
 from observer_rt.service.compiled.many import take_many
 from observer_rt.service.compiled.pipeline import Pipeline, handle, listen, proceed
 
@@ -70,8 +69,8 @@ def _listen(held, key, payload, stamp):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _take_many(held, asking, block, first):  # type: ignore[no-untyped-def]
-    return take_many(held.pipeline, asking, block, first)
+def _take_many(held, block, first):  # type: ignore[no-untyped-def]
+    return take_many(held.pipeline, block, first)
 
 
 @njit(cache=True, nogil=True)
@@ -108,8 +107,7 @@ class CompiledPipeline:
     def _take_many(self) -> Any:
         numbers, payloads = types.Array(types.int64, 1, "C"), types.Array(types.uint8, 1, "C")
         block = types.NamedTuple((numbers, numbers, numbers, payloads), FrameBlock)
-        asking = types.NamedTuple((types.Array(from_dtype(ASKING), 1, "C"), numbers), Asking)
-        return _take_many.compile((typeof(self._held), asking, block, types.int64))
+        return _take_many.compile((typeof(self._held), block, types.int64))
 
     @cached_property
     def _proceed(self) -> Any:
@@ -138,13 +136,13 @@ class CompiledPipeline:
         """Take the samples of one frame without observing them: see `pipeline.listen`."""
         self._listen(self._held, key, payload, stamp)
 
-    def take_many(self, asking: Asking, block: FrameBlock, first: int) -> tuple[int, Need]:
+    def take_many(self, block: FrameBlock, first: int) -> tuple[int, bool]:
         """Take frames of a block from `first` on: see `many.take_many`."""
-        number, need = self._take_many(self._held, asking, block, first)
-        return number, Need(need)
+        number, waits = self._take_many(self._held, block, first)
+        return number, bool(waits)
 
     def proceed(self) -> bool:
-        """Go on after a judgement: see `pipeline.proceed`."""
+        """Go on after a judgement or with another model: see `pipeline.proceed`."""
         return bool(self._proceed(self._held))
 
     def change_constants(self, constants: Constants) -> None:

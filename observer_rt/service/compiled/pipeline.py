@@ -32,6 +32,7 @@ from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.foundation.referenced import referenced
 from observer_rt.observer.stream.state import Observer
 from observer_rt.observer.stream.step import advance_stream, push
+from observer_rt.service.compiled.input_memory import InputMemory, take_inputs
 from observer_rt.service.compiled.publisher import Publisher, publish
 
 MAX_COUNTER_STEP = 15  # larger steps of the E2E counter are a wrong sequence, not a few lost frames
@@ -45,7 +46,7 @@ RECEIVER = np.dtype(
         ("interrupted", np.int8, (MAX_INPUTS,)),  # of every stream, 1: its last frame is not the message's
         ("values", np.float64, (MAX_SIGNALS,)),
         ("sample", np.float64, (MAX_INPUTS,)),  # SI
-        ("frames", np.int64),  # accepted as ours, good or bad
+        ("frames", np.int64),  # with samples, good or bad
         ("crc_errors", np.int64),
         ("length_errors", np.int64),
         ("sequence_errors", np.int64),
@@ -67,6 +68,7 @@ class Pipeline(NamedTuple):
 
     inputs: Inputs
     receiver: NDArray[np.void]  # (1,) RECEIVER
+    heard: InputMemory
     keeping: Timekeeping
     alignment: Alignment
     observer: Observer
@@ -77,8 +79,7 @@ class Pipeline(NamedTuple):
 def handle(pipeline: Pipeline, key: int, payload: NDArray[np.uint8], stamp: int) -> bool:
     """Take one frame, received at `stamp` [ns]; `key` as by `frame_key.frame_key`.
 
-    Frames caused are in the publisher's `out`. Returns True when the observer waits for the judgement of an
-    event (`observer.judge`), after which `proceed` goes on.
+    Frames caused are in the publisher's `out`. Returns True when Python must do something first, as of `proceed`.
     """
     for number in range(pipeline.inputs.messages.size):
         if pipeline.inputs.messages[number].key == key:
@@ -98,7 +99,12 @@ def listen(pipeline: Pipeline, key: int, payload: NDArray[np.uint8], stamp: int)
 
 @inner_separate
 def proceed(pipeline: Pipeline) -> bool:
-    """Observe what is aligned and publish what is observed; True when a judgement is needed to go on."""
+    """Observe what is aligned and publish what is observed.
+
+    Returns True when to go on it needs a new model (`InputMemory`), or the judgement of an event (`observer.judge`).
+    """
+    if pipeline.heard.memory[0].is_due:
+        return True
     waiting = advance_stream(pipeline.observer)
     publish(pipeline.publisher, pipeline.observer)
     return bool(waiting)
@@ -109,7 +115,7 @@ def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8], stamp: in
     """Check, decode and align one frame of an input message; what fails a check is counted and dropped."""
     receiver = pipeline.receiver[0]
     message = pipeline.inputs.messages[number]
-    receiver.frames += 1
+    receiver.frames += message.group_count > 0
     if payload.size not in (message.length, message.padded_length):
         receiver.length_errors += 1
         return
@@ -117,6 +123,11 @@ def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8], stamp: in
         receiver.crc_errors += 1
         return
     counter = e2e.frame_counter(payload, message.e2e_profile)
+    if pipeline.inputs.optional.size > 0:
+        take_inputs(pipeline.heard, pipeline.inputs, pipeline.observer, number, payload, counter, stamp)
+        pipeline.publisher.memory[0].learning = pipeline.heard.memory[0].learning
+    if message.group_count == 0:
+        return
     last = receiver.last_counter[number]
     max_step = min(MAX_COUNTER_STEP, e2e.counter_values(message.e2e_profile) // 2)
     status = e2e.classify(counter, last, last >= 0, max_step, message.e2e_profile)

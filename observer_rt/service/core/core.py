@@ -23,9 +23,9 @@ from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.lift_figures import LiftFigures, lift_figures
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import RING, Reason, State
-from observer_rt.service.compiled.asking import Need, make_asking
 from observer_rt.service.compiled.by_reference import CompiledPipeline
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
+from observer_rt.service.compiled.input_memory import make_input_memory
 from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
 from observer_rt.service.compiled.publisher import flush, make_publisher
 from observer_rt.service.contest import Contest
@@ -73,27 +73,27 @@ class Core:
         self._bus = bus
         self._max_lift = fitted.parameters.seat.max_lift
         healthy = healthy_injector(fitted)
-        self._learning = healthy.adequate and (config.learning.enabled if learning is None else learning)
+        may_learn = healthy.adequate and (config.learning.enabled if learning is None else learning)
+        assumed = fuel_temperature if config.signals.fuel_temperature else None
         self.compiled = CompiledPipeline(
             Pipeline(
                 bus.inputs,
                 make_receiver(),
+                make_input_memory(bus.inputs, may_learn, assumed),
                 make_timekeeping(
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
                 ),
                 make_alignment(bus.following, dead_band(noise.needle_lift)[0]),
                 make_observer(constants, start, learner, healthy),
-                make_publisher(bus.rate, self._learning),
+                make_publisher(bus.rate, may_learn),
             )
         )
         """Everything compiled code works on."""
         self.compiled.observer.memory["waits_for_verdicts"] = executor is None or config.learning.lockstep
-        self.asking = make_asking([slow.layout for slow in bus.slow])
-        """When compiled code that takes frames must let `take_inputs` look at one first."""
         self._judging = Judging(self.compiled, learner, executor or InlineExecutor(), start, healthy)
         self._tell = to_all(listeners)
         self._writes_summaries = writes_summaries
-        self._inputs = OptionalInputs(fitted, bus, self.compiled, self._tell, fuel_temperature, is_restored)
+        self._inputs = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
         self._contest = Contest(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
         self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
 
@@ -106,33 +106,17 @@ class Core:
         buses. Where all messages of one time base carry an index, it changes no result.
         """
         key = frame_key(frame_id, is_extended, bus)
-        data = np.frombuffer(payload, np.uint8)
-        if self._bus.slow:
-            self.take_inputs(key, data, stamp_ns)
-            self.asking.memory["taken"] += 1
-        self._go_on(self.compiled.handle(key, data, stamp_ns))
+        self._go_on(self.compiled.handle(key, np.frombuffer(payload, np.uint8), stamp_ns))
         return self._results.taken()
 
     def handle_many(self, block: FrameBlock) -> list[OutputFrame]:
         """The same of many frames in arrays, at the speed of compiled code."""
         number = 0
         while number < block.frames:
-            number, need = self.compiled.take_many(self.asking, block, number)
-            if need is Need.INPUT:
-                self.take_inputs(int(block.keys[number]), block.payload(number), int(block.stamps[number]))
-            else:
-                self._go_on(need is Need.VERDICT)
-                self._results.collect_rates()
+            number, waits = self.compiled.take_many(block, number)
+            self._go_on(waits)
+            self._results.collect_rates()
         return self._results.taken()
-
-    def take_inputs(self, key: int, data: NDArray[np.uint8], stamp_ns: int) -> None:
-        """Look at the optional inputs before a frame is taken, and say when to do so again."""
-        self._inputs.take(key, data, stamp_ns)
-        self.compiled.pipeline.publisher.memory["learning"] = self.learning
-        memory, again = self.asking.memory[0], self._inputs.again()
-        memory["answered_at"], memory["ask_at"], memory["ask_at_rest"] = again.now, again.due, again.at_rest
-        memory["looks_at_each"] = self._inputs.looks_at_each
-        memory["answered"] = memory["taken"] + 1
 
     def attend(self) -> list[OutputFrame]:
         """What the stream did meanwhile, by frames given to `compiled`: hand over, judge, report.
@@ -145,9 +129,9 @@ class Core:
         return self._results.reports()
 
     def answer(self) -> list[OutputFrame]:
-        """As `attend`, with the verdict that the stream waits for."""
+        """As `attend`, with the verdict or the model that the stream waits for."""
         self._follow()
-        self._judging.answer()
+        self._answer()
         return self._results.reports()
 
     def note_contest(self, is_contested: bool) -> None:
@@ -217,7 +201,7 @@ class Core:
     @property
     def learning(self) -> bool:
         """Whether learning is enabled, by the bench and by its learning enable, if it has one."""
-        return self._learning and not self._inputs.holds_learning
+        return self._inputs.learning
 
     @property
     def fuel_temperature(self) -> float | None:
@@ -266,7 +250,7 @@ class Core:
     @property
     def counters(self) -> Counters:
         """What was counted so far."""
-        return counted(self.compiled.pipeline, self._inputs, self._judging)
+        return counted(self.compiled.pipeline, self._inputs.energizing, self._judging)
 
     @property
     def frames_taken(self) -> int:
@@ -274,16 +258,21 @@ class Core:
         return int(self.compiled.pipeline.receiver["frames"][0])
 
     def _go_on(self, waiting: bool) -> None:
-        """Hand over closed events, judge due ones, until the observer waits for input again."""
+        """Hand over closed events, judge due ones, change the model, until the observer waits for input again."""
         self._follow()
         while waiting:
             self._results.collect_rates()
-            self._judging.answer()
+            self._answer()
             waiting = self.compiled.proceed()
             self._follow()
         self._judging.post()
         self._inputs.look()
-        self.asking.memory["looks_at_each"] = self._inputs.looks_at_each
+
+    def _answer(self) -> None:
+        if self._inputs.is_model_due:
+            self._inputs.change_model()
+        else:
+            self._judging.answer()
 
     def _follow(self) -> None:
         """Hand over closed events, report judged ones."""
@@ -291,7 +280,8 @@ class Core:
             self._report(judged)
 
     def _report(self, judged: Judged) -> None:
-        """Say of the injections of a judged event what was found."""
+        """Say of the injections of a judged event what was found, with what came before it was."""
+        self._inputs.read()
         for injection in self._judging.injections(judged):
             commanded = self._inputs.opening_of(injection)
             report = report_of(injection, judged, commanded, self._contest.concerns(injection))

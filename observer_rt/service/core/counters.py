@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from observer_rt.service.compiled.pipeline import Pipeline
-from observer_rt.service.inputs.optional_inputs import OptionalInputs
+from observer_rt.service.inputs.energizing import EnergizingFigures
 from observer_rt.service.reports.judging import Judging
 
 
@@ -48,12 +48,11 @@ class Counters:
         return Counters(**{name: count - getattr(earlier, name) for name, count in vars(self).items()})
 
 
-def counted(pipeline: Pipeline, inputs: OptionalInputs, judging: Judging) -> Counters:
+def counted(pipeline: Pipeline, energizing: EnergizingFigures | None, judging: Judging) -> Counters:
     """What all parts have counted."""
     receiver = pipeline.receiver[0]
     alignment = pipeline.alignment.memory[0]
     memory = pipeline.observer.memory[0]
-    energizing = inputs.energizing
     return Counters(
         samples=int(memory["processed"]),
         lost_samples=int(alignment["lost"]),
@@ -61,8 +60,8 @@ def counted(pipeline: Pipeline, inputs: OptionalInputs, judging: Judging) -> Cou
         spikes=int(memory["spikes"]),
         bridged_samples=int(memory["bridged"]),
         frames=int(receiver["frames"]),
-        crc_errors=int(receiver["crc_errors"]) + inputs.crc_errors,
-        length_errors=int(receiver["length_errors"]) + inputs.length_errors,
+        crc_errors=int(receiver["crc_errors"]),
+        length_errors=int(receiver["length_errors"]),
         sequence_errors=int(receiver["sequence_errors"]),
         repeated_frames=int(alignment["repeated"]),
         old_frames=int(alignment["old"]),

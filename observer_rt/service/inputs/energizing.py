@@ -6,15 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.timekeeping import is_prompt, place_at
-from observer_rt.bus.mapping.energizing import Energizing, Reading
+from observer_rt.bus.mapping.energizing import Energizing
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.observer.observer import was_shut
 from observer_rt.observer.stream.state import INJECTIONS, RING
 from observer_rt.service.compiled.by_reference import CompiledPipeline
 from observer_rt.service.inputs.energizing_commands import Command, CommandReader, samples_between
-from observer_rt.service.inputs.optional_input import OptionalInput
 from observer_rt.service.reports.injection_report import CommandedOpening
 from observer_rt.service.reports.news import Mismatch
 
@@ -53,7 +53,7 @@ class _Waiting:
     was_shut: bool | None = None
 
 
-class EnergizingWatch(OptionalInput[Reading]):
+class EnergizingWatch:
     """Joins commands and openings, whichever is known first.
 
     An opening belongs to the last command that started before it, if that was not too long ago and no opening was
@@ -70,6 +70,7 @@ class EnergizingWatch(OptionalInput[Reading]):
     ) -> None:
         """on_mismatch: called with every missing injection and every one without a command."""
         sample_rate = 1.0 / compiled.observer.constants.interval
+        self._energizing = energizing
         self._reader = CommandReader(energizing, sample_rate)
         self._sample_rate = sample_rate
         self._window = energizing.window * sample_rate  # samples
@@ -86,15 +87,16 @@ class EnergizingWatch(OptionalInput[Reading]):
         self._commands = self._missing = self._uncommanded = 0
         place_at(self._keeping, 0)  # compiled before the first command comes
 
-    def take(self, reading: Reading, now: float) -> None:
-        """Take what a frame says."""
-        for command in self._reader.read(reading):
+    def take(self, values: NDArray[np.float64], stamp: int, follows: bool, processed: int) -> None:
+        """Take what a frame says, as of `Energizing.reading`; processed: samples when it came."""
+        for command in self._reader.read(self._energizing.reading(values, stamp, follows)):
             if command.is_certain:
                 self._number(command)
-            self._waiting.append(_Waiting(command, self._processed))
+            self._waiting.append(_Waiting(command, processed))
 
     @property
     def looks_at_each(self) -> bool:
+        """Whether `look` is to be called after every frame, so that what it tells depends on none but these."""
         return bool(self._waiting) or not self._reader.by_index
 
     def opening_of(self, injection: np.void) -> CommandedOpening | None:

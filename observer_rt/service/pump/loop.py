@@ -26,7 +26,6 @@ from observer_rt.bus.links.socketcan import SO_RXQ_OVFL
 from observer_rt.bus.links.stamps import SO_TIMESTAMPING, SO_TIMESTAMPNS
 from observer_rt.foundation.compiled import inner
 from observer_rt.observer.stream.state import Observer
-from observer_rt.service.compiled.asking import Need, is_asked_for
 from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
 from observer_rt.service.compiled.publisher import Publisher
 from observer_rt.service.pump import libc
@@ -36,29 +35,27 @@ WAIT_MS = 20  # longest time deaf to Python
 RETRY_MS = 1  # a full transmit queue cannot be polled for
 _SECOND = 1_000_000_000
 
-_NOTHING, _VERDICT, _INPUT = (int(each) for each in Need)
 _recvmmsg, _send, _write, _poll = libc.recvmmsg, libc.send, libc.write, libc.poll
 _clock_gettime, _errno_location = libc.clock_gettime, libc.errno_location
 
 
-def compiled_for(pump: Pump, held: Any) -> Callable[..., int]:
+def compiled_for(pump: Pump, held: Any) -> Callable[..., bool]:
     """`run` for a pump and a pipeline by reference, compiled or loaded from the cache."""
-    entry: Callable[..., int] = run.compile((typeof(pump), typeof(held), types.int64))
+    entry: Callable[..., bool] = run.compile((typeof(pump), typeof(held), types.int64))
     return entry
 
 
 @njit(cache=True, nogil=True)
-def run(pump: Pump, held: Any, wake: int) -> int:
-    """Pump until told to stop, or until Python must do something first: `Need`. Call it again then.
+def run(pump: Pump, held: Any, wake: int) -> bool:
+    """Pump until told to stop, or until Python must do something first: True. Call it again then.
 
     held: a pipeline by reference; wake: descriptor written to when something happened that Python waits for.
     """
     memory, pipeline = pump.memory[0], held.pipeline
-    if pipeline.observer.memory[0].waiting:
-        waits = proceed(pipeline)
-        send_rates(pump, pipeline.publisher)
-        if waits:
-            return _VERDICT
+    waits = proceed(pipeline)  # with what it waited for
+    send_rates(pump, pipeline.publisher)
+    if waits:
+        return True
     while not memory.is_to_stop:
         memory.turns += 1
         if not _frame_is_there(pump):
@@ -67,13 +64,12 @@ def run(pump: Pump, held: Any, wake: int) -> int:
             bus = _earliest(pump)
             if bus < 0:
                 break
-            need = _take(pump, pipeline, bus)
-            if need != _NOTHING:
-                return int(need)
+            if _take(pump, pipeline, bus):
+                return True
         if memory.first_waiting < memory.end_waiting:
             _send_waiting(pump)
         _tell(pump, pipeline.observer, wake)
-    return _NOTHING
+    return False
 
 
 @inner
@@ -226,13 +222,13 @@ def _note_stamp(pump: Pump, number: int) -> None:
 
 
 @inner
-def _take(pump: Pump, pipeline: Pipeline, number: int) -> int:
-    """Take the next frame of a bus through the pipeline: `Need`."""
+def _take(pump: Pump, pipeline: Pipeline, number: int) -> bool:
+    """Take the next frame of a bus through the pipeline: whether Python must do something first."""
     bus = pump.buses[number]
     place = number * BATCH + bus.next
     if pump.headers[place].length == 0:  # a pair of sockets whose other end was closed
         bus.failure = libc.ENODEV
-        return _NOTHING
+        return False
     identifier = pump.words[place * SLOT // 4]
     data = place * SLOT + HEADER_BYTES
     length = pump.frames[data - 4]
@@ -242,23 +238,17 @@ def _take(pump: Pump, pipeline: Pipeline, number: int) -> int:
         key += (identifier & EXTENDED_MASK) + EXTENDED_KEY
     else:
         key += identifier & STANDARD_MASK
-    is_data = identifier & (ERROR_FLAG | REMOTE_FLAG) == 0
-    if is_data and is_asked_for(pump.asking, pipeline.observer, key):
-        pump.memory[0].asked_bus = number
-        pump.memory[0].asked_key = key
-        return _INPUT
     stamp = bus.stamp
     bus.next += 1
     _note_stamp(pump, number)
-    if not is_data:
+    if identifier & (ERROR_FLAG | REMOTE_FLAG):
         if identifier & ERROR_FLAG:
             _note_error(pump, number, identifier, payload)
-        return _NOTHING
-    pump.asking.memory[0].taken += 1
+        return False
     waits = handle(pipeline, key, payload, stamp)
     send_rates(pump, pipeline.publisher)
     _note_arrival(pump, key)
-    return _VERDICT if waits else _NOTHING
+    return bool(waits)
 
 
 @inner

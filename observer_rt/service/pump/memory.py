@@ -10,7 +10,6 @@ from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLA
 from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.foundation.referenced import referenced
-from observer_rt.service.compiled.asking import Asking
 from observer_rt.service.pump.libc import IOVEC, MMSGHDR, POLLFD, POLLIN
 
 BATCH = 16  # frames that one system call may bring
@@ -42,8 +41,6 @@ PUMP = np.dtype(
         ("told", np.int64),  # events closed and taken, failures, errors that Python was told of
         ("turns", np.int64),
         ("unsent", np.int64),
-        ("asked_bus", np.int64),  # whose next frame Python must look at,
-        ("asked_key", np.int64),  # .. and its key
         # results
         ("bus", np.int64),  # they go to, -1: none are sent
         ("identifier", np.uint32),
@@ -71,22 +68,13 @@ class Pump(NamedTuple):
     vectors: NDArray[np.void]  # IOVEC
     errors: NDArray[np.void]  # ERROR, ERRORS of every bus
     arrivals: NDArray[np.void]  # ARRIVAL
-    asking: Asking
     waiting: NDArray[np.uint8]  # WAITING results as the kernel takes them
     event: NDArray[np.uint64]  # (1,) what is written to wake Python
     clock: NDArray[np.int64]  # (2,) seconds, nanoseconds
 
 
-def make_pump(
-    buses: int,
-    watched: Sequence[MessageLayout],
-    asking: Asking,
-    result: MessageLayout | None,
-) -> Pump:
-    """Memory for so many buses; watched: messages whose arrivals are counted; asking: of the core that is pumped.
-
-    result: that of the rates, if any.
-    """
+def make_pump(buses: int, watched: Sequence[MessageLayout], result: MessageLayout | None) -> Pump:
+    """Memory for so many buses; watched: messages whose arrivals are counted; result: that of the rates, if any."""
     places = buses * BATCH
     frames = np.zeros(places * SLOT, np.uint8)
     control = np.zeros(places * CONTROL_WORDS, np.int64)
@@ -119,7 +107,6 @@ def make_pump(
         vectors,
         np.zeros(buses * ERRORS, ERROR),
         arrivals,
-        asking,
         np.zeros(WAITING * FD_MTU, np.uint8),
         np.ones(1, np.uint64),
         np.zeros(2, np.int64),

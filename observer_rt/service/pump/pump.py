@@ -14,12 +14,11 @@ from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.receiver import BusDownError
 from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.service.compiled.asking import Need
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame, output_frame
 from observer_rt.service.pump import libc, loop
 from observer_rt.service.pump.feeder import Feeder, Pace
-from observer_rt.service.pump.memory import BATCH, BUS, ERRORS, SLOT, WAITING, make_pump
+from observer_rt.service.pump.memory import BUS, ERRORS, WAITING, make_pump
 from observer_rt.service.rights import hurry
 from observer_rt.service.watch.arrivals import Arrivals
 
@@ -54,7 +53,7 @@ class FramePump:
         self._processor = processor
         self._layouts = (*bus.received, *bus.sent)
         self._rate = bus.rate.layout if bus.rate else None
-        self._pump = make_pump(len(links), self._layouts, core.asking, self._rate)
+        self._pump = make_pump(len(links), self._layouts, self._rate)
         self._compiled = loop.compiled_for(self._pump, core.compiled.held)
         self._errors_read = [0] * len(links)
         self._unsent = 0
@@ -64,7 +63,6 @@ class FramePump:
         self._readable = select.poll()
         self._readable.register(self._wake, select.POLLIN)
         self._waits, self._may_go_on = threading.Event(), threading.Event()
-        self._inputs = threading.Lock()  # of the core: the loop's thread takes them, too
         self._failure: BaseException | None = None
         for number in range(len(links)):
             self.take_back(number)
@@ -91,11 +89,10 @@ class FramePump:
         return frames
 
     def _attend(self) -> Sequence[OutputFrame]:
-        """What the loop did meanwhile, and the verdict it waits for."""
-        with self._inputs:
-            if not self._waits.is_set():
-                return self._core.attend()
-            frames = self._core.answer()
+        """What the loop did meanwhile, and what it waits for."""
+        if not self._waits.is_set():
+            return self._core.attend()
+        frames = self._core.answer()
         self._waits.clear()
         self._may_go_on.set()
         return frames
@@ -160,13 +157,10 @@ class FramePump:
         return [end for end in self._ends.values() if isinstance(end, Feeder)]
 
     def _loop(self) -> None:
-        """The thread of the compiled loop; Python runs in it only for what the loop needs of it."""
+        """The thread of the compiled loop."""
         try:
             hurry(self._processor)
-            while need := Need(self._compiled(self._pump, self._core.compiled.held, self._wake)):
-                if need is Need.INPUT:
-                    self._take_input()
-                    continue
+            while self._compiled(self._pump, self._core.compiled.held, self._wake):
                 self._may_go_on.clear()
                 if self._pump.memory["is_to_stop"][0]:  # nobody answers any more
                     return
@@ -176,16 +170,6 @@ class FramePump:
         except BaseException as error:
             self._failure = error
             os.eventfd_write(self._wake, 1)
-
-    def _take_input(self) -> None:
-        """Let the core look at its optional inputs before the next frame."""
-        pump, memory = self._pump, self._pump.memory[0]
-        number = int(memory["asked_bus"])
-        bus = pump.buses[number]
-        at = (number * BATCH + int(bus["next"])) * SLOT
-        data = pump.frames[at + HEADER_BYTES : at + HEADER_BYTES + int(pump.frames[at + 4])]
-        with self._inputs:
-            self._core.take_inputs(int(memory["asked_key"]), data, int(bus["stamp"]))
 
     def _stop(self) -> None:
         self._pump.memory["is_to_stop"] = True

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.bus.mapping.slow_inputs import slow_timeout
+from observer_rt.bus.mapping.optional_inputs import slow_timeout
 from observer_rt.config.signals import Role
 
 SECOND = 1e9  # ns

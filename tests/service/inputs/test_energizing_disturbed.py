@@ -7,7 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import TimedFrame
+from observer_rt.service.compiled.input_memory import READINGS
+from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import Shot
 from tests.benches import SAMPLE_RATE
 from tests.device import damaged, later, merged, run
@@ -273,6 +278,17 @@ def test_it_changes_no_result(tmp_path: Path, kind: tuple[str, Source]) -> None:
     assert with_it.frames == without.frames
     assert without.core.energizing is not None
     assert without.core.energizing.commands == 0
+
+
+def test_of_more_commands_than_wait_for_python_the_oldest_are_lost(tmp_path: Path) -> None:
+    loaded = load_bench(pulse_bench(tmp_path, Told.SAFE))
+    core = Core(loaded.injector, map_bus(loaded))
+    for frame in safe_durations((1e-3 * n, 0.5e-3) for n in range(READINGS + 5)):
+        key = frame_key(frame.frame_id, frame.is_extended, frame.bus)
+        core.compiled.handle(key, np.frombuffer(frame.payload, np.uint8), frame.stamp_ns)
+    core.attend()
+    assert core.energizing is not None
+    assert core.energizing.commands == READINGS
 
 
 def test_a_damaged_or_repeated_frame_is_no_command(tmp_path: Path) -> None:

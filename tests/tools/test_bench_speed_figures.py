@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tools.benchmarks.command_line import finite
 from tools.benchmarks.speed.bars import Figure
-from tools.benchmarks.speed.document import finite
 from tools.benchmarks.speed.latency import latency_of
 from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.report import speed_document

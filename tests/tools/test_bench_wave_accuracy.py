@@ -21,8 +21,8 @@ from tools.benchmarks.peers import TUNING
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.tables import class_table, peer_tables
+from tools.benchmarks.wave_accuracy import WAVE_CLASSES, make_wave_case
 from tools.benchmarks.wave_bars import BARS, wave_violations
-from tools.benchmarks.wave_cases import WAVE_CLASSES, make_wave_case
 from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
 from tools.benchmarks.wave_recordings import (
     FIT_EVENTS,

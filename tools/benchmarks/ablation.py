@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from rich.console import Console
 
@@ -27,8 +28,7 @@ from tools.benchmarks.batch_models import KNOWN, shipped_model, tied_rows_model,
 from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.paper_peer import paper_bench
 from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.pool import Crash, Task
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, scored
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Store, Task, digest_of, on_case, resumed
 from tools.benchmarks.score import OBSERVER, CaseScore
 from tools.benchmarks.scoring import (
     bench_at,
@@ -38,7 +38,6 @@ from tools.benchmarks.scoring import (
     short_case,
     timed_training,
 )
-from tools.benchmarks.store import Store, digest_of
 from tools.benchmarks.windows import score_rate, windows_of
 
 CLASSES_TRIED = (
@@ -107,13 +106,9 @@ def run_ablation(plan: Plan, console: Console) -> tuple[tuple[AblationScore, ...
     """Score the cases not yet scored by this state of the code; progress goes to `console`."""
     crashes: list[Crash[Task]] = []
     store = Store(plan.out / "ablation.jsonl", AblationScore, digest_of((PACKAGE, BENCHMARKS)))
-    scores = scored("ablation", store, ablation_task, warm_up, plan.tasks, plan, console, crashes)
-    return tuple(scores[task] for task in plan.tasks if task in scores), tuple(crashes)
-
-
-def ablation_task(task: Task) -> AblationScore:
-    """Work of one process: every variant on a case."""
-    return score_variants(make_case(task.class_name, task.master_seed, task.number))
+    work = partial(on_case, make_case, score_variants)
+    scores = resumed("ablation", store, work, plan.tasks, plan.workers, console, crashes.append, warm_up)
+    return tuple(scores[task.label] for task in plan.tasks if task.label in scores), tuple(crashes)
 
 
 def warm_up() -> None:

@@ -8,8 +8,8 @@ import numpy as np
 from tools.benchmarks.cases import Case, drawn_events
 from tools.benchmarks.plant import Bench, Needle
 from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.pool import Task
 from tools.benchmarks.realism.catalogue import Entry, name_of, parsed
+from tools.benchmarks.runs import Task
 from tools.benchmarks.wave_plant import LINES, Variant, real_part
 
 WEARS = (0.25, 0.0, -0.3)  # v_H

@@ -15,9 +15,8 @@ from tests.tools.made_scores import UKF_SCORE, factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.realism import reasons as reasons_declared
 from tools.benchmarks.realism.catalogue import alone
-from tools.benchmarks.realism.run import Results, phantoms
+from tools.benchmarks.realism.run import Results, is_known, phantoms, with_stated
 from tools.benchmarks.realism.score import RunScore, Verdict, summary
-from tools.benchmarks.realism.stated import is_known, with_stated
 from tools.benchmarks.realism.tables import missed_bars, realism_document
 from tools.benchmarks.runs import Crash, Task
 from tools.benchmarks.score import CaseScore

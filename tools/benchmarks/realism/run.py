@@ -4,10 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 
+from observer_rt.config.bench import Bench
+from observer_rt.config.signals import SignalConfig
 from observer_rt.estimation.scalars import NOZZLE, SEAT
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from tools.benchmarks.accuracy import joined
@@ -19,8 +22,8 @@ from tools.benchmarks.peers import TUNING, PeerScore, peer_score
 from tools.benchmarks.plant import record
 from tools.benchmarks.realism.cases import make_realism_case
 from tools.benchmarks.realism.catalogue import Entry, name_of, parsed
+from tools.benchmarks.realism.disturbance import Stated
 from tools.benchmarks.realism.score import Interval, RunScore
-from tools.benchmarks.realism.stated import is_known, with_stated
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Store, Task, digest_of, resumed
 from tools.benchmarks.score import UKF
 from tools.benchmarks.scoring import (
@@ -78,6 +81,20 @@ def run_realism(
         runs = {label: replace(run, case=joined(run.case, peers.get(label))) for label, run in runs.items()}
     found = tuple(runs[task.label] for task in plan.tasks if task.label in runs)
     return Results(found, tuple(crashes), tuple(name for name, known in names.items() if not known))
+
+
+def is_known(stated: Stated) -> bool:
+    """Whether a bench file may say this."""
+    return all(key in SignalConfig.model_fields for keys in stated.values() for key in keys)
+
+
+def with_stated(bench: Bench, stated: Stated) -> Bench:
+    """The bench file's bench with these keys of its signals."""
+    signals = bench.injector.config.signals
+    update: dict[str, Any] = {
+        role: getattr(signals, role).model_copy(update=keys) for role, keys in stated.items()
+    }
+    return bench.with_sections(signals=signals.model_copy(update=update))
 
 
 def score_run(model: Path | None, task: Task) -> RunScore:

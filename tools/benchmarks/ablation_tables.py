@@ -7,6 +7,7 @@ import numpy as np
 from rich.table import Table
 
 from tools.benchmarks.ablation import VARIANTS, AblationScore, VariantScore
+from tools.benchmarks.command_line import ruled
 
 _NOT_JUDGED = "-"
 
@@ -14,17 +15,12 @@ _NOT_JUDGED = "-"
 def ablation_tables(scores: Sequence[AblationScore]) -> tuple[Table, Table]:
     """Every variant over all cases, and class by class."""
     classes = list(dict.fromkeys(score.class_name for score in scores))
-    overall = Table(title=f"one part changed: {len(scores)} cases, events 11-20", title_justify="left")
-    by_class = Table(title="mass error %, events 11-20, 95 % of the cases of a class", title_justify="left")
-    overall.add_column("observer", no_wrap=True)
-    for heading in (
+    overall = ruled(f"one part changed: {len(scores)} cases, events 11-20", ("observer",), (
         "mass error %\nmedian", "\np95", "\nmax", "RMSE mm3/ms\np95", "valid\n%", "wrong\nvalid",
         "training ms\nmedian",
-    ):  # fmt: skip
-        overall.add_column(heading, justify="right")
-    by_class.add_column("observer", no_wrap=True)
-    for name in classes:
-        by_class.add_column(name.replace("_", "\n"), justify="right")
+    ))  # fmt: skip
+    headings = [name.replace("_", "\n") for name in classes]
+    by_class = ruled("mass error %, events 11-20, 95 % of the cases of a class", ("observer",), headings)
     for variant in VARIANTS:
         overall.add_row(variant, *_row(_of(variant, scores)))
         by_class.add_row(

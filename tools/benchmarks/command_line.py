@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
 from observer_rt.foundation.errors import UserError
 
@@ -78,6 +79,16 @@ def screen(width: int = TABLE_WIDTH) -> Console:
     """Stdout; so many columns wide where it is no terminal."""
     console = Console()
     return console if console.is_terminal else Console(width=width)
+
+
+def ruled(title: str, names: Sequence[str], numbers: Sequence[str], no_wrap: bool = False) -> Table:
+    """A table with columns of names, which do not wrap, and of numbers, which may."""
+    table = Table(title=title, title_justify="left")
+    for heading in names:
+        table.add_column(heading, no_wrap=True)
+    for heading in numbers:
+        table.add_column(heading, justify="right", no_wrap=no_wrap)
+    return table
 
 
 def print_lines(console: Console, lines: Sequence[str], title: str = "") -> None:

@@ -10,8 +10,8 @@ import pytest
 
 from tools.benchmarks.command_line import finite
 from tools.benchmarks.speed.bars import Figure
-from tools.benchmarks.speed.latency import latency_of
 from tools.benchmarks.speed.measure import Speed
+from tools.benchmarks.speed.pace import latency_of
 from tools.benchmarks.speed.report import speed_document
 from tools.benchmarks.speed.roundtrip import ECHO, OURS, PEER, RoundTrip, RoundTrips
 from tools.benchmarks.speed.soak import Soak, Stretch

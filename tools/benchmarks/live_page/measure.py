@@ -16,8 +16,8 @@ from tools.benchmarks.live_page.socket_bus import SocketBus, socket_buses
 from tools.benchmarks.live_page.watched import Gaps, Watched, watch
 from tools.benchmarks.speed.injectors import in_windows, socket_bench, until_all_ready
 from tools.benchmarks.speed.observers import RUN, observer
-from tools.benchmarks.speed.pace import Pacer, Passage
-from tools.benchmarks.speed.traffic import SAMPLE_RATE, SAMPLES, Ids, Traffic, make_traffic
+from tools.benchmarks.speed.pace import Passage, socket_pacer
+from tools.benchmarks.speed.traffic import SAMPLE_RATE, SAMPLES, Traffic, make_traffic
 
 PER_SECOND = 30  # injections
 LONGEST = 100.0  # ms between frames with something new, at the most
@@ -91,14 +91,7 @@ class _Traffic:
 
     def __init__(self, folder: Path, traffic: Traffic, buses: Sequence[SocketBus]) -> None:
         self._pacers = [
-            Pacer(
-                folder,
-                traffic,
-                f"fd:{bus.devices.fileno()}",
-                Ids(),
-                [bus.devices.fileno()],
-                round(place / len(buses) / PER_SECOND / _FRAME),
-            )
+            socket_pacer(folder, traffic, bus.devices, round(place / len(buses) / PER_SECOND / _FRAME))
             for place, bus in enumerate(buses)
         ]
 

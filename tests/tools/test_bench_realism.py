@@ -185,14 +185,6 @@ def test_command_scores_a_recording_and_goes_on(tmp_path: Path) -> None:
     assert "noise 2" in again.stdout
 
 
-def test_unknown_disturbance_is_the_users_to_mend(tmp_path: Path) -> None:
-    done = bench("realism", "--only", "hum_line", "--out", str(tmp_path / "out"))
-    assert done.returncode == 2
-    assert "hum_line" in done.stderr
-    assert "hum_50_hz_line" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
 def test_what_a_disturbance_states_goes_into_the_bench_file() -> None:
     every = [each.stated for entry in alone() for each in entry if each.is_stated]
     assert len(every) > 10

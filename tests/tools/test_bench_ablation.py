@@ -10,8 +10,16 @@ from numpy.typing import NDArray
 from observer_rt.estimation.predictor import Setting
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
-from tools.benchmarks.ablation import BATCHES, RULES, VARIANTS, AblationScore, VariantScore, listened
-from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
+from tools.benchmarks.ablation import (
+    BATCHES,
+    RULES,
+    VARIANTS,
+    AblationScore,
+    VariantScore,
+    ablation_document,
+    ablation_tables,
+    listened,
+)
 from tools.benchmarks.batch_learning import SeenEvent, learn_events
 from tools.benchmarks.batch_models import shipped_model, tied_rows_model, trained_hidden_model
 from tools.benchmarks.cases import make_case

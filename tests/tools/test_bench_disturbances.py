@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 
 from tests.tools.blocked import run_alone
 from tools.benchmarks.plant import Bench, Outcome, event_start, record
-from tools.benchmarks.realism.cases import WEARS, make_realism_case
 from tools.benchmarks.realism.catalogue import (
     AND,
     DISTURBANCES,
     PAIRS,
+    WEARS,
     Selection,
     alone,
     entries,
+    make_realism_case,
     name_of,
     pairs,
     parsed,

@@ -1,6 +1,7 @@
 """`tools/bench`: the figures the work is judged by."""
 
 import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -10,9 +11,8 @@ from rich.markup import escape
 
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.terminal.console import progress_bar
-from tools.benchmarks import wave_command
-from tools.benchmarks.ablation import CLASSES_TRIED, run_ablation
-from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
+from tools.benchmarks import wave_recordings
+from tools.benchmarks.ablation import CLASSES_TRIED, ablation_document, ablation_tables, run_ablation
 from tools.benchmarks.accuracy import Results, print_results, run_accuracy
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES
 from tools.benchmarks.command_line import (
@@ -26,6 +26,7 @@ from tools.benchmarks.command_line import (
     TierOption,
     WorkersOption,
     chosen_names,
+    finite,
     messages,
     print_lines,
     put_out,
@@ -39,10 +40,10 @@ from tools.benchmarks.formats import formats_document, formats_table, measure_fo
 from tools.benchmarks.frame_time import frame_lines, measure_frame_times
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
 from tools.benchmarks.kills.campaign import Plan as KillPlan
-from tools.benchmarks.kills.campaign import run_campaign
-from tools.benchmarks.kills.tables import kills_document, kills_table
-from tools.benchmarks.live_page import command as page_command
-from tools.benchmarks.many import command as many_command
+from tools.benchmarks.kills.campaign import kills_document, kills_table, run_campaign
+from tools.benchmarks.live_page.measure import measure_page, page_document, page_table
+from tools.benchmarks.many.measure import FULL, QUICK, measure_many
+from tools.benchmarks.many.report import many_document, print_many
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.realism import command as realism_command
 from tools.benchmarks.runs import Plan
@@ -53,13 +54,11 @@ from tools.benchmarks.wave_accuracy import WAVE_CLASSES, WavePlan, run_wave_accu
 from tools.benchmarks.wave_plant import Variant
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-app.command(epilog=wave_command.EXAMPLE)(wave_command.wave_recordings)
+app.command(epilog=wave_recordings.EXAMPLE)(wave_recordings.wave_recordings)
 app.command(epilog=discovery_command.EXAMPLE)(discovery_command.discovery)
 app.command(epilog=realism_command.EXAMPLE)(realism_command.realism)
 app.command(epilog=speed_command.EXAMPLE)(speed_command.speed)
 app.command(epilog=speed_command.SOAK_EXAMPLE)(speed_command.soak)
-app.command(epilog=many_command.EXAMPLE)(many_command.batch)
-app.command(epilog=page_command.EXAMPLE)(page_command.monitor)
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
 CASES, ABLATION_CASES, WAVE_CASES = 60, 10, 20  # per class
 
@@ -67,6 +66,32 @@ CASES, ABLATION_CASES, WAVE_CASES = 60, 10, 20  # per class
 @app.callback()
 def bench() -> None:
     """Measures the observer; each command prints a table, or a JSON document."""
+
+
+@app.command(epilog="Examples: tools/bench batch; tools/bench batch --quick --json")
+def batch(
+    quick: Annotated[bool, typer.Option("--quick", help="Few and short files: a look, no verdict.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """What many recordings cost through `observer-rt batch`, beside the compiled core alone."""
+    found = measure_many(
+        QUICK if quick else FULL, lambda text: messages.print(f"{text} ...", highlight=False)
+    )
+    put_out(as_json, lambda: finite(many_document(found)), lambda console: print_many(found, console), 150)
+
+
+@app.command(epilog="Examples: tools/bench monitor; tools/bench monitor --injectors 3 --seconds 20")
+def monitor(
+    seconds: Annotated[float, typer.Option(min=1.0, help="How long each page is watched.")] = 60.0,
+    injectors: Annotated[int, typer.Option(min=1, max=8, help="Side by side, each on a bus.")] = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """How smoothly the live page is drawn in a real browser, beside a bare page; exit code 1 where it is not."""
+    with tempfile.TemporaryDirectory(prefix="monitor-") as folder:
+        found = measure_page(Path(folder), seconds, injectors)
+    put_out(as_json, lambda: page_document(found), lambda console: console.print(page_table(found)), 120)
+    if not found.is_met:
+        raise typer.Exit(1)
 
 
 @app.command(

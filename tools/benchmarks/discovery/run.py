@@ -33,7 +33,6 @@ HIDING_SOURCES = tuple(
         "plant.py",
         "plant_equations.py",
         "plant_parameters.py",
-        "plant_phases.py",
         "discovery/hidden.py",
         "discovery/cases.py",
         "discovery/generator.py",

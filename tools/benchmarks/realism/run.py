@@ -20,8 +20,7 @@ from tools.benchmarks.peer_equations import Model
 from tools.benchmarks.peer_inputs import peer_inputs
 from tools.benchmarks.peers import TUNING, PeerScore, peer_score
 from tools.benchmarks.plant import record
-from tools.benchmarks.realism.cases import make_realism_case
-from tools.benchmarks.realism.catalogue import Entry, name_of, parsed
+from tools.benchmarks.realism.catalogue import Entry, make_realism_case, name_of, parsed
 from tools.benchmarks.realism.disturbance import Stated
 from tools.benchmarks.realism.score import Interval, RunScore
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Store, Task, digest_of, resumed
